@@ -20,7 +20,7 @@ from maniport.errors import ManiportWarning
 from maniport.pipeline.execution import Execution
 from maniport.tracking import TrackResult
 from maniport.tracking.motion_limits import DERIVATIVES
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import Room
 
 from .inputs import Array
 from .measure import Row, duration

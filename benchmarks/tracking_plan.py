@@ -19,7 +19,7 @@ from maniport.errors import ManiportWarning
 from maniport.feasibility import knowing
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import robot_arm
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import (
     PlacedPath,
     PlanControl,
@@ -196,7 +196,7 @@ def _there(
         profile = congruence(turn, target)
         path, where = scale * (hand - hand.mean(axis=0)) @ turn.T + np.array(middle), f"scale {scale:.2f}"
     else:
-        rows = evenly(len(time), POINTS)
+        rows = evenly_spaced(len(time), POINTS)
         placed = place_path(
             hand[rows],
             target[rows],

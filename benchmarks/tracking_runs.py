@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from maniport.bodies import Arm
 from maniport.bodies.chain import rotation_about
-from maniport.evaluation.measures import structure
+from maniport.evaluation import structure
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization

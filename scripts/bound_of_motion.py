@@ -32,12 +32,10 @@ from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import PlanControl, PlannedMotion, Planner, place_path, plan_motion
 from maniport.tracking.objective import EXACT_WEIGHT, Objective, Targets
-from maniport.tracking.plan.in_place import IN_PLACE, in_place
-from maniport.tracking.plan.nodes import Nodes
+from maniport.tracking.plan.optimizer import time_weights
 from maniport.tracking.plan.planned_motion import over_floor
-from maniport.tracking.plan.refinement import durations_of
-from maniport.tracking.plan.shortest_path import shortest_path
-from maniport.tracking.search.node_floor import node_floor
+from maniport.tracking.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path
+from maniport.tracking.search.pointwise import pointwise_best
 from maniport.validation import Array
 
 STAGES, NODES, MOST_NODES, ROUNDS, AROUND = 1200, 800, 2000, 4, 0.2
@@ -102,15 +100,15 @@ def least(plan: PlannedMotion, count: int) -> dict[object, float]:
     planner = Planner.of(plan.limits, VELOCITY, True, 0)
     objective = Objective(planner.limits.arm, VELOCITY, plan.damping, EXACT_WEIGHT)
     targets, time, known = objective.targets(plan.target, plan.path)[rows], plan.time[rows], plan.joint_positions[rows]
-    floor, random = node_floor(targets, planner.bank, known), np.random.default_rng(0)
+    floor, random = pointwise_best(targets, planner.bank, known), np.random.default_rng(0)
     nodes = _free(planner, planner.atlas.nodes(targets, count, random))
     for q in (floor.joint_positions, known):
-        nodes = nodes.joined(q, targets.cost(q))
+        nodes = _merged(nodes, Roadmap(q, targets.cost(q), np.arange(len(q) + 1)))
     speeds = planner.limits.velocity * np.diff(time, prepend=time[0] - 1.0)[:, None]
     found: dict[object, float] = {"planned": over_floor(targets.distance(known), floor.distance)}
     for turn in range(1, ROUNDS + 1):
         # all points count alike, however long they last
-        even = replace(nodes, cost=nodes.cost / np.repeat(durations_of(time), np.diff(nodes.first)))
+        even = replace(nodes, cost=nodes.cost / np.repeat(time_weights(time), np.diff(nodes.first)))
         more = []
         for pace in PACES:
             way = nodes.q[shortest_path(even, time, pace * speeds, 0.0)]
@@ -122,26 +120,26 @@ def least(plan: PlannedMotion, count: int) -> dict[object, float]:
     return {pace: found.get(pace, np.inf) for pace in ("planned", *PACES)}
 
 
-def _free(planner: Planner, nodes: Nodes) -> Nodes:
+def _free(planner: Planner, nodes: Roadmap) -> Roadmap:
     return nodes if planner.collisions is None else nodes.without(planner.collisions.collides(nodes.q))
 
 
 def _around(
     planner: Planner, targets: Targets, way: Array, spread: float, count: int, random: np.random.Generator
-) -> Nodes:
+) -> Roadmap:
     """Nodes next to those of a way (n, dof), with the tip in its place."""
     arm, owner = planner.limits.arm, np.repeat(np.arange(len(way)), count)
     sizes = spread * random.uniform(0.05, 1.0, (len(owner), 1))
     q = np.clip(way[owner] + sizes * random.standard_normal((len(owner), arm.dof)), arm.lower, arm.upper)
     q[:, planner.atlas.idle] = way[owner][:, planner.atlas.idle]
     there = targets[owner]
-    q, away = in_place(arm, q, there.positions, -there.tip_offset(q), arm.jacobian(q)[:, :3])
+    q, away = moved_to_positions(arm, q, there.positions)
     near = away <= IN_PLACE
     first = np.searchsorted(owner[near], np.arange(len(way) + 1))
-    return _free(planner, Nodes(q[near], there[near].cost(q[near]), first))
+    return _free(planner, Roadmap(q[near], there[near].cost(q[near]), first))
 
 
-def _merged(nodes: Nodes, more: Nodes) -> Nodes:
+def _merged(nodes: Roadmap, more: Roadmap) -> Roadmap:
     """The nodes of both at each stage."""
     stages = np.arange(len(nodes.first) - 1)
     owner = np.concatenate([np.repeat(stages, np.diff(one.first)) for one in (nodes, more)])

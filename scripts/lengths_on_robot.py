@@ -23,7 +23,7 @@ from maniport.demonstrations import fit_arm, read_recording, shipped_recording
 from maniport.feasibility import knowing
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import PlanControl, Planner, nearest_feasible, place_path, plan_motion
 from maniport.transfer import method_of
 
@@ -58,7 +58,7 @@ def motions(names: list[str]) -> Iterator[Motion]:
             yield Motion(name, human_arm(), np.linspace(0.0, EVALUATION_SECONDS, len(joints)), joints)
         else:
             fit = fit_arm(read_recording(shipped_recording(name)))
-            chosen = evenly(len(fit), POINTS)
+            chosen = evenly_spaced(len(fit), POINTS)
             yield Motion(name, fit.arm, fit.time[chosen], fit.joint_angles[chosen])
 
 

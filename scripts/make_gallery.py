@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import maniport as mp
-from maniport.telling.figures.style import TEXT, column_figure, laid_out
+from maniport.telling.figures.curves import TEXT, column_figure, laid_out
 from maniport.telling.roles import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
 from maniport.tracking import PlannedMotion
 

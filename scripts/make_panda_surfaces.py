@@ -13,7 +13,6 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from maniport.bodies.chain import Mesh, Shape
-from maniport.bodies.embedded import write_shapes
 from maniport.bodies.looks.meshes import reduced, welded
 from maniport.bodies.readers.model import read_shapes
 from maniport.bodies.readers.urdf import Urdf
@@ -38,7 +37,7 @@ def main() -> None:
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
     shapes = [Shape(link, reduced(meshes[link], share)) for link, share in shares.items()]
     shapes += [Shape(link, _hull(meshes[link][0])) for link in FINGERS]
-    write_shapes(TARGET, shapes)
+    _write(TARGET, shapes)
     for shape in shapes:
         points, triangles = shape.mesh
         print(f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles")
@@ -53,6 +52,18 @@ def _hull(points: Array) -> Mesh:
     inward = np.sum(normals * hull.equations[:, :3], axis=1) < 0
     triangles[inward] = triangles[inward][:, ::-1]
     return corners, triangles.astype(np.int32)
+
+
+def _write(path: Path, shapes: list[Shape]) -> None:
+    """Write shapes with points on a grid of 65 536 steps; the same shapes give the same bytes."""
+    arrays: dict[str, np.ndarray] = {"links": np.array([shape.link for shape in shapes])}
+    for i, shape in enumerate(shapes):
+        points, triangles = shape.mesh
+        corner, step = points.min(axis=0), float(np.ptp(points, axis=0).max()) / 65_535
+        arrays[f"grid_{i}"] = np.array([*corner, step])
+        arrays[f"points_{i}"] = np.round((points - corner) / step).astype(np.uint16)
+        arrays[f"triangles_{i}"] = triangles.astype(np.uint16)
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -12,15 +12,14 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 
 def few_places(**sizes):
     """A context in which few places are tried for a path; tests of placement and the examples try all."""
-    few = {"candidates": 64, "sieve": 4, "planned": 1, "place_stages": 8, "place_nodes": 24, "tried": 2}
-    return _with_effort(**({**few, "evaluations": 2} | sizes))
+    return _with_effort(**({"candidates": 64, "placement_nodes": 24} | sizes))
 
 
 def few_postures():
     """A context in which motions are planned over few postures of the robot; it holds in all tests but the examples."""
     stack = ExitStack()
-    stack.enter_context(mock.patch("maniport.tracking.plan.atlas.SAMPLES", 5000))
-    stack.enter_context(_with_effort(nodes=100, most_nodes=100))
+    stack.enter_context(mock.patch("maniport.tracking.plan.reachability_map.SAMPLES", 5000))
+    stack.enter_context(_with_effort(nodes=100))
     return stack
 
 

@@ -12,19 +12,16 @@ from maniport.cli import app
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
 from maniport.pipeline import transfer_both
-from maniport.telling import figures
-from maniport.telling.drawing import Drawn
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from maniport.telling.page import Line, Panel
+from maniport.telling.page.content import STATES
 from maniport.telling.page.motions import body_of, motion_of
 from maniport.telling.page.pairs import joints_of_both, motion_of_both, together
-from maniport.telling.page.states import STATES
 from real_robots import NEEDS_ROBOTS
 from sizes import SMALL, few_places
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
 SIDES = "left", "right"
-PIXEL = b"\x89PNG\r\n\x1a\n"
 GIVEN = {"method": "parallel-transport", **SMALL}
 
 
@@ -98,7 +95,7 @@ def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
         turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
         assert turned < freely
         assert one.execution.placement is None
-    assert facts_of(found).fact("beside_way").unit == "mm"
+    assert facts_of(found).metric("beside_way").unit == "mm"
 
 
 def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
@@ -119,11 +116,14 @@ def test_both_are_told_together_and_apart(moved):
     for side in SIDES:
         assert {f"{side}_motion", f"{side}_placement", f"{side}_adapter", f"{side}_person"} <= set(keys)
     assert keys.count("recording") == 1
-    assert re.fullmatch(r"Left: position .* points reached\. Right: position .* points reached\.", facts.verdict.title)
+    assert re.fullmatch(
+        r"Left: position .* waypoints reached\. Right: position .* waypoints reached\.", facts.summary.title
+    )
     each = [facts_of(one) for one in moved.each]
     assert set(facts.warning_keys) >= {key for one in each for key in one.warning_keys}
-    assert facts.verdict.status == max((one.verdict.status for one in each), key=("green", "amber", "red").index)
-    assert {card.name for card in facts.verdict.cards[:2]} == {"left, ellipsoids", "right, ellipsoids"}
+    assert facts.summary.status == max((one.summary.status for one in each), key=("green", "amber", "red").index)
+    labels = [metric.label for metric in facts.summary.metrics[:2]]
+    assert labels == ["Left: ellipsoid distance", "Right: ellipsoid distance"]
     own = ("left arm:", "right arm:", "left and right", "frames")
     assert all(text.lower().startswith(("left arm", "right arm")) or any(o in text for o in own)
                for text in facts.warnings)  # fmt: skip
@@ -163,7 +163,7 @@ def test_a_page_shows_both_arms_of_both(moved):
         np.testing.assert_array_equal(other.path, motion.path)
         tips = one.robot.forward(motion.joint_positions)[:, :3, 3]
         np.testing.assert_allclose(other.skeleton[:, -1], tips, atol=1e-9)
-    near, joints = shown.panels["How near the robot comes"], shown.panels["Joints of panda"]
+    near, joints = shown.panels["Distance and position error"], shown.panels["Joints of panda"]
     assert [panel.title.split(":")[0] for panel in near] == ["Left", "Right"] * 2
     assert near[0].span == near[1].span
     assert [panel.title for panel in joints[:2]] == ["left_panda_joint1", "right_panda_joint1"]
@@ -174,32 +174,21 @@ def test_a_page_shows_both_arms_of_both(moved):
     assert moved.left.time[0] <= shown.opening <= moved.left.time[-1]
 
 
-def test_what_is_shown_of_both_is_in_their_folder(moved, monkeypatch, tmp_path):
-    """Page, scene and figures of both beside the folders of each; figures have two arms in a picture, or columns."""
-    made = {}
-
-    def drawn(name, *content, **options):
-        made.setdefault(name, []).append((content, options))
-        return Drawn(name, {".png": PIXEL, ".svg": b"<svg/>"}, PIXEL)
-
-    monkeypatch.setattr("maniport.telling.drawing._drawn", drawn)
-    monkeypatch.setattr(
-        "maniport.telling.scene_file.write_scene", lambda path, motion: path.write_text(str(motion.time))
-    )
+def test_what_is_shown_of_both_is_in_their_folder(moved, tmp_path):
+    """Page and scene of both beside the folders of each; figures have both arms in a picture, and a column each."""
     mp.write_results(moved, tmp_path / "both", exports="rerun")
     found = {file.name for file in (tmp_path / "both").iterdir()}
-    assert {"report.html", "motion.rrd", "arms.svg", "motions.png", "left", "right"} <= found
+    assert {"report.html", "motion.rrd", "summary.json", "left", "right"} <= found
     assert '"beside":' in (tmp_path / "both" / "report.html").read_text()
     for side in SIDES:
         assert '"beside":' not in (tmp_path / "both" / side / "report.html").read_text()
-    ((content, options),) = (one for one in made["arms"] if one[1]["within"])
-    figure = figures.arms(*content, **options, count=1)
-    assert [panel.get_title() for panel in figure.axes] == ["person", "panda"]
-    assert all(np.all(content[0][f"person, {side}"][:, 0] == 0.0) for side in SIDES)
-    ((content, _),) = made["motions"]
-    titles = [panel.get_title(loc="left") for panel in figures.motions(*content).axes]
-    assert titles[:2] == [f"{side}: distance of target and achieved ellipsoids" for side in ("Left", "Right")]
-    assert titles[4:6] == ["left_panda_joint1 [°]", "right_panda_joint1 [°]"]
+        assert (tmp_path / "both" / side / "summary.json").exists()
+    files = mp.write_figures(tmp_path / "both")
+    assert {file.name for file in files} == {"arms.png", "arms.svg", "motions.png", "motions.svg"}
+    words = (tmp_path / "both" / "motions.svg").read_text()
+    assert "Left: ellipsoid distance" in words
+    assert "right_panda_joint1 [°]" in words
+    mp.write_results(moved, tmp_path / "both", overwrite=True)
 
 
 @NEEDS_ROBOTS
@@ -332,8 +321,9 @@ def test_the_command_writes_both(monkeypatch, tmp_path):
 
     Figures and pages are not drawn here; the page of the docs has a command that does.
     """
-    monkeypatch.setattr("maniport.telling.write._Shown.work", lambda _: [])
-    monkeypatch.setattr("maniport.telling.write._BothShown.work", lambda _: [])
+    monkeypatch.setattr("maniport.telling.write._write_run_page", lambda *_: None)
+    monkeypatch.setattr("maniport.telling.page.pairs.motion_of_both", lambda *_: None)
+    monkeypatch.setattr("maniport.telling.write._write_page", lambda *_: None)
     for name, size in SMALL.items():
         monkeypatch.setitem(transfer_both.__kwdefaults__, name, size)
     words = [

@@ -7,14 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from maniport import bounds, files
+from maniport import files, input_limits
 from maniport.bodies import load_arm
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.cli.recorded import Recorded
 from maniport.demonstrations import read_recording
 from maniport.errors import FileFormatError, ManiportError
-from maniport.files import array_names, load_arrays, load_ellipsoids
-from maniport.settings import read_settings
+from maniport.files import array_names, load_arrays, load_ellipsoids, read_settings
 from maniport.transfer import load_adapter
 
 READERS = {
@@ -120,7 +119,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_robots_that_native_readers_do_not_bear(tmp_path, name):
-    """Links, bodies and levels beyond the bounds are refused before Pinocchio, which crashes, sees them."""
+    """Links, bodies and levels beyond the input_limits are refused before Pinocchio, which crashes, sees them."""
     text, message = HOSTILE[name]
     path = tmp_path / ("robot.xml" if "<mujoco" in text else "robot.urdf")
     path.write_text(text)
@@ -153,7 +152,7 @@ def test_numbers_that_native_readers_take_for_what_they_are_not(tmp_path, name):
         load_arm(tmp_path / "robot.xml").surfaces()
 
 
-def test_robots_within_the_bounds_are_read(tmp_path):
+def test_robots_within_the_input_limits_are_read(tmp_path):
     """127 joints in a row are read from a URDF and 120 from an MJCF."""
     (tmp_path / "robot.urdf").write_text(serial(127))
     (tmp_path / "robot.xml").write_text(nested(120))
@@ -174,4 +173,4 @@ def test_long_rows_of_mimics_are_followed(tmp_path):
 def test_the_bound_is_named():
     """The message says what there is and what is read."""
     with pytest.raises(ManiportError, match=r"a\.bvh: has 7 points; at most 5 are read"):
-        bounds.require_at_most(7, 5, "points", "a.bvh")
+        input_limits.require_at_most(7, 5, "points", "a.bvh")

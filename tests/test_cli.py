@@ -214,13 +214,13 @@ def test_place_tells_the_places_and_writes_the_first(run, tmp_path):
     save_ellipsoids(tmp_path / "p.npz", panda.manipulability(joints), np.linspace(0.0, 1.0, 11))
     save_path(tmp_path / "h.npz", panda.forward(joints)[:, :3, 3])
     words = ("place", tmp_path / "p.npz", "--path", tmp_path / "h.npz", "-o", tmp_path / "out", "--table", 0.0)
-    with few_places(planned=2):
+    with few_places():
         code, out, err = run(*words, "--workspace", 0.2, "inf", -0.3, 0.3, "-inf", "inf", "--json")
     assert code == 0, err
     ranking = json.loads(out)["placement"]["candidates"]
     assert [*ranking[0]["distance"]] == ["median", "p95", "max", "rms"]
     assert [one["rank"] for one in ranking] == [1, 2]
-    with few_places(planned=2):
+    with few_places():
         code, out, err = run(*words[:5], tmp_path / "second", *words[6:], "--rank", 2, "--json")
     assert code == 0, err
     path, time = load_path(tmp_path / "out" / "path.npz")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from maniport import cli, load_arm
+from maniport.atomic_io import require_free
 from maniport.cli.motion import moves
 from maniport.errors import OutputError
-from maniport.files import require_free, save_ellipsoids
+from maniport.files import save_ellipsoids
 from maniport.pipeline import follow
 from maniport.telling import write
 from maniport.tracking.exports import FORMATS

@@ -20,7 +20,7 @@ import dataclasses, json, os, sys
 from maniport import cli, demonstrations
 from maniport.pipeline import job as pipeline
 from maniport.tracking import effort
-from maniport.tracking.plan import atlas
+from maniport.tracking.plan import reachability_map
 
 a_moment = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.2)
 demonstrations.shipped_recording = lambda name: a_moment  # the demo runs in no time
@@ -28,7 +28,7 @@ pipeline.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
 few = {"candidates": 64, "sieve": 4, "planned": 1, "place_stages": 8, "place_nodes": 24, "evaluations": 2}
 few |= {"nodes": 60, "most_nodes": 60}
 effort.EFFORTS["full"] = dataclasses.replace(effort.EFFORTS["full"], **few)
-atlas.SAMPLES = 2000
+reachability_map.SAMPLES = 2000
 
 for environment, words in json.loads(sys.argv[1]):
     os.environ.update(environment)
@@ -53,6 +53,7 @@ LIGHT = {
     "info": "info {tmp}/adapter.npz",
     "place": "place {tmp}/profile.npz --path {tmp}/hand.npz -o {tmp}/placed --overwrite",
     "track": "track {tmp}/profile.npz -o {tmp}/motion --overwrite",
+    "figures": "figures {tmp}/motion -o {tmp}/figures",
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
@@ -65,7 +66,7 @@ HEAVY = {
     "reproduce": "reproduce toy -o {tmp}/paper --overwrite",
 }
 MISTAKE = "info pnda"
-STEPS = ("fit", "place", "track", "evaluate")
+STEPS = ("fit", "place", "track", "figures", "evaluate")
 """Light verbs that tell their progress."""
 QUIET = ("domain", "fit", "info")
 """Verbs that stand for all where options do the same for every one."""

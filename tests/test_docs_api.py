@@ -61,17 +61,6 @@ def test_every_function_says_what_it_returns():
     assert [home for home in functions if not {"Returns", "Yields"} & set(sections(home))] == []
 
 
-def test_every_name_leads_on():
-    """It has a section of what to see also, or examples, or names another public name in what it says first."""
-
-    def leads(home):
-        said, room = sections(home), home.rpartition(".")[0]
-        named = re.findall(r"`([\w.]+)`", said[""])
-        return {"See Also", "Examples"} & set(said) or {f"{room}.{name}" for name in named} & set(HOMES)
-
-    assert [home for home in SPOKEN_OF if not leads(home)] == []
-
-
 def test_what_names_lead_to_is_public():
     """Names under "See Also" are those of the same room, or whole ones, and have a page or a place on one."""
     wrong = []

@@ -13,8 +13,8 @@ from maniport.errors import FileFormatError, InvalidInputError, OutputError
 from maniport.files import load_ellipsoids, load_path, save_path
 from maniport.pipeline.follow import _Asked, follow
 from maniport.telling import as_numbers, facts_of
+from maniport.telling.renderings import files_of
 from maniport.telling.write import EXECUTION_FILES, EXPORTS
-from maniport.tracking.effort import EFFORTS
 from sizes import few_places
 
 
@@ -105,8 +105,7 @@ def test_where_the_motion_collides_another_place_is_tried(panda, wanted, monkeyp
 
 def test_long_paths_are_placed_by_part_of_their_points(panda, wanted, monkeypatch):
     """A path of more points than the limit is placed by every n-th of them, and followed at all."""
-    few = {"full": replace(EFFORTS["full"], placed_points=8)}
-    monkeypatch.setattr("maniport.tracking.effort.EFFORTS", few)
+    monkeypatch.setattr("maniport.pipeline.execution.placed_rows.__defaults__", (8,))
     time, profile, path, _ = wanted
     with few_places():
         placed = follow(panda, profile, time, path)
@@ -145,7 +144,10 @@ def test_ellipsoids_alone_are_followed(panda, wanted):
 def test_folder_holds_all_that_was_promised(execution, tmp_path):
     """The joint trajectory can be read back from text and arrays, and the numbers from JSON."""
     mp.write_results(execution, tmp_path / "out")
-    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(EXECUTION_FILES) - set(EXPORTS)
+    assert {entry.name for entry in (tmp_path / "out").iterdir()} == set(EXECUTION_FILES) - {
+        *EXPORTS,
+        *files_of("motion"),
+    }
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
     assert rows[0][:2] == ["time_s", "panda_joint1_rad"]
     np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:8], execution.motion.control_positions, atol=1e-8)

@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from maniport.atomic_io import folder_written_whole, require_room, written_whole
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError, OutputError
-from maniport.files import (
-    folder_written_whole,
-    load_ellipsoids,
-    require_room,
-    save_arrays,
-    save_ellipsoids,
-    written_whole,
-)
+from maniport.files import load_ellipsoids, save_arrays, save_ellipsoids
 
 POINTS = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([0.0, 1.0, 4.0]), np.eye(3)])
 TIMES = np.array([0.0, 0.5, 1.0])

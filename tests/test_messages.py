@@ -12,7 +12,7 @@ from markdown_it import MarkdownIt
 from maniport import errors
 from maniport.demonstrations import read_recording
 from maniport.errors import ManiportError
-from maniport.telling import Answer, Card, Fact, Facts, Section, Table, as_markdown, facts_of
+from maniport.telling import Metric, Report, Section, Summary, Table, as_markdown, facts_of
 
 ATTACK = "\x1b[2J\x1b]0;title\x07\r\x9b2J\u202e\n"
 KINDS = [one for one in vars(errors).values() if isinstance(one, type) and issubclass(one, Warning | ManiportError)]
@@ -70,10 +70,10 @@ def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
 @pytest.mark.parametrize("attack", [HTML, MARKDOWN, "# heading", "> quotation"])
 def test_markdown_shows_names_as_they_are(attack):
     """As GitHub renders it, text of results makes no tag, link, image, entity or heading of its own."""
-    answer = Answer(attack, attack, attack, attack, cards=(Card(attack, "3"),))
+    summary = Summary(attack, attack, attack, attack)
     table = Table((attack, "b"), ((attack, "c"),), attack)
-    facts = [Fact(attack, attack, attack), Fact("", attack), Fact("", attack, severity="warning")]
-    shown = as_markdown(Facts(attack, attack, (Section(attack, tuple(facts), (table,)),), verdict=answer))
+    facts = [Metric(attack, attack, attack), Metric("", attack), Metric("", attack, severity="warning")]
+    shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), summary))
     tokens = [
         token
         for block in MarkdownIt("commonmark").enable("table").parse(shown)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from maniport import cli
+from maniport.atomic_io import folder_written_whole
 from maniport.errors import OutputError
-from maniport.files import folder_written_whole, save_path
-from maniport.telling import Facts
+from maniport.files import save_path
+from maniport.telling import Report
 from maniport.telling.renderings import write_facts
 
 PATH = np.zeros((2, 3))
@@ -23,7 +24,7 @@ def write_folder(target):
 
 WRITERS = {
     "arrays": lambda target: save_path(target, PATH),
-    "text": lambda target: write_facts(target, Facts("A title", "", ())),
+    "text": lambda target: write_facts(target, Report("A title", "", ())),
     "folder": write_folder,
 }
 

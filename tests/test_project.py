@@ -14,7 +14,7 @@ from maniport.version import __version__
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-CONDA = {"pin": "pinocchio", "pin-pink": "pink", "matplotlib": "matplotlib-base"}
+CONDA = {"pin": "pinocchio", "pin-pink": "pink"}
 """What conda-forge calls otherwise."""
 
 

@@ -27,10 +27,6 @@ def test_only_who_asks_and_has_nobody_gets_a_projector(panda):
     for adapter in (own, mp.ParallelTransport()):
         assert knowing(adapter, panda, bank=bank) is adapter
     assert knowing(field, None) is field
-    domains = mp.sample_domain(panda, 32, 0), mp.sample_domain(panda, 32, 1)
-    fitted = mp.LengthsField(damping=0.01).fit(*domains)
-    assert fitted.from_samples_
-    assert knowing(fitted, panda, bank=bank) is fitted
 
 
 def test_the_command_line_fits_with_and_without_a_robot(panda, tmp_path):

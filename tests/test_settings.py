@@ -2,9 +2,9 @@
 
 import pytest
 
-from maniport.bounds import SETTINGS_BYTES
 from maniport.errors import FileFormatError
-from maniport.settings import read_settings, require_mapping
+from maniport.files import read_settings, require_mapping
+from maniport.input_limits import SETTINGS_BYTES
 
 
 def test_yaml_and_json_give_the_same(tmp_path):

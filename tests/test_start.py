@@ -17,7 +17,7 @@ class Finder:
         if name == {name!r}:
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Finder())
-from maniport.start import main
+from maniport.__main__ import main
 main()
 """
 
@@ -74,7 +74,7 @@ def test_a_name_too_long_is_told(tmp_path):
 def test_ctrl_c_after_all_is_said_changes_nothing():
     """It is over then."""
     code = (
-        "import atexit, os, signal\nfrom maniport.start import main\n"
+        "import atexit, os, signal\nfrom maniport.__main__ import main\n"
         f"atexit.register(lambda: os.kill(os.getpid(), {signal.SIGINT:d}))\nmain()"
     )
     ended = subprocess.run([sys.executable, "-c", code, "--version"], capture_output=True, text=True, check=False)
@@ -84,7 +84,7 @@ def test_ctrl_c_after_all_is_said_changes_nothing():
 def test_one_thread_of_blas_where_nobody_says_otherwise():
     """Threads of BLAS are for who asks for them; a number that somebody gave stays."""
     code = "import os; from maniport import cli; cli.main = lambda: print(*map(os.environ.get, {names}))\n"
-    code = code.format(names=("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")) + "from maniport.start import main; main()"
+    code = code.format(names=("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")) + "from maniport.__main__ import main; main()"
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     given = environment | {"OPENBLAS_NUM_THREADS": "3"}
     for found, expected in ((environment, "1 1"), (given, "3 1")):

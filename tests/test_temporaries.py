@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from maniport import temporaries
+from maniport import atomic_io
+from maniport.atomic_io import folder_written_whole, written_whole
 from maniport.errors import OutputError
-from maniport.files import folder_written_whole, written_whole
 
 NAMES = ("a.json", "b.json", "c.json")
 CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree")
@@ -42,7 +42,7 @@ def found(target):
 
 def temporary_names(target):
     """Names of the temporary files and folders next to a target, without those of the earlier result."""
-    return {one.name.removesuffix(temporaries.EARLIER) for one in target.parent.iterdir() if one != target}
+    return {one.name.removesuffix(atomic_io.EARLIER) for one in target.parent.iterdir() if one != target}
 
 
 def killed_before(change, write, target):
@@ -67,7 +67,7 @@ def killed_before(change, write, target):
 def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch, write, at_once, earlier):
     """Killed between any two changes; where folders do not change places at once, the next run brings the old back."""
     if not at_once:
-        monkeypatch.setattr(temporaries, "_exchanged", lambda first, second: False)
+        monkeypatch.setattr(atomic_io, "_exchange", lambda first, second: False)
     target, change, seen = tmp_path / "result.json", 0, set()
     while True:
         if earlier is not None:
@@ -77,7 +77,7 @@ def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch,
         assert len(temporary_names(target)) <= 1, change
         after = found(target)
         if not at_once and earlier and after is None:
-            temporaries.clean(target)
+            atomic_io.clean(target)
             after = found(target)
         assert after in (earlier, 2), change
         seen.add(after)
@@ -85,7 +85,7 @@ def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch,
         assert found(target) == 3
         assert list(tmp_path.iterdir()) == [target], change
         if earlier is None:
-            (temporaries.shutil.rmtree if target.is_dir() else Path.unlink)(target)
+            (atomic_io.shutil.rmtree if target.is_dir() else Path.unlink)(target)
         change += 1
     assert found(target) == 2
     assert seen == {earlier, 2} or write is write_file  # nothing changes after a file is in place
@@ -95,7 +95,7 @@ def test_what_lives_is_not_removed(tmp_path):
     """While another process writes a target, who writes the same leaves its temporary folder alone."""
     target = tmp_path / "result"
     code = (
-        "import sys; from pathlib import Path; from maniport.temporaries import temporary_beside, place\n"
+        "import sys; from pathlib import Path; from maniport.atomic_io import temporary_beside, place\n"
         "with temporary_beside(Path(sys.argv[1]), folder=True) as folder:\n"
         "    (folder / 'a.json').write_text('1'); print(flush=True); sys.stdin.readline()\n"
         "    place(folder, Path(sys.argv[1]))"
@@ -115,7 +115,7 @@ def test_what_lives_is_not_removed(tmp_path):
 @pytest.mark.parametrize("write", [write_file, write_folder])
 def test_what_another_one_takes_for_left_is_made_again(tmp_path, monkeypatch, write, error):
     """A temporary file that somebody who cleans locks or removes before its maker has locked it is given up."""
-    locked, lost = temporaries._locked, []
+    locked, lost = atomic_io._lock, []
 
     def too_late(path):
         if not lost:
@@ -123,7 +123,7 @@ def test_what_another_one_takes_for_left_is_made_again(tmp_path, monkeypatch, wr
             raise error
         return locked(path)
 
-    monkeypatch.setattr(temporaries, "_locked", too_late)
+    monkeypatch.setattr(atomic_io, "_lock", too_late)
     write(tmp_path / "result", 1)
     assert found(tmp_path / "result") == 1
     assert list(tmp_path.iterdir()) == [tmp_path / "result"]
@@ -135,10 +135,10 @@ def test_in_doubt_nothing_is_removed(tmp_path, monkeypatch, reason):
     """What another computer left is its own to remove; where nothing can be locked nobody knows what lives."""
     with monkeypatch.context() as elsewhere:
         if reason == "another computer":
-            elsewhere.setattr(temporaries.platform, "node", lambda: "elsewhere")
+            elsewhere.setattr(atomic_io.platform, "node", lambda: "elsewhere")
         assert killed_before(5, write_folder, tmp_path / "result")
     if reason == "no locks":
-        monkeypatch.setattr(temporaries, "fcntl", None)
+        monkeypatch.setattr(atomic_io, "fcntl", None)
     write_folder(tmp_path / "result", 3)
     assert len(list(tmp_path.iterdir())) == 2
     monkeypatch.undo()
@@ -149,7 +149,7 @@ def test_in_doubt_nothing_is_removed(tmp_path, monkeypatch, reason):
 
 def test_names_that_are_nearly_ours_stay(tmp_path):
     """Only what has a temporary name of this target is removed."""
-    with temporaries.temporary_beside(tmp_path / "result.json") as other:
+    with atomic_io.temporary_beside(tmp_path / "result.json") as other:
         pass
     others = [other.with_name(other.name + "x"), other.with_name("x" + other.name), tmp_path / ".result.json"]
     for one in others:
@@ -184,10 +184,11 @@ def test_a_read_only_file_system_does_not_hide_its_message(tmp_path, monkeypatch
 def test_ctrl_c_says_whether_anything_was_written(tmp_path, moment):
     """Exit code 130, nothing left, and one sentence: nothing was written, or what was."""
     code = (
-        "import os, signal, sys, time; from pathlib import Path; from maniport import start, files\n"
+        "import os, signal, sys, time; from pathlib import Path; from maniport import __main__ as start\n"
+        "from maniport import atomic_io, files\n"
         "signal.signal(signal.SIGINT, start._end)\n"
         "if sys.argv[2] == 'written': files.save_path(sys.argv[1], [[0, 0, 0]])\n"
-        "with files.written_whole(sys.argv[1]) as temporary:\n"
+        "with atomic_io.written_whole(sys.argv[1]) as temporary:\n"
         "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGINT); time.sleep(10)"
     )
     target = tmp_path / "path.npz"

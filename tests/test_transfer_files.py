@@ -37,7 +37,6 @@ from maniport.demonstrations.readers.orders import MEDIAPIPE
 from maniport.evaluation import evaluate
 from maniport.files import load_ellipsoids
 from maniport.pipeline import transfer_recording
-from maniport.telling.drawing import OfProfiles
 
 DATA = Path(__file__).parent / "demonstrations" / "data"
 METHOD = "recentring"
@@ -88,7 +87,6 @@ def transfer(tmp_path):
         with (
             mock.patch("maniport.pipeline.transfer_recording", small),
             mock.patch("maniport.pipeline.work.evaluate", judged_once),
-            mock.patch("maniport.telling.write.of_profiles", return_value=OfProfiles((), lambda: (None, mock.Mock()))),
             mock.patch("maniport.telling.page.motions.motion_of"),
             mock.patch("maniport.telling.page.write_page"),
             mock.patch("typer.testing._get_command", COMMAND),

@@ -11,13 +11,14 @@ from numpy.testing import assert_array_equal
 from maniport import validation
 from maniport.demonstrations import shipped_recording
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
-from maniport.places import as_places
+from maniport.spd.mean import as_weights
 from maniport.validation import (
     as_choice,
     as_count,
     as_finite,
     as_flag,
     as_generator,
+    as_metres,
     as_number,
     as_numbers,
     as_points,
@@ -199,10 +200,10 @@ def test_matching_leading_axes_pass(shape):
 
 def test_weights_sum_to_one():
     """Weights keep their proportions; none given means equal ones."""
-    assert_array_equal(validation.as_weights([1, 3, 0], 3), [0.25, 0.75, 0.0])
-    assert_array_equal(validation.as_weights(None, 4), np.full(4, 0.25))
+    assert_array_equal(as_weights([1, 3, 0], 3), [0.25, 0.75, 0.0])
+    assert_array_equal(as_weights(None, 4), np.full(4, 0.25))
     for size in (1e308, 1e-320):  # whose sum is infinite, or whose inverse is
-        assert_array_equal(validation.as_weights(np.full(4, size), 4), np.full(4, 0.25))
+        assert_array_equal(as_weights(np.full(4, size), 4), np.full(4, 0.25))
 
 
 @pytest.mark.parametrize(
@@ -258,15 +259,15 @@ def test_rotations_are_made_orthonormal_to_the_last_digit():
         (lambda: as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
         (lambda: as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
         (lambda: as_times([0, 1e-300]), "at least 1e-09 apart"),
-        (lambda: as_places([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
+        (lambda: as_metres([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
         (lambda: as_times([0], "clock", fewest=2), "clock must have shape (n,) with n ≥ 2; found shape (1,)"),
         (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; there are, nearest first: 'a', 'b'"),
         (lambda: as_choice(np.ones(2), "kind", ("a", "b")), "unknown kind array([1., 1.]); there are, nearest first: "),
         (lambda: as_flag("yes", "turn"), "turn must be True or False; found 'yes'"),
         (lambda: as_flag(2, "turn"), "turn must be True or False; found 2"),
         (lambda: as_flag([True], "turn"), "turn must be True or False; found [True]"),
-        (lambda: as_generator(-1), "random_state must be None, a non-negative whole number or a numpy"),
-        (lambda: as_generator(1.5), "random_state must be None, a non-negative whole number or a numpy"),
+        (lambda: as_generator(-1), "random_state (unless None or a numpy Generator) must be a whole number"),
+        (lambda: as_generator(1.5), "random_state (unless None or a numpy Generator) must be a whole number"),
     ],
 )
 def test_scalars_name_what_is_wrong(call, message):

@@ -3,7 +3,7 @@
 import pytest
 
 from maniport import cli
-from maniport.wording import argument, on_the_command_line
+from maniport.errors import argument, on_the_command_line
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ _NAMES = {
     "profiles": ("ProfileGMM", "align"),
     "spd": (),
     "telling": (),
+    "telling.figures": ("write_figures",),
     "telling.console": ("progress",),
     "telling.write": ("write_results",),
     "tracking": ("FeasibleProjector", "StartBank", "nearest_feasible", "track"),
@@ -44,7 +45,7 @@ __all__ = [
     "demonstrations", "domain", "errors", "evaluate", "evaluation", "fit_arm", "fit_arms", "learn", "live",
     "load_adapter", "load_arm", "load_arms", "nearest_feasible", "pipeline", "profiles", "progress", "read_recording",
     "sample_domain", "spd", "telling", "track", "tracking", "transfer", "transfer_both", "transfer_recording",
-    "write_results",
+    "write_figures", "write_results",
 ]  # fmt: skip
 """Once more, for type checkers, which do not compute."""
 
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
     from maniport.pipeline import BothResult, LearnedProfile, TransferResult, learn, transfer_both, transfer_recording
     from maniport.profiles import ProfileGMM, align
     from maniport.telling.console import progress
+    from maniport.telling.figures import write_figures
     from maniport.telling.write import write_results
     from maniport.tracking import FeasibleProjector, StartBank, nearest_feasible, track
     from maniport.transfer import (

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
-from maniport.bodies.cooperative import CooperativeArm
+from maniport.bodies.arms import CooperativeArm
 from maniport.validation import Array, as_count, as_finite, require_shape
 
 
@@ -42,11 +42,6 @@ def sample_domain(
     -------
     ndarray, shape (n, d, d)
         Positive semidefinite; d = 3, or 6 for ``part="full"``.
-
-    See Also
-    --------
-    sample_profile : ellipsoids along a motion.
-    maniport.transfer.DomainAdapter : is fitted between two domains.
     """
     return arm.ellipsoids(_postures(arm, n, random_state, sequence, collisions), spec)
 
@@ -72,10 +67,6 @@ def sample_domains(
     -------
     left, right : ndarray, shape (n, d, d)
         Positive semidefinite.
-
-    See Also
-    --------
-    sample_domain : of one arm.
     """
     each = arms.ellipsoids(_postures(arms, n, random_state, sequence, collisions), spec)
     return each[:, 0], each[:, 1]
@@ -103,11 +94,6 @@ def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: E
     ------
     InvalidInputError
         When a waypoint lies outside the limits or has the wrong number of joints.
-
-    See Also
-    --------
-    sample_domain : all that the arm can make.
-    maniport.bodies.Arm.manipulability : the same at any postures.
     """
     path = as_finite(waypoints, "waypoints")
     require_shape(path, "waypoints", ("k", arm.dof), f" for {arm.name!r}")

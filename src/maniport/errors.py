@@ -5,13 +5,19 @@ Every error derives from `ManiportError` and from the builtin that callers of sc
 A message says what is wrong, where (argument or file, index), what was found and what is allowed.
 """
 
+import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from difflib import SequenceMatcher
 from typing import Any
 
 LONGEST_MESSAGE = 2000
 """Characters of a message: the longest of maniport's own, with names of usual length, have about 1500."""
+_ON_THE_COMMAND_LINE = ContextVar("on_the_command_line", default=False)
+_OPTIONS = {"side": "--arm", "rate": "--fps"}
+"""Options of the command line that are not named after the argument."""
 _LINE_ENDS = re.compile(r"[\t-\r\x1c-\x1e\x85\u2028\u2029]+")
 
 
@@ -123,3 +129,38 @@ def unknown_name(what: str, name: object, available: Iterable[str], where: str =
     shown = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
     place = f" {where}" if where else ""
     return UnknownNameError(f"unknown {what} {name!r}{place}; there are, nearest first: {shown or 'none'}")
+
+
+def as_text(path: str) -> str:
+    """A path, or what is said of one, that can be written: file systems take bytes that are no letters."""
+    return path.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+@contextmanager
+def on_the_command_line() -> Iterator[None]:
+    """Let `argument` speak to people who type commands, as long as it lasts."""
+    before = _ON_THE_COMMAND_LINE.set(True)
+    try:
+        yield
+    finally:
+        _ON_THE_COMMAND_LINE.reset(before)
+
+
+def typed() -> bool:
+    """Whether somebody typed a command, rather than called a function."""
+    return _ON_THE_COMMAND_LINE.get()
+
+
+def spoken(name: str) -> str:
+    """An argument's name in messages: the option's, on the command line, where that is another word."""
+    return _OPTIONS.get(name, name) if typed() else name
+
+
+def argument(name: str, value: Any = None, option: str | None = None) -> str:
+    """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``)."""
+    if not typed():
+        return f"{name}=" if value is None else f"{name}={value!r}"
+    option = option or _OPTIONS.get(name, "--" + name.replace("_", "-"))
+    if isinstance(value, Mapping):
+        return f"{option} {name}.json, a file that holds {json.dumps(value, ensure_ascii=False)}"
+    return option if value is None else f"{option} {value}"

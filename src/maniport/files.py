@@ -1,66 +1,21 @@
-"""Writing files and folders so that a reader never finds half of one, and the file that holds ellipsoids."""
+"""Read and write data files: arrays (.npz), ellipsoids and paths, and settings in YAML."""
 
 import math
 import os
 import zipfile
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Hashable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+import yaml
 from numpy.typing import ArrayLike
 
-from maniport.bounds import ARRAYS_BYTES, MEGABYTE, as_path, existing_file
-from maniport.errors import FileFormatError, OutputError
-from maniport.temporaries import place, temporary_beside
+from maniport.atomic_io import written_whole
+from maniport.errors import FileFormatError, nearest_first
+from maniport.input_limits import ARRAYS_BYTES, MEGABYTE, SETTINGS_BYTES, existing_file, read_whole
 from maniport.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
-from maniport.wording import argument
-
-
-@contextmanager
-def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary path next to `path`; when the block ends well it takes the place of `path`."""
-    file = as_path(path)
-    with _output_errors(file):
-        target = _writable_target(file)
-        with temporary_beside(target) as temporary:
-            yield temporary
-            place(temporary, target)
-
-
-def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
-    """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts."""
-    file = as_path(path)
-    with _output_errors(file), temporary_beside(_writable_target(file, folder), folder):
-        pass
-
-
-@contextmanager
-def _output_errors(target: Path) -> Iterator[None]:
-    """Raise the operating system's errors as `OutputError` with the name of the target."""
-    try:
-        yield
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
-
-
-def _writable_target(path: Path, folder: bool = False) -> Path:
-    """Follow symbolic links; raise `OutputError` or `OSError` where nothing can be written. Writes nothing."""
-    target = Path(os.path.realpath(path))
-    if not target.name:
-        raise OutputError(f"cannot write {str(path)!r}: it is the root of the file system")
-    if not target.parent.is_dir():
-        raise OutputError(f"cannot write {str(path)!r}: there is no folder {str(target.parent)!r}")
-    with suppress(FileNotFoundError):
-        os.stat(target)  # a name may be too long, links may form a loop
-    if target.is_dir() and not folder:
-        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
-    if target.exists() and not (target.is_dir() or target.is_file()):
-        raise OutputError(f"cannot write {str(path)!r}: it is a pipe, a socket or a device")
-    return target
 
 
 def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
@@ -189,44 +144,53 @@ def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
     return positions, time
 
 
-@contextmanager
-def folder_written_whole(
-    folder: str | os.PathLike[str], own: Collection[str], overwrite: bool = False
-) -> Iterator[Path]:
-    """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed."""
-    path = as_path(folder, "folder")
-    with _output_errors(path):
-        target = _writable_target(path, folder=True)
-        _require_own(path, own, overwrite)
-        with temporary_beside(target, folder=True) as staging:
-            yield staging
-            _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
-            place(staging, target)
+def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
+    """Read a YAML or JSON file that holds one mapping."""
+    file = Path(path)
+    text = read_whole(file, (".yaml", ".yml", ".json"), SETTINGS_BYTES)
+    try:
+        content = yaml.load(text.decode("utf-8-sig"), Loader=_StrictLoader)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{file}: not a text file: {error.reason} at byte {error.start}") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise FileFormatError(f"{file}: not readable as YAML{where}: {error.problem}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise FileFormatError(f"{file}: not readable as YAML: {error}") from None
+    return require_mapping(content, keys, str(file))
 
 
-def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
-    """Raise `OutputError` unless results may be written to `folder`; called before any long work starts."""
-    require_room(folder, folder=True)
-    _require_own(folder, own, overwrite)
+def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str, Any]:
+    """Require a mapping that has no keys but some; `where` says what it is, such as ``"limits.yaml: joints"``."""
+    allowed = ", ".join(keys)
+    if not isinstance(content, dict):
+        kind = "nothing" if content is None else type(content).__name__
+        raise FileFormatError(f"{where} must be a mapping with the keys {allowed}; found {kind}")
+    for key in content:
+        if key not in keys:
+            near = ", ".join(nearest_first(key, keys))
+            raise FileFormatError(f"{where}: unknown key {key!r}; allowed are, nearest first: {near}")
+    return content
 
 
-def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
-    """Raise `OutputError` where something is at `folder` that is not to be replaced."""
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"cannot write {str(folder)!r}: it is a file")
-    if folder.is_dir():
-        held = sorted(entry.name for entry in folder.iterdir())
-        if others := [name for name in held if name not in own]:
-            raise OutputError(f"{str(folder)!r} holds other things ({_some(others)}); give a new folder with -o")
-        if held and not overwrite:
-            raise OutputError(
-                f"{str(folder)!r} holds an earlier result ({_some(held)}); give {argument('overwrite')} to replace it, "
-                "or a new folder"
-            )
-    if folder.exists() and not os.access(folder, os.W_OK):
-        raise OutputError(f"cannot write {str(folder)!r}: permission denied")
+class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
+    """Refuses aliases, which make a small file grow without bounds, and keys that stand twice."""
 
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise yaml.composer.ComposerError(None, None, f"aliases (*{event.anchor}) are not read", event.start_mark)
+        return super().compose_node(parent, index)
 
-def _some(names: list[str]) -> str:
-    """The first of them, and how many more there are."""
-    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Hashable] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, Hashable) and key in seen:
+                problem = f"the key {key!r} stands twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            if isinstance(key, Hashable):
+                seen.add(key)
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping

@@ -22,6 +22,7 @@ def optional_package(name: str, extra: str, what: str) -> Any:
         ) from None
 
 
+matplotlib = partial(optional_package, "matplotlib", "figures", "drawing figures")
 viser = partial(optional_package, "viser", "view", "the live view")
 pyriemann_transfer = partial(optional_package, "pyriemann.transfer", "compare", "Procrustes analysis")
 optimal_transport = partial(optional_package, "ot", "transport", "the correspondence 'transport'")

@@ -139,7 +139,7 @@ def test_who_says_nothing_is_not_waited_for(recordings, tmp_path, monkeypatch):
 
 def test_a_process_ends_whose_parent_ended_first():
     """A worker whose sender had ended before it could ask for it ends, too."""
-    script = "import sys, time; from maniport.orphans import end_with_parent; end_with_parent(0); time.sleep(600)"
+    script = "import sys, time; from maniport.signals import end_with_parent; end_with_parent(0); time.sleep(600)"
     assert subprocess.run([sys.executable, "-c", script], timeout=300, check=False).returncode == 1
 
 

@@ -46,34 +46,6 @@ MJCF = """<mujoco model="bench">
 </mujoco>
 """
 
-HINGE_URDF = """<robot name="hinge"><link name="base"/><link name="flap"/>
-  <joint name="swing" type="revolute"><parent link="base"/><child link="flap"/><origin xyz="0.1 0 0.3" rpy="0.2 0 0"/>
-    <axis xyz="0 0 1"/><limit lower="-1" upper="1.5" effort="1" velocity="2"/></joint>
-  <link name="tip"/>
-  <joint name="end" type="fixed"><parent link="flap"/><child link="tip"/><origin xyz="0.4 0 0.1"/></joint>
-</robot>
-"""
-
-HINGE_MJCF = """<mujoco model="hinge"><worldbody><body name="flap" pos="0 0 1"><geom size="0.1"/>
-  <joint name="swing" axis="0 1 0" range="-60 90"/><site name="tip" pos="0.4 0 0.1"/></body></worldbody></mujoco>
-"""
-
-
-@pytest.fixture
-def hinge_urdf(tmp_path: Path) -> Path:
-    """One hinge and nothing else that moves."""
-    path = tmp_path / "hinge.urdf"
-    path.write_text(HINGE_URDF)
-    return path
-
-
-@pytest.fixture
-def hinge_mjcf(tmp_path: Path) -> Path:
-    """One hinge and nothing else that moves."""
-    path = tmp_path / "hinge.xml"
-    path.write_text(HINGE_MJCF)
-    return path
-
 
 @pytest.fixture
 def urdf(tmp_path: Path) -> Path:

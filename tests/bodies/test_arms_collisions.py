@@ -10,7 +10,6 @@ import maniport as mp
 from maniport.bodies.chain import Frame, Joint, Shape, pose
 from maniport.bodies.collisions import free_postures
 from maniport.bodies.looks.meshes import box
-from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError
 
 
@@ -101,53 +100,11 @@ def test_slopes_over_the_joints_of_the_pair_are_derivatives(pair):
     assert checked > 10
 
 
-def test_a_watch_misses_nothing(pair):
-    """What is asked again and again while both arms move tells what is asked anew."""
-    arms, collisions = pair
-    q = arms.sample(64, 4)
-    watch = collisions.watch(0.1)
-    for step in (0.0, 0.01, -0.03, 0.2):
-        q = q + step
-        for seen, anew in zip(watch.gradient(q), collisions.watch(0.1).gradient(q), strict=True):
-            np.testing.assert_array_equal(seen, anew)
-
-
-def test_free_postures_of_a_pair_give_both_domains(pair):
-    """Domains of both arms are those of postures at which the pair is free."""
-    arms, collisions = pair
-    q = free_postures(arms, 64, 0, "sobol", collisions)
-    assert not collisions.collides(q).any()
-    left, right = sample_domains(arms, 64, 0, collisions=collisions)
-    np.testing.assert_array_equal(left, arms.left.ellipsoids(q[:, arms.columns[0]]))
-    np.testing.assert_array_equal(right, arms.right.ellipsoids(q[:, arms.columns[1]]))
-
-
-def test_a_table_and_boxes_are_those_of_the_world():
-    """Nothing of either arm is below the table; what stands in the way of one arm is told with its name."""
-    arms = mp.load_arms("panda", ("panda_link8", "panda_link8"), bases=((0, 1, 0.5), (0, -1, 0.5)))
-    table = mp.Collisions.of(arms, table=0.4)
-    low = (arms.link_poses(arms.sample(64, 0))[1][:, 1:, 2, 3] < 0.4).any(axis=1)
-    assert np.all(table.collides(arms.sample(64, 0))[low])
-    with pytest.raises(InvalidInputError, match="'box 1' holds or cuts the robot's base: 'right_panda_link0'"):
-        mp.Collisions.of(arms, boxes=[[0, -1, 0.5, 0.2, 0.2, 0.2]])
-
-
 def test_bases_that_stand_in_one_another_are_refused():
     """Two robots cannot stand in one place; the message says how deep they are in one another."""
     arms = mp.load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
     with pytest.raises(InvalidInputError, match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'"):
         mp.Collisions.of(arms)
-
-
-def test_of_two_robots_an_srdf_says_nothing_between_them(tmp_path):
-    """Pairs that an SRDF leaves out are those of each robot by itself."""
-    arms = mp.load_arms("panda", ("panda_link8", "panda_link8"), bases=((0, 0.25, 0), (0, -0.25, 0)))
-    names = [name for name in arms.left.frames if name.startswith("panda_link")]
-    every = [f'<disable_collisions link1="{a}" link2="{b}"/>' for a in names for b in names]
-    (tmp_path / "two.srdf").write_text(f"<robot name='panda'>{''.join(every)}</robot>", encoding="utf-8")
-    found = mp.Collisions.of(arms, srdf=tmp_path / "two.srdf").pairs
-    assert len(found) > 10
-    assert all(a.startswith("left_") != b.startswith("left_") for a, b in found)
 
 
 def test_a_pair_without_surfaces_is_not_known():

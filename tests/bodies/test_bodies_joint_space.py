@@ -1,7 +1,5 @@
 """Samples and joint limits."""
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -13,51 +11,6 @@ from maniport.errors import InvalidInputError
 def panda():
     """The embedded robot."""
     return load_arm("panda")
-
-
-@pytest.mark.parametrize("sequence", ["sobol", "uniform"])
-@pytest.mark.parametrize("name", ["panda", "myoarm", "rhuman"])
-def test_samples_lie_within_limits_and_fill_them(name, sequence):
-    """All samples respect the limits, and they reach into the outer tenth on every side."""
-    arm = load_arm(name)
-    q = arm.sample(500, random_state=0, sequence=sequence)
-    assert q.shape == (500, 7)
-    assert np.all((q >= arm.lower) & (q <= arm.upper))
-    margin = 0.1 * (arm.upper - arm.lower)
-    assert np.all(q.min(axis=0) < arm.lower + margin)
-    assert np.all(q.max(axis=0) > arm.upper - margin)
-
-
-@pytest.mark.parametrize("sequence", ["sobol", "uniform"])
-def test_same_seed_same_bits(panda, sequence):
-    """A seed fixes every bit, as number or as generator; another seed and no seed give other samples."""
-    draw = lambda seed: panda.sample(100, random_state=seed, sequence=sequence)  # noqa: E731
-    np.testing.assert_array_equal(draw(7), draw(7))
-    np.testing.assert_array_equal(draw(7), draw(np.random.default_rng(7)))
-    assert not np.any(draw(7) == draw(8))
-    assert not np.any(draw(None) == draw(None))
-
-
-@pytest.mark.parametrize("sequence", ["sobol", "uniform"])
-def test_fewer_samples_are_the_first_of_more(panda, sequence):
-    """The points of a seed are a sequence: asking for more keeps those before."""
-    few, more = (panda.sample(n, random_state=3, sequence=sequence) for n in (13, 64))
-    np.testing.assert_array_equal(few, more[:13])
-
-
-def test_a_power_of_two_of_sobol_points_is_balanced(panda):
-    """Of 256 points, each joint has exactly one in every 256th part of its range."""
-    q = panda.sample(256, random_state=1)
-    cells = np.floor((q - panda.lower) / (panda.upper - panda.lower) * 256).astype(int)
-    for column in cells.T:
-        np.testing.assert_array_equal(np.sort(column), np.arange(256))
-
-
-def test_any_number_of_samples_comes_without_warnings(panda):
-    """Numbers that are no power of two do not warn."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert [len(panda.sample(n, random_state=0)) for n in (1, 3, 100)] == [1, 3, 100]
 
 
 @pytest.mark.parametrize(
@@ -73,34 +26,6 @@ def test_wrong_sampling_arguments_are_named(panda, arguments, message):
     """Each wrong argument gets an error that says what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         panda.sample(**arguments)
-
-
-def test_limits_are_read_only(panda):
-    """Nobody can bend the limits of an arm by accident."""
-    with pytest.raises(ValueError, match="read-only"):
-        panda.lower[0] = 0.0
-    with pytest.raises(ValueError, match="read-only"):
-        panda.velocity_limits[0] = 0.0
-
-
-def test_within_limits_tolerates_rounding_only(panda):
-    """The limits themselves and 1e-7 beyond count as inside, 1e-5 beyond does not."""
-    edges = np.stack([panda.lower, panda.upper, panda.upper + 1e-7, panda.upper + 1e-5])
-    np.testing.assert_array_equal(panda.within_limits(edges), [True, True, True, False])
-    assert bool(panda.within_limits(panda.lower))
-    np.testing.assert_array_equal(panda.require_within_limits(edges[:3]), edges[:3])
-
-
-def test_outside_limits_names_joint_index_value_and_limits(panda):
-    """The error says which value of which joint lies outside which limits, and how many do."""
-    q = np.tile(0.5 * (panda.lower + panda.upper), (2, 3, 1))
-    q[1, 2, 3] = 0.25
-    message = (
-        r"path\[1, 2, 3\] = 0.25 lies outside the limits -3.0718 to -0.0698 of joint 'panda_joint4' of 'panda' "
-        r"\(1 of 42 values lie outside\)"
-    )
-    with pytest.raises(InvalidInputError, match=message):
-        panda.require_within_limits(q, "path")
 
 
 @pytest.mark.parametrize(

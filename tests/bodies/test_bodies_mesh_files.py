@@ -3,15 +3,13 @@
 import os
 from pathlib import Path
 
-import coal
 import numpy as np
-import pinocchio as pin
 import pytest
-from drawn_arms import one_link, ordered, volume, write_digger
+from drawn_arms import one_link, volume, write_digger
 
-from fuzz.mesh_examples import CORNERS, stl
-from maniport.bodies import Arm, load_arm, myoarm, rhuman
-from maniport.bodies.mirroring import mirrored
+from fuzz.mesh_examples import stl
+from maniport.bodies import Arm, load_arm
+from maniport.bodies.restriction import mirrored
 from maniport.errors import FileFormatError
 
 
@@ -46,25 +44,6 @@ def test_meshes_are_found_by_their_names(tmp_path, monkeypatch, case):
     file.write_bytes(stl())
     monkeypatch.chdir(tmp_path)
     assert len(one_link(folder, f'<mesh filename="{name}"/>').surfaces()[0].points) == 4
-
-
-@pytest.mark.parametrize("prefix", ["", "file://"])
-def test_meshes_are_found_by_their_full_path(tmp_path, prefix):
-    """A full path is taken as it is, with and without the scheme, from a robot file that was named relatively."""
-    file = tmp_path / "a part" / "part.stl"
-    file.parent.mkdir()
-    file.write_bytes(stl())
-    name = str(file).replace(" ", "%20") if prefix else str(file)
-    assert len(one_link(tmp_path / "urdf", f'<mesh filename="{prefix}{name}"/>').surfaces()) == 1
-
-
-def test_a_relative_robot_path_outlives_a_change_of_folder(digger, tmp_path, monkeypatch):
-    """An arm that was loaded by a relative path finds its meshes from any folder."""
-    monkeypatch.chdir(tmp_path)
-    arm = load_arm("digger.urdf", frame="bucket")
-    (tmp_path / "other").mkdir()
-    monkeypatch.chdir(tmp_path / "other")
-    assert len(arm.surfaces()) == 3
 
 
 def test_missing_meshes_are_named_only_when_they_are_drawn(tmp_path):
@@ -110,26 +89,6 @@ def test_collision_shapes_stand_in_for_missing_meshes(digger):
         load_arm(digger, frame="bucket").surfaces()
 
 
-def test_cylinders_named_as_capsules_have_round_ends(tmp_path):
-    """Under <collision> they reach as far as those that Pinocchio makes of them."""
-    one_link(tmp_path, '<mesh filename="gone.stl"/>')
-    path, rod = tmp_path / "one.urdf", ROD.format('<cylinder radius="0.05" length="0.3"/>')
-    path.write_text(path.read_text().replace('<link name="tip">', f'<link name="tip">{rod}'))
-    (flat_ends,) = load_arm(path).surfaces(None)
-    named = '</visual><collision_checking><capsule name="rod"/></collision_checking>'
-    path.write_text(text := path.read_text().replace("</visual>", named))
-    (round_ends,) = load_arm(path).surfaces(None)
-    model = pin.buildModelFromXML(text)
-    (theirs,) = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION).geometryObjects
-    assert isinstance(theirs.geometry, coal.Capsule)
-    axis = theirs.placement.rotation[:, 2]
-    middle = theirs.placement.translation @ axis
-    reach = theirs.geometry.halfLength + theirs.geometry.radius
-    assert np.ptp(round_ends.points @ axis) == pytest.approx(2 * reach)
-    assert np.max(round_ends.points @ axis) == pytest.approx(middle + reach)
-    assert np.ptp(flat_ends.points @ axis) == pytest.approx(0.3)
-
-
 BROKEN = {
     "empty.stl": b"", "rubbish.stl": bytes(range(256)) * 4, "cut.stl": stl()[:150],
     "facetless.stl": bytes(84), "nan.stl": stl(np.full((4, 3), np.nan)), "part.dae": b"<COLLADA>",
@@ -165,54 +124,3 @@ def test_senseless_shapes_are_named(tmp_path, geometry):
     (tmp_path / "part.stl").write_bytes(stl())
     with pytest.raises(FileFormatError, match=rf"link 'tip'.*{SENSELESS[geometry]}"):
         one_link(tmp_path, geometry).surfaces()
-
-
-@pytest.mark.parametrize("scale", [(1, 1, 1), (2, 3, 0.5), (-1, 1, 1), (1, -2, -3), (-1, -1, -1)])
-def test_scaled_meshes_keep_their_outside(tmp_path, scale):
-    """Volume scales with the product of the factors and stays positive when the mesh is mirrored."""
-    (tmp_path / "part.stl").write_bytes(stl())
-    text = " ".join(map(str, scale))
-    (surface,) = one_link(tmp_path, f'<mesh filename="part.stl" scale="{text}"/>').surfaces()
-    assert volume(surface) == pytest.approx(abs(np.prod(scale)) * 0.2 * 0.1 * 0.05 / 6, rel=1e-6)
-    np.testing.assert_allclose(ordered(surface.points), ordered(CORNERS * scale), atol=1e-7)
-
-
-def test_capsules_are_drawn(tmp_path):
-    """A capsule, which Pinocchio's reader of URDF does not know, has its length and both caps."""
-    (surface,) = one_link(tmp_path, '<capsule radius="0.1" length="0.4"/>', origin='<origin xyz="1 0 0"/>').surfaces()
-    np.testing.assert_allclose(np.ptp(surface.points, axis=0), [0.2, 0.2, 0.6], atol=1e-12)
-    np.testing.assert_allclose(surface.points.mean(axis=0), [1, 0, 0], atol=1e-12)
-
-
-@pytest.mark.parametrize("geometry", ['<sphere radius="0"/>', '<mesh filename="part.stl" scale="0 0 0"/>'])
-def test_shapes_without_extent_are_left_out(tmp_path, geometry):
-    """Nothing to see is no error."""
-    (tmp_path / "part.stl").write_bytes(stl())
-    assert one_link(tmp_path, geometry).surfaces() == ()
-
-
-def test_arms_without_shapes_have_no_surfaces(urdf, planar):
-    """Arms from a table, human arms and robots that show nothing give an empty tuple."""
-    assert [arm.surfaces() for arm in (planar, myoarm(), rhuman(), load_arm(urdf))] == [()] * 4
-
-
-def test_a_file_that_is_gone_is_named(digger):
-    """The robot's file is read again for drawing; it must still be there."""
-    arm = load_arm(digger, frame="bucket")
-    digger.unlink()
-    with pytest.raises(FileFormatError, match=r"digger\.urdf: there is no such file"):
-        arm.surfaces()
-
-
-def test_mjcf_names_a_missing_mesh(tmp_path):
-    """The error says which file is missing, and how many of them."""
-    path = tmp_path / "arm.xml"
-    path.write_text(
-        '<mujoco><asset><mesh name="m" file="gone.stl"/></asset><worldbody><body name="b"><joint name="j" '
-        'range="-9 9"/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
-    )
-    with pytest.raises(FileFormatError, match=r"arm\.xml: the mesh '.*gone\.stl' is missing \(1 of 1 meshes are\)"):
-        load_arm(path).surfaces()
-    (tmp_path / "gone.stl").write_bytes(b"rubbish")
-    with pytest.raises(FileFormatError, match=r"gone\.stl: holds no triangle"):
-        load_arm(path).surfaces()

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maniport.bodies.chain import Shape
-from maniport.bodies.embedded import read_shapes, write_shapes
-from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid, joined, reduced, welded
+from maniport.bodies.chain import read_shapes
+from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid, reduced
 from maniport.errors import FileFormatError
 
 
@@ -50,31 +49,6 @@ def test_solids_are_closed_and_have_their_size(name):
     assert 0.975 * exact < volume(points, triangles) < (1 + 1e-9) * exact
 
 
-def test_welding_makes_loose_triangles_one_surface():
-    """Triangles with corners of their own, as STL files have them, share corners afterwards; the shape is the same."""
-    points, triangles = ellipsoid((0.1, 0.2, 0.3))
-    loose = points[triangles].reshape(-1, 3), np.arange(triangles.size, dtype=np.int32).reshape(-1, 3)
-    new_points, new_triangles = welded(loose)
-    assert (len(new_points), len(new_triangles)) == (len(points), len(triangles))
-    assert volume(new_points, new_triangles) == pytest.approx(volume(points, triangles), rel=1e-12)
-
-
-def test_welding_drops_degenerate_and_repeated_triangles_and_unused_points():
-    """A triangle with two equal corners, one that comes twice and a point without triangle vanish."""
-    points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 1e-9], [9, 9, 9]])
-    triangles = np.array([[0, 1, 2], [1, 2, 0], [2, 1, 0], [1, 4, 2], [1, 3, 2]], dtype=np.int32)
-    new_points, new_triangles = welded((points, triangles))
-    assert sorted(map(tuple, new_points)) == [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0)]
-    assert len(new_triangles) == 2
-
-
-@pytest.mark.parametrize("points", [np.zeros((3, 3)), np.full((3, 3), 5.0), np.eye(3) * 1e-12, np.empty((0, 3))])
-def test_a_mesh_without_extent_is_empty(points):
-    """Nothing is left of triangles that are points."""
-    triangles = np.array([[0, 1, 2]] if len(points) else np.empty((0, 3)), dtype=np.int32)
-    assert [len(array) for array in welded((points, triangles))] == [0, 0]
-
-
 @given(most=st.integers(1, 400), noise=st.floats(0, 0.02), seed=st.integers(0, 99))
 def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
     """Never more triangles than allowed, no point beyond the box around the mesh or not finite, no unused point."""
@@ -89,64 +63,12 @@ def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
         np.testing.assert_array_equal(np.unique(new_triangles), np.arange(len(new_points)))
 
 
-def test_reducing_keeps_the_shape():
-    """A ball of 1984 triangles keeps 97 % of its volume with 300, a wavy square lies within 5 mm with 150 of 1800."""
-    fine = _fine_ball()
-    coarse = reduced(fine, 300)
-    assert len(coarse[1]) > 200
-    assert 0.97 < volume(*coarse) / volume(*fine) <= 1.01
-    points, _ = reduced(ripples(30), 150)
-    height = 0.02 * np.sin(7 * points[:, 0]) * np.cos(5 * points[:, 1])
-    assert np.abs(points[:, 2] - height).max() < 5e-3
-
-
-def _fine_ball():
-    """A ball that is finer than those of `ellipsoid`: each of its triangles in four."""
-    points, triangles = ellipsoid((1.0, 1.0, 1.0))
-    middles = [0.5 * (points[triangles[:, i]] + points[triangles[:, (i + 1) % 3]]) for i in range(3)]
-    n, m = len(points), len(triangles)
-    a, b, c = triangles.T
-    ab, bc, ca = (n + k * m + np.arange(m) for k in range(3))
-    rows = np.concatenate([np.stack(r, axis=1) for r in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-    everything = np.concatenate([points, *middles])
-    return welded((everything / np.linalg.norm(everything, axis=1, keepdims=True), rows.astype(np.int32)))
-
-
-def test_loose_pieces_are_reduced_too():
-    """A heap of 600 small boxes, of which a quadric reduction can merge none, still fits into 500 triangles."""
-    rng = np.random.default_rng(0)
-    heap = joined([(points + rng.normal(size=3), triangles) for points, triangles in [box((0.02,) * 3)] * 600])
-    points, triangles = reduced(welded(heap), 500)
-    assert 50 < len(triangles) <= 500
-    assert np.all(np.ptp(points, axis=0) > 0.7 * np.ptp(heap[0], axis=0))
-
-
 def test_meshes_are_reduced_without_the_package_too(monkeypatch):
     """Where fast-simplification is not installed, welding alone leaves at most as many triangles, near the shape."""
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
     points, triangles = reduced(ellipsoid((1.0, 1.0, 1.0)), 300)
     assert 150 < len(triangles) <= 300
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1.0, atol=0.01)
-
-
-def test_reducing_gives_the_same_each_time():
-    """There is no chance in it."""
-    first, second = reduced(ripples(20), 100), reduced(ripples(20), 100)
-    np.testing.assert_array_equal(first[0], second[0])
-    np.testing.assert_array_equal(first[1], second[1])
-
-
-def test_shape_data_come_back(tmp_path):
-    """What is written is read again to 1/131 070 of the size, and the same shapes make the same bytes."""
-    shapes = [Shape("upper", ripples(5)), Shape("lower", ellipsoid((0.1, 0.2, 0.3)))]
-    paths = [tmp_path / "a.npz", tmp_path / "b.npz"]
-    for path in paths:
-        write_shapes(path, shapes)
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-    for old, new in zip(shapes, read_shapes(paths[0], ["upper", "lower"]), strict=True):
-        assert new.link == old.link
-        np.testing.assert_allclose(new.mesh[0], old.mesh[0], atol=np.ptp(old.mesh[0], axis=0).max() / 131_000)
-        np.testing.assert_array_equal(new.mesh[1], old.mesh[1])
 
 
 @pytest.mark.parametrize("content", [b"", b"no zip at all", b"PK\x03\x04 cut off", None])

@@ -1,72 +1,15 @@
 """Surfaces of real robots: the Panda's that ship, and those of example-robot-data."""
 
 import sys
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from drawn_arms import drawn, volume
+from drawn_arms import drawn
 from scipy.spatial import cKDTree
 
 from maniport.bodies import load_arm
-
-# Lowest and highest corners [m] of the meshes in example-robot-data 6.0.0, rounded to 0.1 mm.
-PANDA = [
-    [[-0.1541, -0.0946, 0.0], [0.0715, 0.0946, 0.14]],
-    [[-0.055, -0.1294, -0.192], [0.055, 0.055, 0.055]],
-    [[-0.055, -0.194, -0.055], [0.055, 0.055, 0.1294]],
-    [[-0.055, -0.055, -0.121], [0.1375, 0.1111, 0.055]],
-    [[-0.1375, -0.055, -0.055], [0.055, 0.124, 0.1111]],
-    [[-0.055, -0.055, -0.259], [0.055, 0.1299, 0.0522]],
-    [[-0.0479, -0.0512, -0.044], [0.132, 0.0817, 0.0563]],
-    [[-0.044, -0.044, 0.052], [0.0813, 0.0813, 0.1068]],
-]
-PANDA_HAND = [[-0.0315, -0.1039, -0.0259], [0.0315, 0.1006, 0.066]]
-
-
-def test_panda_surfaces_have_the_size_of_the_originals():
-    """Each link reaches as far as the mesh it was made from, to 1 mm, and so does the hand where it is on the arm."""
-    surfaces = load_arm("panda", frame="panda_link8").surfaces()
-    assert [s.joint for s in surfaces] == list(range(8))
-    for surface, expected in zip(surfaces, PANDA, strict=True):
-        np.testing.assert_allclose([surface.points.min(axis=0), surface.points.max(axis=0)], expected, atol=1.05e-3)
-        assert volume(surface) > 0
-    assert 8000 < sum(len(s.triangles) for s in surfaces) <= 9000
-    whole = load_arm("panda", frame="panda_hand")
-    placement = whole.chain.frames["panda_hand"].placement
-    points = whole.surfaces()[7].points[len(surfaces[7].points) :]
-    points = (points - placement[:3, 3]) @ placement[:3, :3]
-    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], PANDA_HAND, atol=1.05e-3)
-
-
-def test_panda_hand_is_drawn_where_the_tip_is_on_it():
-    """At the flange there is no hand; with the tip at the hand or its finger tips there is; an elbow has no wrist."""
-    counts = {
-        frame: len(load_arm("panda", frame=f"panda_{frame}").surfaces()[-1].triangles)
-        for frame in ("link7", "link8", "hand", "hand_tcp")
-    }
-    assert counts["link7"] == counts["link8"] < counts["hand"] == counts["hand_tcp"]
-    assert [s.joint for s in load_arm("panda", frame="panda_link4").surfaces()] == [0, 1, 2, 3, 4]
-
-
-def test_panda_links_meet():
-    """At random poses each link comes within 5 mm of the next, as bodies do that a joint holds together."""
-    panda = load_arm("panda")
-    surfaces = panda.surfaces()
-    for poses in panda.link_poses(panda.sample(3, random_state=0)):
-        clouds = [s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3] for s in surfaces]
-        for one, other in pairwise(clouds):
-            assert np.linalg.norm(one[:, None] - other, axis=-1).min() < 5e-3
-
-
-def test_panda_surfaces_ship_small():
-    """The file that ships stays below 100 kB."""
-    assert load_arm("panda").chain.shapes.args[0].stat().st_size < 100_000
-
-
-# ---- robots of example-robot-data ----------------------------------------------------------------------------------
 
 
 def _example(name: str) -> Path:

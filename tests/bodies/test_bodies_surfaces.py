@@ -1,47 +1,21 @@
 """What arms look like: where their surfaces are, and how many triangles they have."""
 
 import os
-import pickle
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from drawn_arms import drawn, one_link, ordered, volume, write_digger
+from drawn_arms import drawn, ordered, volume, write_digger
 
 from fuzz.mesh_examples import CORNERS, stl
-from maniport.bodies import load_arm, myoarm, rhuman
-from maniport.errors import InvalidInputError
+from maniport.bodies import load_arm
 
 
 @pytest.fixture
 def digger(tmp_path) -> Path:
     """The file of the digger."""
     return write_digger(tmp_path)
-
-
-@pytest.mark.parametrize("build", [lambda: load_arm("panda"), myoarm, rhuman])
-def test_link_poses_agree_with_the_frames(build):
-    """Frames placed on the poses of their joints are where `point_positions` and `forward` say they are."""
-    arm = build()
-    q = arm.sample(6, random_state=0).reshape(3, 2, arm.dof)
-    poses, frames = arm.link_poses(q), arm.chain.frames
-    assert poses.shape == (3, 2, len(arm.chain.joints) + 1, 4, 4)
-    np.testing.assert_array_equal(poses[..., 0, :, :], np.broadcast_to(np.eye(4), (3, 2, 4, 4)))
-    placed = np.stack([poses[..., f.joint, :, :] @ f.placement for f in frames.values()], axis=2)
-    np.testing.assert_allclose(placed[..., :3, 3], arm.point_positions(q, list(frames)), atol=1e-12)
-    tip = frames[arm.frame]
-    np.testing.assert_allclose(poses[..., tip.joint, :, :] @ tip.placement, arm.forward(q), atol=1e-12)
-
-
-def test_link_poses_check_the_configuration():
-    """No configuration gives no pose; a wrong length and nan are refused."""
-    panda = load_arm("panda")
-    assert panda.link_poses(np.empty((0, 7))).shape == (0, 8, 4, 4)
-    for wrong in (np.zeros(6), np.full(7, np.nan)):
-        with pytest.raises(InvalidInputError, match="q"):
-            panda.link_poses(wrong)
 
 
 def test_surfaces_are_where_pinocchio_has_them(digger):
@@ -64,22 +38,6 @@ def test_surfaces_are_where_pinocchio_has_them(digger):
     for name, corners in expected.items():
         for corner in corners:
             assert np.linalg.norm(found - where[name].act(corner), axis=1).min() < 1e-7, name
-
-
-def test_what_is_beyond_the_tip_is_not_drawn(digger):
-    """The bucket is there when it is the tip or on the way to it, not when the flange is; the lamp always is."""
-    joints = {frame: [s.joint for s in load_arm(digger, frame=frame).surfaces()] for frame in ("flange", "bucket")}
-    assert joints == {"flange": [0, 1], "bucket": [0, 1, 2]}
-    whole = load_arm(digger, frame="tooth")
-    assert [s.joint for s in whole.surfaces()] == [0, 1, 2, 3]
-    assert [s.joint for s in whole.restricted(frame="flange").surfaces()] == [0, 1]
-    assert whole.restricted(frame="boom").surfaces(None)[1].triangles.shape == (4 + 128, 3)
-
-
-def test_locked_joints_keep_their_surfaces(digger):
-    """With a joint locked, the arm is drawn as the whole arm with that joint at zero."""
-    whole, locked = load_arm(digger, frame="bucket"), load_arm(digger, frame="bucket", joints=["push"])
-    np.testing.assert_allclose(drawn(locked, np.array([0.3])), drawn(whole, np.array([0.0, 0.3])), atol=1e-12)
 
 
 def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):
@@ -116,56 +74,3 @@ def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):
     np.testing.assert_allclose(drawn(arm, q), ordered(np.concatenate(expected)), atol=1e-6)  # MuJoCo stores floats
     assert [surface.joint for surface in arm.surfaces()] == [0, 2, 3]
     assert volume(arm.surfaces()[0]) == pytest.approx(2 * 0.2 * 0.1 * 0.05 / 6, rel=1e-5)
-
-
-def test_the_whole_arm_keeps_to_the_number_of_triangles(digger):
-    """The sum over all surfaces is at most what was asked for, and no link vanishes."""
-    arm = load_arm(digger, frame="bucket")
-    full = sum(len(s.triangles) for s in arm.surfaces(None))
-    for most in (200, 333, 700, 5000):
-        surfaces = arm.surfaces(most)
-        assert [s.joint for s in surfaces] == [0, 1, 2]
-        assert sum(len(s.triangles) for s in surfaces) <= min(most, full)
-    assert len(arm.surfaces(333)[0].triangles) == 12  # the box has few and keeps them
-
-
-def test_many_small_parts_share_the_number(tmp_path):
-    """Hundreds of shapes on one link, more than get a share of their own, are reduced as one."""
-    arm = one_link(tmp_path, '<box size="1 1 1"/>')
-    path = tmp_path / "one.urdf"
-    visual = '<visual><origin xyz="{} {} 0"/><geometry><sphere radius="0.05"/></geometry></visual>'
-    text = "".join(visual.format(0.2 * (i % 20), 0.2 * (i // 20)) for i in range(100))
-    path.write_text(path.read_text().replace("<visual>", text + "<visual>", 1))
-    (surface,) = arm.surfaces(400)
-    assert 100 < len(surface.triangles) <= 400
-    assert np.all(np.ptp(surface.points, axis=0)[:2] > (3.0, 0.8))
-
-
-@pytest.mark.parametrize("most", [199, 0, -5, 1.5, "many"])
-def test_a_senseless_number_of_triangles_is_refused(most):
-    """Less than 200 triangles make no arm, nor does half a triangle."""
-    with pytest.raises(InvalidInputError, match="most_triangles"):
-        load_arm("panda").surfaces(most)
-
-
-def test_surfaces_are_remembered_and_safe(digger):
-    """A second call gives the same arrays, which cannot be written to; a copy and threads get equal ones."""
-    arm = load_arm(digger, frame="bucket")
-    first = arm.surfaces()
-    assert arm.surfaces() is first
-    with pytest.raises(ValueError, match="read-only"):
-        first[0].points[0] = 0
-    copy = pickle.loads(pickle.dumps(arm))
-    fresh = load_arm(digger, frame="bucket")
-    with ThreadPoolExecutor(4) as pool:
-        others = [copy.surfaces(), *pool.map(lambda _: fresh.surfaces(), range(4))]
-    for surfaces in others:
-        for one, other in zip(first, surfaces, strict=True):
-            np.testing.assert_array_equal(one.points, other.points)
-            np.testing.assert_array_equal(one.triangles, other.triangles)
-
-
-def test_prompt_shows_sizes_and_not_arrays():
-    """A surface tells its joint and how many points and triangles it has, in one line."""
-    one = load_arm("panda").surfaces()[3]
-    assert repr(one) == f"Surface(joint 3, {len(one.points)} points, {len(one.triangles)} triangles)"

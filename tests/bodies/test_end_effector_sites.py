@@ -57,13 +57,3 @@ def test_the_site_is_the_end_effector(tmp_path, end, expected):
     place = data.site(expected) if expected.endswith(("site", "pinch")) else data.body(expected)
     np.testing.assert_allclose(arm.forward(q)[:3, 3], place.xpos, atol=1e-9)
     np.testing.assert_allclose(arm.forward(q)[:3, :3], place.xmat.reshape(3, 3), atol=1e-9)
-
-
-def test_each_arm_has_its_own(tmp_path):
-    """Of two arms the candidates are their sites, and each can be named."""
-    path = tmp_path / "arms.xml"
-    path.write_text(mjcf(FLANGE.format("left/"), FLANGE.format("right/")))
-    limbs, default = robot_limbs(str(path))
-    assert default is None
-    assert {limb.tip for limb in limbs} == {"left/attachment_site", "right/attachment_site"}
-    assert load_arm(path, frame="right/attachment_site").joint_names == ("a1", "b1", "c1")

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from maniport.bodies import load_arm
-from maniport.errors import FileFormatError, UnknownNameError
+from maniport.errors import FileFormatError
 
 ROBOT = '<mujoco><worldbody><body name="a"><joint name="j"/>{}</body></worldbody></mujoco>'
 
@@ -35,22 +35,6 @@ def test_elements_count_over_all_files(tmp_path, monkeypatch):
         load_arm(tmp_path / "a.xml")
 
 
-def test_links_in_a_circle_are_told(tmp_path):
-    """A link to itself is a file that cannot be read."""
-    (tmp_path / "loop.xml").symlink_to("loop.xml")
-    (tmp_path / "a.xml").write_text(ROBOT.format('<include file="loop.xml"/>'))
-    with pytest.raises(FileFormatError, match=r"loop\.xml.*cannot be read"):
-        load_arm(tmp_path / "a.xml")
-
-
-@pytest.mark.parametrize("option", ["frame", "base"])
-@pytest.mark.parametrize("value", [5, ["panda_hand"], {}])
-def test_frames_that_are_no_names_are_told(option, value):
-    """Of whatever type they are."""
-    with pytest.raises(UnknownNameError, match=f"unknown {option} "):
-        load_arm("panda", **{option: value})
-
-
 XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><link name="base"/>{}</robot>'
 DOUBLING = "".join(
     f'<xacro:macro name="m{k}" params=""><xacro:m{k + 1}/><xacro:m{k + 1}/></xacro:macro>' for k in range(40)
@@ -71,7 +55,7 @@ DOUBLING = "".join(
 def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, told):
     """Macros that double, a name of 10 GB, devices and pipes among included files and settings end with a message."""
     pytest.importorskip("xacrodoc")
-    monkeypatch.setattr("maniport.bodies.readers.xacro_files.LONGEST", 2.0 if "2 s" in told else 30.0)
+    monkeypatch.setattr("maniport.bodies.readers.document.LONGEST_XACRO", 2.0 if "2 s" in told else 30.0)
     os.mkfifo(tmp_path / "pipe.xacro")
     (tmp_path / "a.xacro").write_text(XACRO.format(content))
     with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{told}"):

@@ -7,11 +7,11 @@ import pytest
 from drawn_arms import one_link, ordered, volume
 from typer.testing import CliRunner
 
-from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, ROWS, SHOWN, dae, glb, gltf, stl
+from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, SHOWN, dae, gltf, stl
 from maniport.bodies import load_arm
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.cli import app
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import FileFormatError
 
 
 @pytest.mark.parametrize("name", GOOD)
@@ -32,38 +32,26 @@ def doubling(n):
 
 
 LIST = '<input semantic="VERTEX" source="#v" offset="0"/>'
-FAR = LIST.replace("0", "4000000000")
 HOSTILE = {
-    "line twice.dae": (dae(f'<triangles count="4">{LIST}<p>{ROWS}</p><p>{ROWS} 1</p></triangles>'), "cannot be read"),
     "itself.dae": (dae(nodes='<node id="n"><instance_node url="#n"/></node>'),
                    "has 20001 nodes, each counted as often as it is shown; at most 20000"),
     "doubling.dae": (dae(nodes='<node><instance_node url="#n0"/></node>', library=doubling(40)), "20001 nodes"),
     "deep.dae": (dae(nodes="<node>" * 30_000 + SHOWN + "</node>" * 30_000), "20001 nodes"),
     "corners.dae": (dae(f'<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>'),
                     "announce 4000000000 corners; there are 3"),
-    "negative.dae": (dae(f'<polylist>{LIST}<vcount>-1 4</vcount><p>0 1 2</p></polylist>'), "announce 3 corners"),
     "wild.dae": (dae(f"<triangles>{LIST}<p>0 1 4000000000</p></triangles>"), "names the point 4000000000"),
     "points.dae": (dae(accessor='count="4000000000" stride="3"'), "4000000000 points of 3 numbers are announced"),
-    "far.dae": (dae(f"<triangles>{FAR}<p>{ROWS}</p></triangles>"), "cannot be read"),
-    "word.dae": (dae(f"<triangles>{LIST}<p>0 1 x</p></triangles>"), "cannot be read"),
     "no scene.dae": ("<COLLADA/>", "shows no scene"),
     "wild.ply": (PLY.format(4, 1) + POINT_LINES + "\n3 0 1 2147483647\n", "point number 2147483647; there are 4"),
     "count.ply": (PLY.format(4_000_000_000, 1), "4000000000 elements announced, more than bytes"),
-    "binary.ply": (PLY.format(4, 1).replace("ascii", "binary_little_endian") + "x" * 100, "cannot be read"),
     "wild.obj": (OBJ + "f 1 2 900000\n", "index 899999 is out of bounds"),
-    "wild.off": ("OFF\n4 1 0\n" + POINT_LINES + "\n3 0 1 99\n", "cannot be read"),
-    "count.off": ("OFF\n4000000000 1 0\n" + POINT_LINES, "cannot be read"),
-    "count.stl": (bytes(80) + b"\xff\xff\xff\xff" + bytes(50), "cannot be read|holds no triangle"),
     "count.gltf": (gltf(positions=4_000_000_000), "4000000000 entries announced by an accessor, more than bytes"),
     "no view.gltf": (gltf(accessors=[{"componentType": 5126, "count": 4_000_000_000, "type": "MAT4"}]), "of view None"),
-    "wild view.gltf": (gltf(view_length=4_000_000_000), "cannot be read"),
     "circle.gltf": (gltf(nodes=({"children": [1]}, {"children": [0, 1], "mesh": 0})), "circle"),
     "tree.gltf": (gltf(nodes=({"children": [1, 1]}, {"mesh": 0})), "a node within two others"),
     "buffer.gltf": (gltf(buffer="../../../../../../etc/passwd"), "lies outside its folder"),
-    "absolute.gltf": (gltf(buffer="/etc/passwd"), "lies outside its folder"),
     "device.gltf": (gltf(buffer="pipe"), "is a pipe, a socket or a device"),
     "deep.gltf": ('{"a":' * 100_000, "cannot be read"),
-    "deep.glb": (glb("[" * 100_000), "cannot be read"),
 }  # fmt: skip
 
 
@@ -78,13 +66,6 @@ def test_hostile_meshes_are_refused(tmp_path, name):
         load_mesh(file)
     assert str(tmp_path) in str(caught.value)
     assert caught.value.__cause__ is None
-
-
-def test_a_face_of_900_000_corners_is_cut_into_triangles(tmp_path):
-    """It ended the process by a signal; now it is triangles like any other face."""
-    (tmp_path / "face.obj").write_text(OBJ + "f" + " 1 2 3" * 300_000 + "\n")
-    points, triangles = load_mesh(tmp_path / "face.obj")
-    assert (len(points), triangles.shape) == (3, (899_998, 3))
 
 
 OUTSIDE = {
@@ -118,27 +99,6 @@ def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
     if "package" not in name:
         allowed = load_arm(folder / f"one.{suffix}", mesh_folders=[tmp_path])
         assert len(allowed.surfaces()) == 1
-
-
-def test_folders_that_are_allowed_are_checked(tmp_path, urdf):
-    """They must be folders, several in a sequence."""
-    with pytest.raises(InvalidInputError, match="mesh_folders must be a sequence of folders; found"):
-        load_arm("panda", mesh_folders=str(tmp_path))
-    with pytest.raises(InvalidInputError, match="mesh_folders: there is no folder"):
-        load_arm(urdf, mesh_folders=[tmp_path / "gone"])
-
-
-def test_a_package_that_was_linked_into_place_is_read(tmp_path):
-    """Where an installed package is links to its sources, as ROS builds them, its meshes are read."""
-    source, installed = tmp_path / "x" / "src" / "kit", tmp_path / "install" / "a" / "share" / "kit"
-    for folder in (source / "meshes", source / "urdf", installed / "meshes", installed / "urdf"):
-        folder.mkdir(parents=True)
-    (source / "package.xml").write_text("<package/>")
-    (source / "meshes" / "part.stl").write_bytes(stl())
-    one_link(source / "urdf", '<mesh filename="package://kit/meshes/part.stl"/>')
-    for name in ("package.xml", "meshes/part.stl", "urdf/one.urdf"):
-        (installed / name).symlink_to(source / name)
-    assert len(load_arm(installed / "urdf" / "one.urdf").surfaces()) == 1
 
 
 def test_folders_are_allowed_on_the_command_line(tmp_path, monkeypatch):

@@ -5,14 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maniport import bodies
 from maniport.bodies import Arm, load_arm
-from maniport.bodies.anthropometry import FRACTIONS
 from maniport.bodies.chain import PRISMATIC, Shape
-from maniport.bodies.human import PERSONS, hand_rotations, middle_of
-from maniport.bodies.mirroring import mirrored
+from maniport.bodies.restriction import mirrored
 from maniport.errors import InvalidInputError
-from maniport.telling.page.motions import trunk_and_head
 
 S = np.diag([1.0, -1.0, 1.0])
 ENDS = ("shoulder", "elbow", "wrist", "hand")
@@ -34,18 +30,6 @@ def test_equal_angles_are_mirrored_postures(name):
         )
     np.testing.assert_allclose(left.axis_direction(q, "pro_sup"), -right.axis_direction(q, "pro_sup") @ S, atol=1e-14)
     np.testing.assert_allclose(left.skeleton(q), right.skeleton(q) @ S, atol=1e-14)
-
-
-@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
-def test_hands_are_mirrored_and_palms_face_the_thighs(name):
-    """Z runs along the hand and y out of the palm for both hands; hanging, the palm faces the thigh, inward."""
-    right, left = load_arm(name), load_arm(name, side="left")
-    q = right.sample(16, random_state=1)
-    flipped = S @ hand_rotations(right, q) @ np.diag([-1.0, 1.0, 1.0])
-    np.testing.assert_allclose(hand_rotations(left, q), flipped, atol=1e-14)
-    palm = hand_rotations(left, np.zeros(7))[:, 1]
-    assert palm[1] < -0.9
-    assert hand_rotations(right, np.zeros(7))[1, 1] > 0.9
 
 
 def test_the_mirror_image_of_the_mirror_image_is_the_arm():
@@ -74,30 +58,6 @@ def _shapes_of(mesh):
     return lambda links: [Shape("elbow", mesh)]
 
 
-def test_a_person_of_ones_own_has_a_left_arm(monkeypatch):
-    """What is added to `PERSONS` is a right arm, and its left one comes of itself, in the lengths that are known."""
-
-    def own(upper_arm=None, forearm=None, hand=None):
-        return Arm(replace(bodies.myoarm(upper_arm, forearm, hand).chain, name="own", side=None))
-
-    monkeypatch.setitem(PERSONS, "own", own)
-    left = load_arm("own", side="left", height=1.8)
-    assert (left.name, left.side, load_arm("own").side) == ("own_left", "left", "right")
-    assert left.point_positions(np.zeros(7), ("shoulder",))[0, 1] > 0.1
-
-
-@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
-def test_lengths_are_fractions_of_the_height(name):
-    """With a height each segment has its fraction of it; near 1.75 m that is within 15 % of the models' own lengths."""
-    arm, own = load_arm(name, height=1.75), load_arm(name)
-    lengths, usual = (
-        np.linalg.norm(np.diff(one.point_positions(np.zeros(7), ENDS), axis=0), axis=1) for one in (arm, own)
-    )
-    np.testing.assert_allclose(lengths, 1.75 * np.array(list(FRACTIONS.values())), rtol=1e-9)
-    np.testing.assert_allclose(lengths[:2], usual[:2], rtol=0.07)
-    np.testing.assert_allclose(lengths[2], usual[2], rtol=0.21)
-
-
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
@@ -110,20 +70,3 @@ def test_wrong_sides_and_heights_are_refused(wrong, words):
     """The message names the argument and what is allowed."""
     with pytest.raises(InvalidInputError, match=words):
         load_arm("myoarm", **wrong)
-
-
-def test_robots_have_no_side_and_no_height():
-    """Both are refused in one sentence that says whose they are."""
-    for wrong in ({"side": "left"}, {"height": 1.8}):
-        with pytest.raises(InvalidInputError, match=r"is for persons \(myoarm, rhuman.*\); 'panda' is a robot"):
-            load_arm("panda", **wrong)
-    assert load_arm("panda").side is None
-
-
-@pytest.mark.parametrize("name", ["myoarm", "rhuman"])
-def test_the_trunk_stands_on_the_other_side_of_a_left_arm(name):
-    """The middle of the trunk and the figure that pages draw are mirrored with the arm."""
-    right, left = load_arm(name), load_arm(name, side="left")
-    assert middle_of(left) == pytest.approx(-middle_of(right))
-    flip = np.array([1, -1, 1, 1, -1, 1, 1])
-    np.testing.assert_allclose(trunk_and_head(left), trunk_and_head(right) * flip, atol=1e-12)

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from maniport.bodies import load_arm
-from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
+from maniport.errors import InvalidInputError, UnknownNameError
 
 
 def test_base_and_lock_give_pinocchios_relative_jacobian(urdf):
@@ -80,19 +80,3 @@ def test_parts_that_cannot_be_are_named(options, message):
     """A base beyond the tip, joints that are not there or held beyond their limits get one sentence."""
     with pytest.raises(InvalidInputError, match=message):
         load_arm("panda", **options)
-
-
-def test_a_slide_without_limits_may_be_held(tmp_path):
-    """What has no limits cannot be sampled; held it need not be."""
-    path = tmp_path / "lift.xml"
-    path.write_text(
-        '<mujoco><worldbody><body name="a"><geom size="1"/><joint name="up" type="slide"/><body name="b">'
-        '<geom size="1"/><joint name="turn"/><site name="tip" pos="1 0 0"/></body></body></worldbody></mujoco>'
-    )
-    with pytest.raises(
-        InvalidInputError, match=r"lock: 'up' \[m\] must be a number in \[-10000, 10000\]; found 1e\+300"
-    ):
-        load_arm(path, frame="tip", lock={"up": 1e300})
-    with pytest.raises(FileFormatError, match=r"the slide 'up' has no limits; .* joints= or lock="):
-        load_arm(path, frame="tip")
-    assert load_arm(path, frame="tip", lock={"up": 0.7}).forward([0.0])[2, 3] == pytest.approx(0.7)

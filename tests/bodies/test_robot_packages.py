@@ -65,31 +65,6 @@ def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
         assert farthest(mujoco, model_of(mujoco, find_named(f"{package}/{name}").path), arm) < 1e-9, name
 
 
-def test_a_base_and_a_held_joint_are_mujocos_too():
-    """Tiago without its lift, G1 with a waist joint held: relative poses and Jacobians are MuJoCo's to 1e-9."""
-    mujoco = pytest.importorskip("mujoco")
-    require("example-robot-data")
-    for name, options in (
-        ("tiago", {"base": "torso_lift_link", "lock": {"arm_3_joint": -1.0}}),
-        ("g1_right_arm", {"base": "pelvis", "lock": {"waist_roll_joint": 0.1, "waist_yaw_joint": -0.5}}),
-        ("tiago", {"lock": {"torso_lift_joint": 0.2}}),
-    ):
-        arm = load_arm(name, **options)
-        assert set(options["lock"]) == set(arm.chain.locked)
-        assert farthest(mujoco, model_of(mujoco, find_named(name).path), arm) < 1e-9
-
-
-def test_joints_of_one_limb_lead_to_its_hand():
-    """Talos' left arm named by its joints ends at its gripper; the torso's joints alone end at the torso."""
-    require("example-robot-data")
-    path = find_named("talos_left_arm").path
-    arm = load_arm(path, joints=[f"arm_left_{i}_joint" for i in range(1, 8)])
-    assert (arm.frame, arm.dof) == ("gripper_left_base_link", 7)
-    assert load_arm(path, joints=["torso_1_joint", "torso_2_joint"]).frame == "torso_2_link"
-    finger = load_arm(path, joints=["arm_left_7_joint", "gripper_left_joint"])
-    assert finger.frame == "gripper_left_motor_double_link"
-
-
 def test_two_arms_are_named_by_their_side():
     """A robot with two arms says how each is called; all limbs are listed, fingers left out."""
     require("example-robot-data")

@@ -10,7 +10,7 @@ from maniport.bodies import load_arm
 from maniport.bodies.human import middle_of
 from maniport.demonstrations import Recording, fit_arm, fit_arms, performed, read_recording
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 
 SIDES = ("left", "right")
 
@@ -87,7 +87,7 @@ def test_both_are_told_apart(both_arms):
     facts = facts_of(both_arms)
     assert [section.key for section in facts.sections] == ["", "left", "right"]
     assert "left arm, 272 frames" in repr(both_arms)
-    assert facts.fact("between_hands").value["median"] > 0.1
+    assert facts.metric("between_hands").value["median"] > 0.1
 
 
 def test_a_recording_of_one_arm_is_refused_at_once():

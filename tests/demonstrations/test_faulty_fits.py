@@ -10,7 +10,7 @@ import maniport as mp
 from maniport import bodies, spd
 from maniport.demonstrations import Recording, fit_arm, performed, read_recording
 from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from sizes import SMALL
 
 POSES = np.radians([[20, 60, 0, 70, 0, 5, 0], [40, 35, 30, 40, 20, 8, 20]])

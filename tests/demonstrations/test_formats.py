@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
-from maniport.bodies.anthropometry import segment_length
+from maniport.bodies.human import segment_length
 from maniport.demonstrations import fit_arm, read_recording
 from maniport.demonstrations.readers.orders import HUMAN36M, NAMES
 from maniport.demonstrations.readers.skeletons import SKELETONS as BY_NUMBER

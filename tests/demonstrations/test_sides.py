@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from maniport.bodies import load_arm
-from maniport.bodies.anthropometry import FRACTIONS
-from maniport.bodies.human import hand_rotations
+from maniport.bodies.human import FRACTIONS, hand_rotations
 from maniport.demonstrations import Recording, fit_arm, performed, read_recording
 from maniport.errors import InvalidInputError, RecordingError
 from mirror_images import in_a_mirror

@@ -7,11 +7,10 @@ import pytest
 
 from maniport.cli.evaluate import _rows
 from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.evaluation.alternatives import EVERY_ROW, ROWS
+from maniport.evaluation.baselines import EVERY_ROW, ROWS
 from maniport.studies import human_to_panda
-from maniport.studies.methods import compare_methods, in_short
+from maniport.studies.methods import GaussianTransport, compare_methods, in_short
 from maniport.studies.paper import known_truth, run
-from maniport.studies.transports import GaussianTransport
 from maniport.telling import as_markdown, facts_of
 
 

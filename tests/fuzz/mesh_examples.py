@@ -87,7 +87,6 @@ GOOD = {
                         + " ".join(f"7 {i}" for i in TETRAHEDRON.ravel()) + "</p></polylist>"),
     "one by one.dae": dae('<polygons count="4"><input semantic="VERTEX" source="#v" offset="0"/>'
                           + "".join(f"<p>{a} {b} {c}</p>" for a, b, c in TETRAHEDRON) + "</polygons>"),
-    "strip.dae": dae('<tristrips><input semantic="VERTEX" source="#v" offset="0"/><p>0 2 1 3 0 2</p></tristrips>'),
     "millimetres.dae": dae(unit="0.001", nodes=f"<node><scale>1000 1000 1000</scale>{SHOWN}</node>"),
     "moved.dae": dae(nodes="<node><translate>1 2 3</translate><rotate>0 0 2 90</rotate><node>"
                      "<rotate>0 0 1 -90</rotate><matrix>1 0 0 -1 0 1 0 -2 0 0 1 -3 0 0 0 1</matrix>"

@@ -17,7 +17,7 @@ from fuzz.mesh_examples import GOOD, stl
 from fuzz.robot_examples import BVH, MJCF, SRDF, URDF, WITH_MESHES
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.collisions import read_boxes
-from maniport.bodies.collisions.srdf import disabled_pairs
+from maniport.bodies.collisions.obstacles import disabled_pairs
 from maniport.bodies.human import JOINTS
 from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.demonstrations import read_recording, shipped_recording

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from kills.works import HALF, MISSING, Command, Writer
-from maniport import start
+from maniport import __main__ as entry_point
 
 PATIENCE = 60.0
 """Longest time after which whoever was struck must have ended [s]."""
@@ -43,7 +43,7 @@ def forked(work: Command | Writer, which: int, log: Path) -> int:
         return child
     code = 1
     try:
-        signal.signal(signal.SIGINT, start._end)
+        signal.signal(signal.SIGINT, entry_point._end)
         tempfile.tempdir = str(work.target.parent)  # what is left there is seen, too
         with open(log, "w") as stream:
             os.dup2(stream.fileno(), 1)

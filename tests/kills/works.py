@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from unittest import mock
 
-from maniport import cli, load_arm, sample_domain, start
+from maniport import __main__ as entry_point
+from maniport import cli, load_arm, sample_domain
+from maniport.atomic_io import folder_written_whole
 from maniport.demonstrations import shipped_recording
-from maniport.files import folder_written_whole, save_ellipsoids
+from maniport.files import save_ellipsoids
 from maniport.pipeline import transfer_recording
 from sizes import few_places, few_postures
 
@@ -53,7 +55,7 @@ class Command:
     def run(self, which: int) -> None:
         """Run one of them as the user does."""
         sys.argv = ["maniport", *self.arguments(which)]
-        start.main()
+        entry_point.main()
 
     def next(self, state: int | str) -> int:
         """Of the two runs the one whose result is not in place."""

@@ -97,9 +97,6 @@ def congruent(change, points):
     return 0.5 * (result + np.swapaxes(result, -1, -2))
 
 
-# ---- the forms that an array may have --------------------------------------------------------------------------
-
-
 class ArrayLike:
     """Something of another library that NumPy can make an array of."""
 

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws import covers
 from laws.strategies import FORMS, fewer, require_same_for_every_form, results_of
 from maniport import spd
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
@@ -17,6 +16,7 @@ ARMS = {
     "panda": lambda: load_arm("panda"),
     "myoarm": myoarm,
     "rhuman": lambda: rhuman(upper_arm=0.3),
+    "one joint": lambda: Arm.from_dh("one joint", [[0.1, 0.2, 1, 0.3]]),
     "two links": lambda: Arm.from_dh("two links", [[0, 0, 1, 0], [0, 0, 0.5, 0.3]], lower=-2.0, upper=[1.0, 2.5]),
     "slide": lambda: Arm.from_dh("slide", [[0, 0.1, 0.4, 1.0], [0.2, 0.3, 0, 0.5]], 0.0, 1.0, kinds=KINDS),
 }
@@ -57,7 +57,6 @@ NAMES = (
 )
 
 
-@covers("bodies.Arm", f"bodies.Arm: {NAMES}")
 @arms
 @fewer(0.15)
 @given(seed=seeds)
@@ -76,7 +75,6 @@ def test_neither_kind_of_numbers_nor_order_in_memory_matters(arm, seed):
             assert nothing.shape == (2, 0, *whole.shape[2:])
 
 
-@covers("bodies.Arm: forward jacobian point_positions point_jacobians axis_direction skeleton link_poses")
 @arms
 @given(seed=seeds)
 def test_kinematics_agree_with_one_another(arm, seed):
@@ -99,10 +97,6 @@ def test_kinematics_agree_with_one_another(arm, seed):
         assert_allclose((ahead - behind)[:, :3, 3] / (2 * step), jacobian[:, :3, k], atol=1e-7)
 
 
-@covers(
-    "bodies.Arm: manipulability ellipsoids principal_axes manipulability_jacobian differentials resolved",
-    "bodies.EllipsoidSpec",
-)
 @arms
 @given(seed=seeds, spec=st.sampled_from(SPECS))
 def test_ellipsoids_agree_with_one_another(arm, seed, spec):
@@ -129,11 +123,6 @@ def test_ellipsoids_agree_with_one_another(arm, seed, spec):
         assert_allclose(arm.ellipsoids(q, spec) @ matrices, [np.eye(spec.size)] * 3, atol=1e-5)
 
 
-@covers(
-    "bodies.Arm: sample within_limits require_within_limits configurations restricted narrowed from_dh",
-    "domain.sample_domain",
-    "bodies: load_arm myoarm rhuman",
-)
 @arms
 @given(seed=seeds, n=st.integers(1, 40), sequence=st.sampled_from(["sobol", "uniform"]))
 def test_samples_are_within_limits_and_repeat(arm, seed, n, sequence):

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from laws import covers
 from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer
 from maniport.evaluation import identity_test, rmse, smoothness, stability, structure
 from maniport.transfer import ParallelTransport, RawCopy, Recentring
@@ -22,7 +21,6 @@ def numbers(measured):
     return np.array([np.nan if value is None else value for value in vars(measured).values()], dtype=np.float64)
 
 
-@covers("evaluation: rmse RMSE smoothness Smoothness structure Structure")
 @measures
 @given(case=TAME.filter(lambda case: case.condition > 1.5), disguises=st.tuples(forms, forms))
 def test_measures_see_numbers(measure, case, disguises):
@@ -33,7 +31,6 @@ def test_measures_see_numbers(measure, case, disguises):
     assert isinstance(numbers(measure(*given_to)).sum(), float)
 
 
-@covers("evaluation: rmse smoothness structure")
 @measures
 @given(case=cases(least=0.2, most=8.0))
 def test_measures_go_along_with_a_turn_and_have_no_unit(measure, case):
@@ -48,22 +45,6 @@ def test_measures_go_along_with_a_turn_and_have_no_unit(measure, case):
     assert_allclose(numbers(measure(mapped[::-1], original[::-1])), wanted, atol=rounding, rtol=rounding)
 
 
-@covers("evaluation: rmse RMSE smoothness Smoothness structure Structure")
-@given(case=cases(least=0.2, most=8.0))
-def test_what_is_mapped_to_itself_is_kept(case):
-    """A profile mapped to itself has no error, its own steps, and all of its structure."""
-    x = case.spd(6)
-    assert rmse(x, x).undivided <= case.rounding
-    steps = smoothness(x, x)
-    assert steps.largest_ratio == steps.median_ratio == 1.0
-    kept = structure(x, x)
-    assert kept.spearman == pytest.approx(1.0)
-    assert kept.distortion == 0.0
-    for turn in (kept.major_turn, kept.minor_turn):
-        assert turn is None or turn <= 1e-4
-
-
-@covers("evaluation: identity_test stability Stability")
 @fewer(0.2)
 @given(case=cases(least=0.3, most=4.0, sizes=(2, 3, 6)), form=forms)
 def test_reliability_sees_what_the_map_does(case, form):

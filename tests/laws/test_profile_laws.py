@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws import covers
-from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, require_same_for_every_form
+from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer
 from maniport import spd
-from maniport.profiles import ProfileGMM, align, covariance_tensor, tracking_weights, weights_at
+from maniport.profiles import ProfileGMM, align, tracking_weights, weights_at
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 forms = st.sampled_from(sorted(FORMS | ROUNDED))
@@ -31,29 +30,6 @@ def covariances(case, n=3):
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
-# ---- alignment ---------------------------------------------------------------------------------------------------
-
-
-@covers("profiles: align Alignment", "profiles.Alignment: warp stacked")
-@given(case=TAME, form=forms)
-def test_alignment_sees_numbers(case, form):
-    """The same numbers are aligned alike, bit by bit, in whatever form; and they stay."""
-    disguise = (FORMS | ROUNDED)[form]
-    given_to = [disguise(one) for one in (case.spd(7), case.spd(5), case.spd(6))]
-    plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
-    found, wanted = align(given_to), align(plain)
-    assert_array_equal(found.ellipsoids, wanted.ellipsoids, strict=True)
-    assert_array_equal(found.distances, wanted.distances)
-    for one, before in zip(given_to, plain, strict=True):
-        assert_array_equal(np.array(one, dtype=np.float64), before)
-    signals = [disguise(100.0 + 10.0 * case.rng.standard_normal((n, 2))) for n in (7, 5, 6)]
-    assert_array_equal(
-        found.warp(signals), wanted.warp([np.array(one, dtype=np.float64) for one in signals]), strict=True
-    )
-    assert not any(np.may_share_memory(found.ellipsoids, one) for one in given_to if isinstance(one, np.ndarray))
-
-
-@covers("profiles: align Alignment", "profiles.Alignment.stacked")
 @given(case=cases(most=8.0), reference=st.none() | st.integers(0, 2))
 def test_alignment_runs_from_start_to_end(case, reference):
     """Paths go from both starts to both ends and never back; a congruence of all ellipsoids changes no match."""
@@ -74,7 +50,6 @@ def test_alignment_runs_from_start_to_end(case, reference):
     assert_array_equal(ellipsoids[groups == 1], result.ellipsoids[1])
 
 
-@covers("profiles.align")
 @given(case=cases(least=0.1, most=8.0))
 def test_alignment_of_what_runs_backwards_runs_backwards(case):
     """Reversed demonstrations are as far apart; one more copy of the reference lies on it at no distance."""
@@ -86,10 +61,6 @@ def test_alignment_of_what_runs_backwards_runs_backwards(case):
     assert_array_equal(again.ellipsoids[1], data[0])
 
 
-# ---- mixtures ----------------------------------------------------------------------------------------------------
-
-
-@covers("profiles.ProfileGMM", "profiles.ProfileGMM: fit predict score score_samples bic save load")
 @fewer(0.4)
 @given(case=TAME.filter(lambda case: case.d <= 3), form=forms)
 def test_a_mixture_sees_numbers(case, form, tmp_path_factory):
@@ -112,7 +83,6 @@ def test_a_mixture_sees_numbers(case, form, tmp_path_factory):
         assert_array_equal(np.array(one, dtype=np.float64), before)
 
 
-@covers("profiles.ProfileGMM", "profiles.ProfileGMM: fit predict score")
 @fewer(0.4)
 @given(case=cases(most=4.0, sizes=(2, 3, 4)))
 def test_order_of_demonstrations_does_not_matter(case):
@@ -130,22 +100,6 @@ def test_order_of_demonstrations_does_not_matter(case):
     assert_allclose(spd.distance(profile(congruent(change, data)), congruent(change, wanted)), 0.0, atol=1e-6)
 
 
-# ---- weights -----------------------------------------------------------------------------------------------------
-
-
-@covers("profiles: tracking_weights weights_at covariance_tensor")
-@given(case=TAME.filter(lambda case: case.d <= 4))
-def test_weights_see_numbers(case):
-    """The same covariances and ellipsoids give the same weights and tensors, bit by bit, in whatever form."""
-    covariance = covariances(case.with_scale(100.0))
-    for root in (False, True):
-        require_same_for_every_form(lambda c, root=root: tracking_weights(c, root=root), [covariance])
-    points, others = case.spd(2, 3)
-    require_same_for_every_form(weights_at, [covariance, points, others], FORMS | ROUNDED)
-    require_same_for_every_form(covariance_tensor, [points, covariance], FORMS | ROUNDED)
-
-
-@covers("profiles.tracking_weights")
 @fewer(0.7)
 @given(case=cases(), damping=st.floats(1e-3, 10.0))
 def test_weights_have_no_unit_and_a_mean_of_one(case, damping):
@@ -162,7 +116,6 @@ def test_weights_have_no_unit_and_a_mean_of_one(case, damping):
     assert_allclose(turned, congruent(turn, weights), atol=1e-8 * weights.max())
 
 
-@covers("profiles.weights_at")
 @given(case=cases(most=4.0, sizes=(2, 3, 4, 6)))
 def test_weights_are_turned_and_turned_back(case):
     """Turning weights to another ellipsoid keeps their eigenvalues, is undone on the way back, is nothing at home."""
@@ -172,17 +125,3 @@ def test_weights_are_turned_and_turned_back(case):
     assert_allclose(np.linalg.eigvalsh(there), np.linalg.eigvalsh(weights), rtol=1e-7, atol=1e-7 * weights.max())
     assert_allclose(weights_at(there, achieved, target), weights, atol=1e-6 * weights.max())
     assert_allclose(weights_at(weights, target, target), weights, atol=1e-7 * weights.max())
-
-
-@covers("profiles.covariance_tensor")
-@given(case=cases(most=4.0, sizes=(2, 3, 4)))
-def test_the_tensor_is_symmetric_and_of_the_covariance_s_size(case):
-    """E[L_ij L_kl] is symmetric in i and j, k and l, and both pairs; in whitened coordinates its trace is that of C."""
-    case = case.with_scale(1.0)
-    points, covariance = case.spd(3), covariances(case)
-    tensor = covariance_tensor(points, covariance)
-    for axes in ((0, 2, 1, 3, 4), (0, 1, 2, 4, 3), (0, 3, 4, 1, 2)):
-        assert_allclose(tensor, tensor.transpose(axes), atol=1e-9 * np.abs(tensor).max())
-    inverse = np.linalg.inv(points)
-    trace = np.einsum("nijkl,njk,nli->n", tensor, inverse, inverse)
-    assert_allclose(trace, np.trace(covariance, axis1=1, axis2=2), rtol=1e-6)

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws import covers
 from laws.strategies import (
     EPS,
     FORMS,
@@ -78,10 +77,6 @@ def arguments(case, kinds, *shape):
     return [make[kind]() for kind in kinds]
 
 
-# ---- numbers, memory and shapes ----------------------------------------------------------------------------------
-
-
-@covers(*CALLS)
 @functions
 @given(case=TAME, shape=st.sampled_from([(), (3,), (2, 3)]))
 def test_neither_kind_of_numbers_nor_order_in_memory_matters(name, case, shape):
@@ -107,10 +102,6 @@ def test_a_batch_is_its_members(name, case):
         assert nothing.shape == (2, 0, *whole.shape[2:])
 
 
-# ---- distances ---------------------------------------------------------------------------------------------------
-
-
-@covers("spd.distance", "spd.log_euclidean.distance")
 @metrics
 @given(case=cases())
 def test_distance_is_a_metric_at_every_condition(metric, case):
@@ -126,7 +117,6 @@ def test_distance_is_a_metric_at_every_condition(metric, case):
     assert_allclose(metric.distance(congruent(turn, a), congruent(turn, b)), apart, atol=case.rounding)
 
 
-@covers("spd.distance")
 @given(case=cases())
 def test_distance_is_blind_to_every_congruence(case):
     """C A Cᵀ and C B Cᵀ are as far apart as A and B; never nearer than their logarithms."""
@@ -136,10 +126,6 @@ def test_distance_is_blind_to_every_congruence(case):
     assert np.all(log_euclidean.distance(a, b) <= spd.distance(a, b) + case.rounding)
 
 
-# ---- tangents ----------------------------------------------------------------------------------------------------
-
-
-@covers("spd: log exp inner geodesic", "spd.log_euclidean: log exp inner geodesic")
 @metrics
 @given(case=cases())
 def test_tangents_lead_where_they_point(metric, case):
@@ -158,7 +144,6 @@ def test_tangents_lead_where_they_point(metric, case):
             assert_allclose(metric.distance(metric.exp(a, tangent), b), 0.0, atol=case.rounding_between)
 
 
-@covers("spd: transport inner", "spd.log_euclidean: transport inner")
 @metrics
 @given(case=cases())
 def test_transport_keeps_inner_products(metric, case):
@@ -174,10 +159,6 @@ def test_transport_keeps_inner_products(metric, case):
         assert np.all(np.sqrt(metric.inner(start, back, back)) <= 10.0 * case.rounding * (1.0 + lengths))
 
 
-# ---- functions of matrices ---------------------------------------------------------------------------------------
-
-
-@covers("spd: logm expm powm power sqrtm invsqrtm")
 @given(case=cases())
 def test_powers_are_multiples_of_the_logarithm(case):
     """The exponential of the logarithm is the matrix; P^s moves log P by s; the root, twice, and the inverse root."""
@@ -193,7 +174,6 @@ def test_powers_are_multiples_of_the_logarithm(case):
     assert_allclose(root @ inverse, np.broadcast_to(np.eye(case.d), x.shape), atol=case.rounding)
 
 
-@covers("spd: to_vector from_vector")
 @given(case=cases())
 def test_mandel_vectors_are_matrices_by_another_name(case):
     """Vectors have the matrices' inner product, and come back as the matrices, bit by bit but for one rounding."""
@@ -205,7 +185,6 @@ def test_mandel_vectors_are_matrices_by_another_name(case):
     assert_allclose(spd.to_vector(spd.from_vector(vectors[0])), vectors[0], rtol=2 * EPS)
 
 
-@covers("spd: axes lengths volume condition")
 @given(case=cases())
 def test_axes_are_what_the_ellipsoid_is_made_of(case):
     """Ascending lengths on orthonormal axes give the matrix, its condition and, all together, its volume."""
@@ -221,10 +200,6 @@ def test_axes_are_what_the_ellipsoid_is_made_of(case):
     assert_allclose(spd.volume(x), ball * np.exp(0.5 * np.linalg.slogdet(x)[1]), rtol=case.rounding)
 
 
-# ---- means -------------------------------------------------------------------------------------------------------
-
-
-@covers("spd: mean dispersion")
 @fewer(0.7)
 @given(case=cases(most=8.0))
 def test_mean_and_dispersion_go_along_with_a_congruence(case):
@@ -240,7 +215,6 @@ def test_mean_and_dispersion_go_along_with_a_congruence(case):
         assert_allclose(spd.dispersion(x[order], kind=kind), spread, atol=case.rounding)
 
 
-@covers("spd.mean")
 @fewer(0.7)
 @given(case=cases())
 def test_mean_is_within_reach_of_its_points_or_says_so(case):
@@ -256,7 +230,6 @@ def test_mean_is_within_reach_of_its_points_or_says_so(case):
     assert spd.distance(center, x).max() <= spd.distance(x[:, None], x).max() + case.rounding
 
 
-@covers("spd: whiten unwhiten")
 @given(case=cases())
 def test_whitening_is_undone(case):
     """Whitening takes the center to the identity, keeps distances to it, and unwhitening brings all back."""

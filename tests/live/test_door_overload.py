@@ -11,7 +11,7 @@ from test_live_clock import FakeClock, require_limits
 from toy import Toy, serving
 
 import maniport as mp
-from maniport.bounds import FRAME_BYTES
+from maniport.input_limits import FRAME_BYTES
 from maniport.live.door.openings import Datagrams, Line
 from maniport.live.door.serving import Bell, serve
 

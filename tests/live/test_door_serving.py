@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from toy import NAMES, Ends, Toy, serving, wait
 
-from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError, OutputError
+from maniport.input_limits import FRAME_BYTES
 from maniport.live.door.histogram import Histogram
 from maniport.live.door.openings import AT_ONCE, Datagrams, Pipe
 

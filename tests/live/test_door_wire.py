@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError
+from maniport.input_limits import FRAME_BYTES
 from maniport.live.door.wire import answer, hello, read_frame, refusal
 
 NAMES = ("shoulder", "elbow", "wrist")

@@ -56,22 +56,6 @@ def test_does_not_change_under_congruence(random_spd, rng):
     assert cloud.energy_distance(*moved) == pytest.approx(cloud.energy_distance(a, b), rel=1e-6)
 
 
-def test_duplicates_are_weights(random_spd, rng):
-    """A cloud taken twice is the same distribution."""
-    a, b = random_spd(rng, (20,), 3), random_spd(rng, (30,), 3)
-    twice = cloud.energy_distance(np.concatenate([a, a]), b)
-    assert twice == pytest.approx(cloud.energy_distance(a, b), rel=1e-10)
-
-
-def test_blocks_do_not_matter(rng, monkeypatch):
-    """The mean distance is the same whether it is summed at once or row by row."""
-    x, y = rng.standard_normal((50, 6)), rng.standard_normal((30, 6))
-    whole = cloud.mean_distance(x), cloud.mean_distance(x, y)
-    monkeypatch.setattr(cloud, "BLOCK_BYTES", 8 * 7 * 50)
-    assert (cloud.mean_distance(x), cloud.mean_distance(x, y)) == pytest.approx(whole, rel=1e-13)
-    assert whole[0] == pytest.approx(np.mean(np.linalg.norm(x[:, None] - x[None], axis=-1)), rel=1e-13)
-
-
 def test_log_vectors_keep_distances_to_the_centre_and_shorten_others(random_spd, rng):
     """|x| = d(X, C), and |x − y| ≤ d(X, Y)."""
     points, center = random_spd(rng, (40,), 3), random_spd(rng, (), 3)

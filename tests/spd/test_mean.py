@@ -42,19 +42,6 @@ def test_no_neighbour_has_a_lower_cost(d, seed, random_spd, random_symmetric):
 
 @sizes
 @seeds
-def test_mean_is_equivariant(d, seed, random_spd):
-    """Congruence, inversion and a new order of the points may be applied before or after the mean."""
-    rng = np.random.default_rng(seed)
-    x = random_spd(rng, (6,), d)
-    c = np.eye(d) + 0.3 * rng.standard_normal((d, d)) / np.sqrt(d)
-    center = spd.mean(x)
-    assert_allclose(spd.distance(spd.mean(c @ x @ c.T), c @ center @ c.T), 0.0, atol=1e-8)
-    assert_allclose(spd.distance(spd.mean(np.linalg.inv(x)), np.linalg.inv(center)), 0.0, atol=1e-8)
-    assert_allclose(spd.distance(spd.mean(x[::-1]), center), 0.0, atol=1e-9)
-
-
-@sizes
-@seeds
 def test_integer_weights_are_repetitions(d, seed, random_spd):
     """A point of weight two counts like the point twice, one of weight zero like no point, at any common scale."""
     x = random_spd(np.random.default_rng(seed), (4,), d)
@@ -88,16 +75,6 @@ def test_mean_of_commuting_matrices_is_geometric(d):
     assert_allclose(spd.mean(x), np.diag(np.exp(np.log(diagonals).mean(axis=0))), rtol=1e-12, atol=1e-14)
 
 
-@sizes
-@seeds
-def test_dispersion_scales_with_powers_about_the_identity(d, seed, random_spd):
-    """Dilating points about the identity by s multiplies both kinds of dispersion about it by s."""
-    x = random_spd(np.random.default_rng(seed), (6,), d)
-    for kind in ("mean", "rms"):
-        before = spd.dispersion(x, np.eye(d), kind)
-        assert_allclose(spd.dispersion(spd.power(x, 0.4), np.eye(d), kind), 0.4 * before, rtol=1e-9)
-
-
 def test_dispersion_kinds(random_spd):
     """Dispersion is the mean distance from the mean, or the root of the mean squared distance, which is larger."""
     x = random_spd(np.random.default_rng(0), (6,), 3)
@@ -106,19 +83,6 @@ def test_dispersion_kinds(random_spd):
     assert_allclose(spd.dispersion(x, kind="rms"), np.sqrt(np.mean(distances**2)), rtol=1e-12)
     assert spd.dispersion(x, kind="rms") > spd.dispersion(x)
     assert_allclose(spd.dispersion(x[:1]), 0.0, atol=1e-9)
-
-
-@sizes
-@seeds
-def test_whitening_moves_the_mean_to_the_identity(d, seed, random_spd):
-    """Whitened points have the identity as mean and keep their distances; unwhitening brings them back."""
-    x = random_spd(np.random.default_rng(seed), (6,), d)
-    center = spd.mean(x)
-    whitened = spd.whiten(x, center)
-    assert_allclose(spd.mean(whitened), np.eye(d), atol=1e-9)
-    assert_allclose(spd.distance(whitened[0], whitened[1:]), spd.distance(x[0], x[1:]), rtol=1e-8)
-    assert_allclose(spd.unwhiten(whitened, center), x, atol=1e-10)
-    assert_allclose(spd.whiten(center, center), np.eye(d), atol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -150,13 +114,3 @@ def test_mean_names_what_is_wrong(arguments, message):
     """Wrong weights, tolerance or limit are refused with what was found and what is allowed."""
     with pytest.raises(ValueError, match=message):
         spd.mean(np.stack([np.eye(3)] * 4), **arguments)
-
-
-@pytest.mark.parametrize("function", [spd.whiten, spd.unwhiten])
-def test_whitening_refuses_centers_that_do_not_fit(function):
-    """A centre of another size, or a batch of centres that does not broadcast, is refused by name."""
-    points = np.stack([np.eye(3)] * 4)
-    with pytest.raises(ValueError, match="points must hold 2×2 matrices; found 3×3"):
-        function(points, np.eye(2))
-    with pytest.raises(ValueError, match=r"leading axes must broadcast; found shapes points .* center "):
-        function(points, points[:2])

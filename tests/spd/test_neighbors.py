@@ -4,11 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from maniport import spd
 from maniport.errors import NotSPDError
-from maniport.spd import neighbors
 from maniport.spd.neighbors import nearest
 
 
@@ -24,27 +23,6 @@ def test_nearest_equals_brute_force(d, condition, n, m, random_spd):
     index, distance = nearest(queries, points)
     assert_allclose(distance, every.min(axis=1), rtol=1e-10 * condition)
     assert_allclose(every[np.arange(n), index], every.min(axis=1), rtol=1e-10 * condition)
-
-
-def test_nearest_equals_pyriemann(random_spd):
-    """Distances and partners agree with pyRiemann's pairwise distances."""
-    pyriemann = pytest.importorskip("pyriemann.utils.distance")
-    rng = np.random.default_rng(0)
-    queries, points = random_spd(rng, (15,), 3), random_spd(rng, (60,), 3)
-    every = pyriemann.pairwise_distance(queries, points, metric="riemann")
-    index, distance = nearest(queries, points)
-    assert_array_equal(index, every.argmin(axis=1))
-    assert_allclose(distance, every.min(axis=1), rtol=1e-9)
-
-
-def test_nearest_does_not_depend_on_the_blocks(monkeypatch, random_spd):
-    """Searching in small blocks finds the same."""
-    rng = np.random.default_rng(0)
-    queries, points = random_spd(rng, (50,), 3, 1e6), random_spd(rng, (300,), 3, 1e6)
-    whole = nearest(queries, points)
-    monkeypatch.setattr(neighbors, "CANDIDATE_BYTES", 1)
-    for one, other in zip(nearest(queries, points), whole, strict=True):
-        assert_array_equal(one, other)
 
 
 def test_points_too_ill_conditioned_for_a_search_are_refused(random_spd):

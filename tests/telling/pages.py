@@ -1,21 +1,17 @@
 """A page with one section, for tests of how things are shown."""
 
-import base64
-
-import numpy as np
-
-from maniport.telling.facts import Fact, Facts, Section, Table, warnings_of
-from maniport.telling.page import as_html, write_page
-from maniport.telling.page.encoding import FORMS
+from maniport.telling.metrics import Metric, Report, Section, Table, warnings_of
+from maniport.telling.page import Cloud, DomainMap, as_html, write_page
+from maniport.telling.series import map_of
 
 
 def told(*parts, warnings=("mind",), title="a title"):
-    """Facts with one section of facts and tables, and what is to be looked at beside them."""
-    facts = tuple(part for part in parts if isinstance(part, Fact))
+    """A report with one section of metrics and tables, and what is shown in it."""
+    metrics = tuple(part for part in parts if isinstance(part, Metric))
     tables = tuple(part for part in parts if isinstance(part, Table))
-    shown = [part for part in parts if not isinstance(part, Fact | Table)]
-    section = Section("a section", (*warnings_of("some", warnings), *facts), tables, text="one\ntwo")
-    return Facts(title, "a lead", (section,)), {"a section": shown}
+    shown = [part for part in parts if not isinstance(part, Metric | Table)]
+    section = Section("a section", (*warnings_of("some", warnings), *metrics), tables, text="one\ntwo")
+    return Report(title, "a lead", (section,)), {"a section": shown}
 
 
 def page_of(*parts, **options):
@@ -29,7 +25,11 @@ def written(path, *parts, **options):
     return path
 
 
-def unpacked(entry):
-    """Arrays as the page's scripts see them; undoes `packed` and `packed_indices`."""
-    form = next(form for form in FORMS if form in entry)
-    return np.frombuffer(base64.b64decode(entry[form]), dtype=FORMS[form]).reshape(entry["shape"])
+def map_with(domains, profiles):
+    """A map of ellipsoids by role."""
+    chart = map_of([*domains.values(), *profiles.values()])
+    clouds, lines = (
+        tuple(Cloud(role, role, chart.transform(points), points) for role, points in sets.items())
+        for sets in (domains, profiles)
+    )
+    return DomainMap(clouds, lines)

@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 import sys
 import threading
 import types
@@ -15,7 +14,6 @@ from rich.text import Text
 from maniport.errors import ConvergenceWarning
 from maniport.telling import console as consoles
 from maniport.telling.console import Console, progress
-from maniport.telling.facts import Facts, Section, Table
 
 
 class Terminal(io.StringIO):
@@ -60,33 +58,6 @@ def notebook(monkeypatch):
     monkeypatch.setitem(sys.modules, "IPython.display", module)
     monkeypatch.setattr(consoles, "_standard_error", lambda: RichConsole(file=io.StringIO(), force_jupyter=True))
     return states
-
-
-def test_a_terminal_shows_every_word_of_a_page():
-    """A page laid out for a narrow terminal is wrapped, not cut: no word of a long line is lost."""
-    words = [f"word{i}" for i in range(60)]
-    console = Console()
-    stream = io.StringIO()
-    console._out = RichConsole(file=stream, force_terminal=True, width=80, soft_wrap=True)
-    console.finish({}, "# Title\n\n- " + " ".join(words) + "\n", markdown=True)
-    shown = stream.getvalue()
-    assert [word for word in words if word not in shown] == []
-
-
-def test_a_wide_table_is_split_before_its_words_are_cut():
-    """On 80 columns every name and number of a comparison of methods is whole, whatever the words."""
-    names = "feasibility gap", "feasibility gap, domain", "structure", "turn of axes", "energy distance", "identity"
-    head = ("", *names)
-    rows = tuple((name, *["0.036 / 0.031 / 0.12"] * 6) for name in ("parallel-transport", "student's own samples"))
-    stream = io.StringIO()
-    console = Console()
-    console._out = RichConsole(file=stream, force_terminal=True, width=80, soft_wrap=True)
-    console.tell(Facts("a page", "", (Section("methods", (), tables=(Table(head, rows),)),)))
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", stream.getvalue())
-    assert "…" not in shown
-    assert shown.count("feasibility") == 2
-    assert shown.count("parallel-transport") == shown.count("student's") > 1
-    assert max(map(len, shown.splitlines())) <= 80
 
 
 def test_json_has_no_nan(capsys):
@@ -178,18 +149,6 @@ def test_progress_in_a_notebook_moves_and_ends(notebook):
     assert "<progress" not in ended
     assert "✓ walk: &lt;b&gt;3 km&lt;/b&gt;" in ended
     assert closed == ended
-
-
-def test_a_notebook_is_drawn_when_there_is_something_to_see(notebook):
-    """Fractions that differ by less than one in a hundred are not drawn: each drawing is a message to the browser."""
-    with progress() as tell:
-        for i in range(10_000):
-            tell("walk", i / 10_000)
-        tell("walk", 1.0)
-        tell("walk", 0.0)  # the same again
-    assert 50 < len(notebook) < 110
-    assert "✓ walk" in notebook[-1]
-    assert "<progress" in notebook[-2]
 
 
 def test_progress_in_a_notebook_stops_at_an_error(notebook):

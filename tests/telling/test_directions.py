@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.spd.ellipsoid import axis_over_time
-from maniport.telling.figures.style import with_breaks
+from maniport.telling.figures.curves import with_breaks
 
 
 def turning(count=200, turns=2.0):

@@ -10,7 +10,7 @@ from sklearn.pipeline import Pipeline
 
 import maniport as mp
 from maniport.notebook import ShownInNotebooks
-from maniport.telling import Fact, Facts, Section, Table, as_html
+from maniport.telling import Metric, Report, Section, Table, as_html
 from maniport.transfer import Search
 
 TIME = np.linspace(0.0, 1.0, 11)
@@ -121,8 +121,8 @@ def test_everything_is_escaped():
     assert "<img" not in html
     assert "A &amp; b." in html
     evil = "<i>"
-    section = Section(evil, (Fact(evil, evil, evil),), (Table((evil,), ((evil,),), evil),))
-    assert "<i>" not in as_html(Facts(evil, evil, (section,)))
+    section = Section(evil, (Metric(evil, evil, evil),), (Table((evil,), ((evil,),), evil),))
+    assert "<i>" not in as_html(Report(evil, evil, (section,)))
 
 
 def test_an_object_without_facts_shows_its_prompt():
@@ -140,7 +140,7 @@ def test_an_adapter_tells_its_fit(objects):
     icp = objects["RiemannianICP"]
     text = " ".join(Reader(icp._repr_html_()).text)
     words = (
-        f"s = {icp.dispersion_ratio_:.4g}",
+        f"ratio {icp.dispersion_ratio_:.4g}",
         f"{icp.student_damping_:.3g}",
         icp.identifiability_.in_words(),
         icp.stop_reason_,
@@ -162,7 +162,7 @@ def test_the_angle_of_an_adapter_is_that_of_its_rotation(objects):
     )
     adapter = mp.ParallelTransport(damping=0.01, mounting=turn).fit(teacher, turn @ teacher @ turn.T)
     assert "turns by 40.0°" in repr(adapter)
-    assert "the map turns by 40.0°, the mounting included" in adapter._repr_html_()
+    assert "40.0° with the base rotation" in adapter._repr_html_()
 
 
 def test_the_prompt_of_an_adapter_makes_it_again(objects):
@@ -204,4 +204,4 @@ def test_slides_are_metres():
     text = Reader(arm._repr_html_()).text
     assert "-1.000 to 1.000 m" in text
     assert "-1.000 to 1.000 rad (-57° to 57°)" in text
-    assert text.count("not known") == 2
+    assert text.count("unknown") == 2

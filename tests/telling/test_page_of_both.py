@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
-from pages import unpacked, written
+from numpy.testing import assert_allclose
+from pages import written
 
 from maniport.errors import InvalidInputError
-from maniport.telling import figures
+from maniport.telling.figures import _decoded
 from maniport.telling.page import Body, Line, Motion, Panel
-from maniport.telling.page.encoding import as_json
+from maniport.telling.page.content import as_json
 
 COUNT = 12
 TIME = np.linspace(0.0, 1.0, COUNT)
@@ -43,13 +43,13 @@ def pair():
 
 def test_arms_of_a_pair_are_written_beside_one_another(pair):
     """Every array of the second arm comes back; a body that is alone has no word of others."""
-    data = json.loads(as_json(pair))
+    data = _decoded(json.loads(as_json(pair, 100)))
     for body, shown in zip(data["bodies"], pair.bodies, strict=True):
         (other,) = body["beside"]
-        assert_allclose(unpacked(other["skeleton"]), shown.beside[0].skeleton, rtol=1e-6, atol=1e-7)
+        assert_allclose((other["skeleton"]), shown.beside[0].skeleton, rtol=1e-6, atol=1e-7)
         assert "beside" not in other
-    assert_allclose(unpacked(data["bodies"][1]["beside"][0]["path"]), pair.bodies[1].beside[0].path, atol=1e-6)
-    alone = json.loads(as_json(Motion(TIME, (arm(1),))))["bodies"][0]
+    assert_allclose((data["bodies"][1]["beside"][0]["path"]), pair.bodies[1].beside[0].path, atol=1e-6)
+    alone = json.loads(as_json(Motion(TIME, (arm(1),)), 100))["bodies"][0]
     assert set(alone) == {"name", "skeleton", "ellipsoids", "path", "parts", "turn", "figure"}
 
 
@@ -88,27 +88,3 @@ def test_both_arms_are_drawn_in_one_picture(browser, pair, tmp_path):
     assert boxes[0][0] < boxes[1][0]
     browser.dress(width=390, height=844)
     assert browser.run("document.documentElement.scrollWidth") <= 390
-
-
-def test_figures_have_a_column_for_each_arm():
-    """Distances of both have one scale; an arm with fewer joints leaves room; shared names are those given."""
-    limits = {"a": (-1.0, 2.0), "b": (-1.0, 1.0)}
-    left, right = (TIME, {"a": TIME, "b": TIME}, limits), (3 * TIME, {"a": TIME}, limits)
-    figure = figures.motions(TIME, {"Left": left, "Right": right})
-    titles = [panel.get_title(loc="left") for panel in figure.axes if panel.get_visible()]
-    assert titles[1] == "Right: distance of target and achieved ellipsoids"
-    assert titles[2:] == ["a [°]", "a [°]", "b [°]"]
-    assert_allclose(figure.axes[2].lines[0].get_ydata(), np.degrees(TIME))
-    assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()
-    assert_array_equal(figure.axes[1].lines[0].get_ydata(), 3 * TIME)
-    assert [panel.get_xlabel() for panel in figure.axes] == ["", "", "", "time [s]", "time [s]", ""]
-
-
-def test_arms_share_a_panel():
-    """Two arms in one panel are both drawn there, in one box."""
-    lines = {name: arm(side).skeleton for name, side in (("l", 1), ("r", -1), ("alone", 1))}
-    shells = dict.fromkeys(lines, np.tile(np.eye(3) / 9, (COUNT, 1, 1)))
-    figure = figures.arms(lines, shells, count=3, within={"l": "both", "r": "both"})
-    assert [panel.get_title() for panel in figure.axes] == ["both", "alone"]
-    assert [len(panel.lines) for panel in figure.axes] == [6, 3]
-    assert figure.axes[0].get_ylim()[0] < -0.3 < 0.3 < figure.axes[0].get_ylim()[1]

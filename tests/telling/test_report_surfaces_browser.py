@@ -56,33 +56,3 @@ def test_surfaces_are_drawn_and_can_be_taken_off(browser, clad):
     np.testing.assert_array_equal(pixels(browser), surface)
     assert browser.complaints == []
     assert browser.run("maniport.players[0].stages[1].stage.gl.getError()") == 0
-
-
-def test_surfaces_move_with_the_clock(browser, clad):
-    """Half way between two stored times a surface is half turned; the one that stands still stays."""
-    browser.dress()
-    browser.open(clad)
-    turned = browser.run("maniport.poseAt(maniport.players[0].motion.bodies[1].parts[1].poses, 29, 0.5).columns")
-    angle = 29.5 / 59 * np.pi / 2
-    expected = [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
-    np.testing.assert_allclose(turned, expected, atol=1e-6)
-    still = browser.run("maniport.poseAt(maniport.players[0].motion.bodies[1].parts[0].poses, 29, 0.5).columns")
-    np.testing.assert_allclose(still, np.eye(3), atol=1e-6)
-    before = pixels(browser)
-    browser.press("End")
-    browser.wait("document.querySelector('.motion').dataset.time > 5.4")
-    assert (pixels(browser) != before).any()
-
-
-def test_edges_stay_sharp_and_bends_are_smooth(browser, clad):
-    """A right-angled edge gives each side its own normal, whatever the order of its corners; a flat bend shares one."""
-    browser.dress()
-    browser.open(clad)
-    script = "Array.from(maniport.smoothed(new Float32Array({}), new Uint16Array({})).numbers)"
-    for height, count in ((1.0, 6), (0.1, 4)):
-        points = [0, 0, 0, 0, 1, 0, 1, 0, 0, 0 if height == 1 else -1, 0, height]
-        for order in ([0, 1, 2, 0, 1, 3], [0, 1, 2, 1, 0, 3]):
-            places, normals = np.split(np.array(browser.run(script.format(points, order))).reshape(-1, 6), 2, axis=1)
-            np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
-            normals *= np.sign(normals.sum(axis=1, keepdims=True))  # either sign is lit alike
-            assert len(np.unique(np.round([*zip(places, normals, strict=True)], 5), axis=0)) == count

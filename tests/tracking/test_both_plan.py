@@ -1,4 +1,4 @@
-"""Motions of two arms: as each alone where they do not meet, apart where they do, mirrored where all is mirrored."""
+"""Motions of two arms: as each alone where they do not meet, apart where they do."""
 
 import csv
 from dataclasses import replace
@@ -9,18 +9,14 @@ import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
-from crane import CRANE
 from maniport.bodies.chain import pose
 from maniport.errors import InvalidInputError
 from maniport.tracking import ArmsPlanner, Objective, plan_arms, plan_motion
-from maniport.tracking.both.mirror import MIRROR, mirror_signs
 from maniport.tracking.both.targets import BothTargets
 from maniport.tracking.exports import export_motion
-from maniport.tracking.motion_limits import PANDA, PANDA_SOURCE, MotionLimits
+from maniport.tracking.motion_limits import MotionLimits
 
 TIME = np.linspace(0.0, 3.0, 16)
-SIGNS = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
-"""Of a Panda in the mirror."""
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
 
 
@@ -95,65 +91,6 @@ def test_a_pair_is_one_motion(apart, separate):
     assert_allclose(separate.certificate, np.sqrt(squares[0] / squares[1]))
 
 
-def images(arms, right):
-    """What is asked for where the right arm shall do as in these postures, and the left one as its image."""
-    path, profile = arms.right.forward(right)[:, :3, 3], 1.2 * arms.right.manipulability(right)
-    return {"profiles": [MIRROR @ profile @ MIRROR, profile], "paths": [path @ MIRROR, path], "time": TIME}
-
-
-def test_mirrored_targets_give_mirrored_motions(beside):
-    """Where the arms are images of one another, images of targets give images of motions."""
-    arms, planner = beside
-    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick")
-    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
-    assert_allclose(found.left.distance, found.right.distance, atol=1e-6)
-    assert_allclose(found.left.node_floor, found.right.node_floor, atol=1e-3)
-    assert found.room.share == 0.0
-    assert found.limit_use.within
-
-
-def test_what_is_in_the_way_of_one_arm_ends_the_mirror(beside):
-    """A box that the left arm alone would meet is avoided, though all that is asked for is mirrored."""
-    arms, planner = beside
-    asked = images(arms, swung() - np.eye(7)[0])
-    elbow = arms.left.skeleton(SIGNS * (swung() - np.eye(7)[0]))[7, 4]
-    blocked = mp.Collisions.of(arms, boxes=[np.append(elbow + np.array([0.0, 0.0, 0.08]), [0.05] * 3)])
-    planner = replace(known(arms, blocked), each=tuple(
-        replace(one, collisions=own) for one, own in zip(planner.each, blocked.each, strict=True)
-    ))  # fmt: skip
-    found = plan_arms(arms, **asked, planner=planner, effort="quick")
-    assert found.room.share == 0.0
-    assert np.abs(found.left.control_positions - SIGNS * found.right.control_positions).max() > 1e-3
-
-
-def test_mirrored_motions_leave_the_trunk_upright(crane):
-    """Arms that share a joint move as images, too; what would turn both the same way stays in the middle."""
-    swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, 5)) + np.arange(5)) + 0.2
-    swing[:, 0] = 0.0
-    planner = known(crane)
-    found = plan_arms(crane, **images(crane, swing), planner=planner, effort="quick")
-    signs = mirror_signs(planner.limits)
-    assert found.together
-    assert_allclose(found.left.control_positions, signs * found.right.control_positions, atol=1e-6)
-    assert_allclose(found.control_positions[:, 0], 0.0, atol=1e-12)
-
-
-def test_images_are_known_by_axes_tips_and_limits(beside):
-    """Signs turn each posture of the left arm into its image; arms that stand or may move otherwise have none."""
-    arms, planner = beside
-    q = arms.left.sample(16, 1)
-    assert_allclose(arms.right.forward(SIGNS * q)[:, :3, 3], arms.left.forward(q)[:, :3, 3] @ MIRROR, atol=1e-12)
-    assert_allclose(
-        arms.right.manipulability(SIGNS * q, part="rotation"),
-        MIRROR @ arms.left.manipulability(q, part="rotation") @ MIRROR,
-        atol=1e-12,
-    )
-    turned = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0, 0.1)])
-    assert mirror_signs(MotionLimits.of(turned)) is None
-    slower = replace(planner.limits, velocity=planner.limits.velocity * np.linspace(0.5, 1.0, 14))
-    assert mirror_signs(slower) is None
-
-
 def test_arms_that_would_meet_are_kept_apart(beside):
     """Tips that pass 19 cm from one another, where each arm alone would go through the other: they make way."""
     arms, planner = beside
@@ -193,16 +130,6 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     assert found.limit_use.within
 
 
-def test_mirrored_ways_give_mirrored_motions(beside):
-    """Images of targets give images of motions where the way between the tips alone is kept, too.
-
-    Collisions are left out, since the hand is mounted at 45° and is no image of itself.
-    """
-    arms, planner = beside[0], known(beside[0], False)
-    found = plan_arms(arms, **images(arms, swung() - np.eye(7)[0]), planner=planner, effort="quick", tips="relative")
-    assert_allclose(found.left.control_positions, SIGNS * found.right.control_positions, atol=1e-6)
-
-
 def trunk(side):
     """One of two arms with three joints each on a trunk that turns."""
     sign = 1.0 if side == "left" else -1.0
@@ -234,32 +161,17 @@ def test_slopes_in_the_joints_of_both(crane):
         for arm in crane.each
     ]
     both = BothTargets(crane, tuple(each)).weighing(20.0)
-    assert_allclose(both.cost(q), sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True)))
+    alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))
+    assert_allclose(both.evaluate(q)[0] ** 2, alone)
     assert both.tip_error(q).shape == (4, 2)
     between = BothTargets.relative(crane, tuple(each)).weighing(20.0)
-    assert_allclose(between.cost(q), between.distance(q) ** 2 + (20.0 * between.tip_error(q)) ** 2)
+    assert_allclose(between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.tip_error(q)) ** 2)
     for one in (both, between):
-        length, gradient, hessian = one.evaluate(q)
-        assert_allclose(length**2, one.cost(q))
-        step = 1e-6
-        numeric = [(one.cost(q + h) - one.cost(q - h)) / (4 * step) for h in step * np.eye(crane.dof)]
+        _, gradient, hessian = one.evaluate(q)
+        steps = 1e-6 * np.eye(crane.dof)
+        numeric = [(one.evaluate(q + h)[0] ** 2 - one.evaluate(q - h)[0] ** 2) / 4e-6 for h in steps]
         assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
-
-
-def test_a_shared_joint_serves_both(crane):
-    """Of a motion that both arms can make together, the trunk in one place for both, little is lost."""
-    swing = 0.3 * np.sin(np.outer(TIME, np.linspace(0.7, 1.3, crane.dof)) + np.arange(crane.dof)) + 0.2
-    left, right = crane.split(swing)
-    asked = task(crane, left, right)
-    asked["profiles"] = [arm.manipulability(q) for arm, q in zip(crane.each, (left, right), strict=True)]
-    found = plan_arms(crane, **asked, planner=known(crane), effort="quick")
-    assert found.together
-    assert_array_equal(found.left.control_positions[:, 0], found.right.control_positions[:, 0])
-    assert found.limit_use.within
-    for one in found.each:
-        assert np.sqrt(np.mean(one.distance**2)) < 0.1
-        assert np.percentile(one.position_error, 95) <= 0.006
 
 
 def test_files_name_the_joints_of_both(separate, apart, tmp_path):
@@ -282,26 +194,6 @@ def test_files_name_the_joints_of_both(separate, apart, tmp_path):
         assert_array_equal(file["qpos"], separate.control_positions)
     with pytest.raises(InvalidInputError, match=r"must be of one arm for the format 'parquet', such as motion\.left"):
         export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
-
-
-def test_limits_of_both_arms():
-    """Makers' limits are known under the pair's names, and a mapping may name joints of both."""
-    arms = mp.load_arms("panda", bases=[(0.0, 0.5, 0.0), (0.0, -0.5, 0.0)])
-    limits = MotionLimits.of(arms, {"joints": {"right_panda_joint2": {"velocity": 0.5}}})
-    assert_array_equal(limits.acceleration, 2 * [one["acceleration"] for one in PANDA.values()])
-    assert limits.sources["jerk"] == PANDA_SOURCE
-    assert limits.velocity[8] == 0.5
-    with pytest.raises(InvalidInputError, match="left_panda_joint9"):
-        MotionLimits.of(arms, {"joints": {"left_panda_joint9": {"velocity": 0.5}}})
-
-
-def test_assumed_limits_of_both_arms(tmp_path):
-    """Assumed limits are named as in the pair, those of one arm by its own names."""
-    (tmp_path / "crane.urdf").write_text(CRANE)
-    arms = mp.load_arms(tmp_path / "crane.urdf", frames=("hook", "hook"), bases=[(0.0, 0.5, 0.0), (0.0, -0.5, 0.0)])
-    limits = MotionLimits.of(arms)
-    assert limits.assumed["velocity"] == ("left_turn", "right_turn")
-    assert limits.of_joints(arms.right, arms.columns[1]).assumed["velocity"] == ("turn",)
 
 
 def test_what_is_wrong_is_told_before_long_work(apart, panda):

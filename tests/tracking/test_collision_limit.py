@@ -67,21 +67,6 @@ def test_what_is_too_near_gets_away(arm, collisions):
         assert np.all(np.diff(path) > -1e-4)
 
 
-def test_far_away_there_is_no_inequality(arm, collisions):
-    """Nothing is asked where no pair is within reach; within it each pair is a row."""
-    model = robot_model(arm)
-    q = arm.sample(256, 2)
-    clearance = _clearance(collisions, q)
-    limit = CollisionLimit(collisions, margin=0.01, reach=0.05, gain=0.5)
-    far = pink.Configuration(model, model.createData(), q[np.argmax(clearance)])
-    assert limit.compute_qp_inequalities(far, 0.01) is None
-    near = q[(clearance > 0.02) & (clearance < 0.04)][0]
-    matrix, room = limit.compute_qp_inequalities(pink.Configuration(model, model.createData(), near), 0.01)
-    _, distance, slope = collisions.watch(0.05).gradient(near[None])
-    np.testing.assert_array_equal(matrix, -slope)
-    np.testing.assert_allclose(room, 0.5 * (distance - 0.01))
-
-
 def test_tracking_takes_the_limit(arm, collisions):
     """Given to track as any other limit it keeps the whole motion out of collision, where without it there is one."""
     q = arm.sample(256, 0)
@@ -98,7 +83,7 @@ def test_tracking_takes_the_limit(arm, collisions):
 def test_wrong_arguments(arm, collisions):
     """Ranges are checked, and an arm of which no surface is known has no such limit."""
     assert "margin=0.02" in repr(CollisionLimit(collisions))
-    assert BrakingLimit.__module__ == "maniport.tracking.limits.braking"
+    assert BrakingLimit.__module__ == "maniport.tracking.limits"
     with pytest.raises(InvalidInputError, match="nothing is known that could collide: 'myoarm'"):
         CollisionLimit(Collisions.of(load_arm("myoarm")))
     with pytest.raises(InvalidInputError, match="must be a Collisions object; found Arm"):

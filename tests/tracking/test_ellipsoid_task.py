@@ -7,13 +7,10 @@ import pytest
 from configurations import at
 from numpy.testing import assert_allclose
 from pink.exceptions import TargetNotSet
-from pink.limits import ConfigurationLimit, VelocityLimit
-from pink.tasks import FrameTask, PostureTask, Task
 
 from maniport import spd
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
-from maniport.profiles import weights_at
 from maniport.spd.regularization import Regularization
 from maniport.tracking import ManipulabilityEllipsoidTask, robot_model
 
@@ -26,12 +23,6 @@ def middle(arm, seed, spread=0.25):
     """Draw a configuration in the middle of the limits."""
     share = 0.5 + spread * np.random.default_rng(seed).uniform(-1, 1, arm.dof)
     return arm.lower + share * (arm.upper - arm.lower)
-
-
-def weighted(size, seed=5):
-    """Draw weights, symmetric positive-definite."""
-    half = np.random.default_rng(seed).normal(size=(size, size))
-    return half @ half.T / size
 
 
 def raised(matrices, epsilon=EPSILON):
@@ -83,99 +74,6 @@ def test_jacobian_gives_the_exact_gradient_far_from_the_target(panda, model, par
     slope = [(half_square(q + h * e) - half_square(q - h * e)) / (2 * h) for e in np.eye(7)]
     here = at(model, q)
     assert_allclose(task.compute_jacobian(here).T @ task.compute_error(here), slope, atol=1e-6)
-
-
-def test_error_shrinks_by_the_gain_in_each_step(panda, model):
-    """At gain 0.02 the error shrinks by 0.980 a step, for all of 60 steps to a reachable ellipsoid."""
-    q = middle(panda, 1)
-    task = ManipulabilityEllipsoidTask(panda.frame, gain=0.02, lm_damping=0.0, damping=DAMPING)
-    task.set_target(panda.manipulability(q + np.random.default_rng(2).uniform(-0.2, 0.2, 7)))
-    configuration, lengths = at(model, q), []
-    for _ in range(60):
-        lengths.append(np.linalg.norm(task.compute_error(configuration)))
-        velocity = pink.solve_ik(configuration, [task], 0.01, solver="daqp", limits=[], damping=1e-9)
-        configuration.integrate_inplace(velocity, 0.01)
-    ratios = np.array(lengths[1:]) / lengths[:-1]
-    assert lengths[0] > 0.3
-    assert np.all(np.abs(ratios - 0.98) < 0.005)
-
-
-def test_works_beside_the_tasks_and_limits_of_pink(panda, model):
-    """With a FrameTask, a PostureTask and limits the pose is reached, the ellipsoid approached and no limit crossed."""
-    q, goal = middle(panda, 1), middle(panda, 1) + 0.1
-    pose = FrameTask(panda.frame, position_cost=10.0, orientation_cost=1.0)
-    pose.set_target(at(model, goal).get_transform_frame_to_world(panda.frame))
-    posture = PostureTask(cost=1e-3)
-    posture.set_target(q)
-    ellipsoid = ManipulabilityEllipsoidTask(panda.frame, cost=0.3)
-    ellipsoid.set_target(panda.manipulability(goal))
-    configuration = at(model, q)
-    before = np.linalg.norm(ellipsoid.compute_error(configuration))
-    limits = [ConfigurationLimit(model), VelocityLimit(model)]
-    for _ in range(100):
-        velocity = pink.solve_ik(configuration, [pose, ellipsoid, posture], 0.02, solver="daqp", limits=limits)
-        assert np.all(np.abs(velocity) <= panda.velocity_limits + 1e-6)
-        configuration.integrate_inplace(velocity, 0.02)
-        assert panda.within_limits(configuration.q)
-    assert np.linalg.norm(pose.compute_error(configuration)) < 1e-3
-    assert np.linalg.norm(ellipsoid.compute_error(configuration)) < 0.02 * before
-
-
-def test_objective_follows_the_laws_of_tasks(panda, model):
-    """H and c are those of Pink's base class; twice the cost makes them fourfold, the gain scales c alone."""
-    here = at(model, middle(panda, 0))
-
-    def objective(**options):
-        task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, **{"lm_damping": 0.5, **options})
-        task.set_target(panda.manipulability(middle(panda, 4)))
-        return task, task.compute_qp_objective(here)
-
-    task, (hessian, vector) = objective()
-    for cost in (2.0, 2, np.full(6, 2.0), [2.0] * 6):
-        _, (h, c) = objective(cost=cost)
-        assert_allclose(h, 4 * hessian)
-        assert_allclose(c, 4 * vector)
-    assert_allclose(objective(lm_damping=0.0, gain=0.1)[1][1], 0.1 * vector)
-    assert_allclose(objective(lm_damping=0.0, gain=0.1)[1][0], objective(lm_damping=0.0)[1][0])
-    for ours, pinks in zip((hessian, vector), Task.compute_qp_objective(task, here), strict=True):
-        assert_allclose(ours, pinks)
-
-
-def test_weights_weigh_the_error_in_the_basis_of_the_wanted_ellipsoid(panda, model):
-    """With weights W at the target, H and c are those of eᵀ Ô W Ôᵀ e for the error at the present ellipsoid."""
-    q, there = middle(panda, 0), middle(panda, 4)
-    wanted, own = raised(panda.manipulability(there)), raised(panda.manipulability(q))
-    weights, here = weighted(6), at(model, q)
-    plain = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, lm_damping=0.0)
-    task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING, lm_damping=0.0, weights=weights)
-    for one in (plain, task):
-        one.set_target(panda.manipulability(there))
-    turned = weights_at(weights, wanted, own)
-    error, jacobian = plain.compute_error(here), plain.compute_jacobian(here)
-    hessian, vector = task.compute_qp_objective(here)
-    assert_allclose(hessian, jacobian.T @ turned @ jacobian, atol=1e-9)
-    assert_allclose(vector, error @ turned @ jacobian, atol=1e-9)
-    root = spd.invsqrtm(wanted)
-    reached = spd.to_vector(spd.logm(spd.from_vector(spd.to_vector(root @ own @ root))))
-    assert_allclose(task.compute_error(here), -reached, atol=1e-10)
-    task.set_weights(np.eye(6))
-    for ours, same in zip(task.compute_qp_objective(here), plain.compute_qp_objective(here), strict=True):
-        assert_allclose(ours, same, atol=1e-10)
-
-
-def test_a_turned_robot_has_the_same_objective_for_the_turned_ellipsoid(panda, model):
-    """Turning the base and the wanted ellipsoid together, a congruence, leaves H and c as they are."""
-    turn = pin.exp3(np.array([0.4, -0.8, 1.1]))
-    turned = model.copy()
-    turned.jointPlacements[1] = pin.SE3(turn, np.array([0.3, 0.1, 0.2])) * turned.jointPlacements[1]
-    q, wanted = middle(panda, 0), panda.manipulability(middle(panda, 4))
-    ends = []
-    for robot, target in ((model, wanted), (turned, turn @ wanted @ turn.T)):
-        task = ManipulabilityEllipsoidTask(panda.frame, damping=DAMPING)
-        task.set_target(spd.from_vector(spd.to_vector(target)))
-        ends.append(task.compute_qp_objective(at(robot, q)))
-    for one, other in zip(*ends, strict=True):
-        assert_allclose(one, other, atol=1e-10)
 
 
 def test_singular_arms_give_finite_numbers_or_say_so(panda, model):

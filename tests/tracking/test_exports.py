@@ -1,8 +1,6 @@
 """What controllers, players and simulators get is the motion, with time from 0."""
 
-import dataclasses
 import json
-import re
 import sys
 from itertools import product
 
@@ -16,9 +14,9 @@ from maniport import spd
 from maniport.bodies import Arm
 from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
 from maniport.tracking import TrackResult
-from maniport.tracking.exports import FORMATS, export_motion
+from maniport.tracking.exports import export_motion
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.plan.retiming import retime
+from maniport.tracking.plan.time_parameterization import retime
 
 NAMES = ("on", 'a "b": c', "wrist")
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0], [0, 0, 0.4, 0], [0, 0, 0.3, 0]], joint_names=NAMES)
@@ -75,34 +73,6 @@ def test_mcap_gets_messages(motion, tmp_path):
     require_states(motion, [1e-9 * message.log_time for _, _, message in found], states)
 
 
-def test_the_trajectory_is_the_message_of_ros(motion, tmp_path):
-    """By ROS 2's own definitions its fields become the message, which survives the binary encoding of ROS."""
-    typesys = pytest.importorskip("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    export_motion(tmp_path / "m.yaml", motion, "ros2")
-    written = yaml.safe_load((tmp_path / "m.yaml").read_text())
-    kinds = {name.split("/")[-1]: store.types[name] for name in store.types}
-
-    def made(kind, fields):
-        return kinds[kind](**fields)
-
-    points = [
-        made("JointTrajectoryPoint", {
-            **{key: np.array(point[key]) for key in ("positions", "velocities", "accelerations")},
-            "effort": np.array([]), "time_from_start": made("Duration", point["time_from_start"]),
-        })
-        for point in written["points"]
-    ]  # fmt: skip
-    header = made("Header", {**written["header"], "stamp": made("Time", written["header"]["stamp"])})
-    name = "trajectory_msgs/msg/JointTrajectory"
-    message = made("JointTrajectory", {**written, "header": header, "points": points})
-    back = store.deserialize_cdr(store.serialize_cdr(message, name), name)
-    assert tuple(back.joint_names) == NAMES
-    starts = [one.time_from_start.sec + 1e-9 * one.time_from_start.nanosec for one in back.points]
-    states = ([getattr(one, key) for one in back.points] for key in ("positions", "velocities", "accelerations"))
-    require_states(motion, starts, states)
-
-
 def test_parquet_has_columns_with_units(motion, tmp_path):
     """Every control step comes back, with the tip and ellipsoids that the arm has there and their distance."""
     parquet = pytest.importorskip("pyarrow.parquet")
@@ -137,18 +107,6 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
     assert_allclose(off, asked.position_error, atol=2e-3)
 
 
-def test_parquet_has_nulls_where_nothing_is_asked_for(motion, tmp_path):
-    """On the way from home and back there are joints and no targets."""
-    parquet = pytest.importorskip("pyarrow.parquet")
-    later = dataclasses.replace(motion, time=motion.time[3:], target=motion.target[3:], path=motion.path[3:])
-    export_motion(tmp_path / "m.parquet", later, "parquet", PLANAR)
-    table = parquet.read_table(tmp_path / "m.parquet")
-    idle = int(np.sum((motion.control_time <= motion.time[3] - 1e-3) | (motion.control_time >= motion.time[-1] + 1e-3)))
-    for name in ("distance", "target_xx", "path_x", "tip_error"):
-        assert table[name].null_count == idle > 100
-    assert table["tip_x"].null_count == table[f"{NAMES[0]}_position"].null_count == 0
-
-
 def test_mujoco_makes_the_same_motion(motion, tmp_path):
     """Replayed in MuJoCo, with qpos as it stands in the file, the tip is where the motion has it."""
     export_motion(tmp_path / "m.npz", motion, "mujoco")
@@ -171,21 +129,6 @@ def test_mujoco_makes_the_same_motion(motion, tmp_path):
     assert_allclose(np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9)
 
 
-def test_mujoco_is_told_what_is_held(motion, tmp_path):
-    """Joints that are held stand beside those that move, so that a replay by names is the motion with them."""
-    arm = Arm.from_dh(
-        "planar", [[0, 0, 0.2, 0], [0, 0, 0.5, 0], [0, 0, 0.4, 0], [0, 0, 0.3, 0]], joint_names=["h", *NAMES]
-    )
-    held = arm.restricted(lock={"h": 0.25})
-    export_motion(tmp_path / "m.npz", motion, "mujoco", held)
-    with np.load(tmp_path / "m.npz") as arrays:
-        assert dict(zip(arrays["held_names"].tolist(), arrays["held_positions"].tolist(), strict=True)) == {"h": 0.25}
-        whole = np.insert(arrays["qpos"], 0, arrays["held_positions"], axis=1)
-    assert_array_equal(arm.forward(whole), held.forward(motion.control_positions))
-    with pytest.raises(InvalidInputError, match="for the format 'mujoco'; found one with the joints"):
-        export_motion(tmp_path / "m.npz", motion, "mujoco", arm)
-
-
 def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
     """Unknown formats, other suffixes, missing packages and folders are named."""
     with pytest.raises(UnknownNameError, match=r"unknown format 'ros'; there are, nearest first: 'ros2'"):
@@ -204,33 +147,3 @@ def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
     with pytest.raises(MissingPackageError, match=r'pip install "maniport\[mcap\]"'):
         export_motion(tmp_path / "m.mcap", motion, "mcap")
     assert not list(tmp_path.iterdir())
-
-
-def test_the_table_allows_to_recompute_jerk(motion, tmp_path):
-    """Third differences of the written positions are true to a thousandth of the limits at 1000 Hz."""
-    motion.save_joints_csv(tmp_path / "joints.csv")
-    table = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1, encoding="utf-8")
-    wanted = 1e9 * np.diff(motion.control_positions, 3, axis=0)
-    off = np.abs(1e9 * np.diff(table[:, 1:4], 3, axis=0) - wanted).max(axis=0)
-    assert np.all(off <= 1e-3 * MotionLimits.of(PLANAR).jerk)
-    assert_allclose(table[:, 4:7], motion.control_velocities, atol=1e-6)
-    assert_allclose(table[:, 7:], motion.control_accelerations, atol=1e-6)
-
-
-def test_python_and_command_line_know_the_same_formats(motion, tmp_path):
-    """Every format of the option is a format of `export_motion`, or names the function that writes it."""
-    options = {name: option for command in ("transfer", "demo") for name, option in options_of(command).items()}
-    assert all(re.search(rf"\b{name}\b", options["--export"]) for name in FORMATS)
-    with pytest.raises(InvalidInputError, match="write_results"):
-        export_motion(tmp_path / "m.rrd", motion, "rerun")
-    with pytest.raises(UnknownNameError, match="rerun"):
-        export_motion(tmp_path / "m.csv", motion, "csv")
-
-
-def options_of(command):
-    """Help of the options of a command by their names."""
-    from typer.main import get_command
-
-    from maniport.cli.application import app
-
-    return {name: one.help or "" for one in get_command(app).commands[command].params for name in one.opts}

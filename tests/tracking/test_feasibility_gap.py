@@ -30,15 +30,6 @@ def test_gap_is_the_distance_of_the_nearest(panda, own):
     assert found.distance.min() > 0.05
 
 
-def test_few_points_tell_the_rest_between_them(panda, own):
-    """With fewer points the gap is linear between those searched, of which the first and the last are two."""
-    wanted = np.linspace(1.0, 3.0, 41)[:, None, None] * own
-    gap, full = feasibility_gap(panda, wanted, n_points=5), feasibility_gap(panda, wanted)
-    assert gap.shape == (41,)
-    np.testing.assert_allclose(gap[[0, 10, 20, 30, 40]], full[[0, 10, 20, 30, 40]], atol=1e-9)
-    np.testing.assert_allclose(np.diff(gap[:11], 2), 0.0, atol=1e-12)
-
-
 def test_wrong_profiles_are_refused(panda, own):
     """One matrix, none, and matrices that are no ellipsoids are named errors."""
     with pytest.raises(

@@ -14,9 +14,8 @@ from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.pipeline.turns import facing
 from maniport.tracking import MotionLimits, OrientationTask, Planner, StartBank, plan_motion, robot_model, track
 from maniport.tracking.effort import EFFORTS, FULL
-from maniport.tracking.objective import Objective
-from maniport.tracking.orientation import POINTING, WHOLE, axis_weights
-from maniport.tracking.plan.atlas import Atlas
+from maniport.tracking.objective import POINTING, WHOLE, Objective, axis_weights
+from maniport.tracking.plan.reachability_map import Atlas
 
 TIME = np.linspace(0.0, 2.0, 12)
 
@@ -89,7 +88,7 @@ def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
 
 def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, monkeypatch):
     """Asked to point elsewhere than a free plan does, plan and tracker come near it, and the limits are kept."""
-    monkeypatch.setitem(EFFORTS, FULL, replace(EFFORTS[FULL], nodes=60, most_nodes=60))
+    monkeypatch.setitem(EFFORTS, FULL, replace(EFFORTS[FULL], nodes=60))
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     given = {"time": 2.0 * TIME, "path": path, "damping": 0.01}

@@ -6,9 +6,8 @@ import pytest
 from configurations import at
 from numpy.testing import assert_allclose
 from pink.exceptions import TargetNotSet
-from pink.tasks import FrameTask, Task
 
-from maniport.bodies import Arm, load_arm
+from maniport.bodies import load_arm
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.tracking import BrakingLimit, PositionTask, robot_model
 
@@ -21,32 +20,6 @@ def test_jacobian_is_the_derivative_of_the_error(panda, model):
     moved = [task.compute_error(at(model, q + h * e)) - task.compute_error(at(model, q - h * e)) for e in np.eye(7)]
     assert_allclose(task.compute_jacobian(at(model, q)), np.array(moved).T / (2 * h), atol=1e-8)
     assert_allclose(task.compute_error(at(model, q)), panda.forward(q)[:3, 3] - [0.3, 0.2, 0.5], atol=1e-12)
-
-
-def test_objective_at_the_target_is_that_of_a_frame_task_without_orientation(panda, model):
-    """At the target, H is that of Pink's FrameTask with the same cost along all axes and none for the orientation."""
-    here = at(model, panda.sample(1, 1)[0])
-    tasks = [PositionTask(panda.frame, cost=3.0), FrameTask(panda.frame, position_cost=3.0, orientation_cost=0.0)]
-    for task in tasks:
-        task.set_target_from_configuration(here)
-    (ours, nothing), (pinks, _) = (task.compute_qp_objective(here) for task in tasks)
-    assert_allclose(ours, pinks, atol=1e-10)
-    assert not np.any(nothing)
-
-
-@pytest.mark.parametrize("cost", [2.0, 2, [2.0, 2.0, 2.0]])
-def test_twice_the_cost_makes_the_objective_fourfold(panda, model, cost):
-    """H and c are quadratic in the cost, agree with Pink's base class, and the error vanishes in a few steps."""
-    q, there = panda.sample(2, 1)
-    tasks = [PositionTask(panda.frame, cost=c, lm_damping=0.1) for c in (1.0, cost)]
-    for task in tasks:
-        task.set_target_from_configuration(at(model, there))
-    here = at(model, q)
-    (h, c), (h4, c4) = (task.compute_qp_objective(here) for task in tasks)
-    assert_allclose(h4, 4 * h)
-    assert_allclose(c4, 4 * c)
-    for ours, pinks in zip((h, c), Task.compute_qp_objective(tasks[0], here), strict=True):
-        assert_allclose(ours, pinks)
 
 
 def test_position_is_reached(panda, model):
@@ -99,17 +72,6 @@ def test_locked_joints_are_fixed_in_the_model(panda):
     assert model.nq == 4
     for q in few.sample(3, 3):
         assert_allclose(at(model, q).get_transform_frame_to_world(few.frame).homogeneous, few.forward(q), atol=1e-14)
-
-
-def test_slides_become_prismatic_joints():
-    """An arm with a slide keeps its kinematics, in metres; without known velocity limits there are none."""
-    crane = Arm.from_dh("crane", [[0, 0.4, 0, 1.2], [0.3, 0, 0.1, 0], [0, 0, 0.5, 0.4]], -1, 1,
-                        kinds=["revolute", "prismatic", "revolute"])  # fmt: skip
-    model = robot_model(crane)
-    for q in crane.sample(3, 3):
-        found = at(model, q).get_transform_frame_to_world(crane.frame).homogeneous
-        assert_allclose(found, crane.forward(q), atol=1e-14)
-    assert np.all(np.isinf(model.velocityLimit))
 
 
 @pytest.mark.parametrize("name", ["myoarm", "rhuman"])

@@ -6,7 +6,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
 from maniport.bodies import EllipsoidSpec, load_arm
-from maniport.bodies.collisions import Collisions
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
 from maniport.files import save_arrays
 from maniport.spd.regularization import Regularization
@@ -20,15 +19,6 @@ def test_samples_are_found_again(panda, bank):
     # the last joint changes neither
     assert_allclose(found[:, 0, :6], bank.joint_positions[:50, :6], atol=0)
     assert_allclose(panda.manipulability(bank.joint_positions), bank.ellipsoids, atol=0)
-
-
-def test_a_bank_without_collisions_holds_free_postures(panda):
-    """With collisions none of its samples collides, and it has as many as were asked for."""
-    collisions = Collisions.of(panda, table=0.0)
-    samples = StartBank.build(panda, 512, collisions=collisions).joint_positions
-    assert samples.shape == (512, 7)
-    assert not collisions.collides(samples).any()
-    assert collisions.collides(StartBank.build(panda, 512).joint_positions).any()
 
 
 def test_answers_are_near_in_ellipsoid_and_in_position(panda, bank):
@@ -48,25 +38,6 @@ def test_answers_are_near_in_ellipsoid_and_in_position(panda, bank):
     assert by_both[0] < 0.5 * chance[0]
     assert by_both[1] < 0.25 * chance[1]
     assert gaps(bank.query(wanted, hands, position_weight=100.0))[1] < by_both[1]
-
-
-def test_flat_ellipsoids_are_admitted(bank):
-    """A singular ellipsoid has near ones in the bank, because both get the bank's damping."""
-    assert bank.query(np.diag([0.0, 0.1, 0.3])[None]).shape == (1, 5, 7)
-
-
-def test_same_seed_same_bank(panda, bank):
-    """Banks depend on their seed alone."""
-    assert_array_equal(StartBank.build(panda, 64, 3).joint_positions, StartBank.build(panda, 64, 3).joint_positions)
-    assert not np.array_equal(StartBank.build(panda, 64, 3).joint_positions, bank.joint_positions[:64])
-
-
-def test_a_small_bank_gives_all_it_has(panda):
-    """More starts than samples are no error."""
-    small = StartBank.build(panda, 3)
-    assert small.query(small.ellipsoids, k=10).shape == (3, 3, 7)
-    assert len(small) == 3
-    assert "panda" in repr(small)
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,8 @@
 """An arm follows wanted ellipsoids and a hand path: what it reaches, what it keeps, and what it says."""
 
 import csv
-import gc
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pink.exceptions import NoSolutionFound
@@ -15,9 +13,9 @@ from maniport.errors import InvalidInputError, ManiportError, NotSPDError, Outpu
 from maniport.files import load_ellipsoids
 from maniport.spd.regularization import Regularization
 from maniport.telling import as_numbers, facts_of
-from maniport.tracking import Objective, PositionTask, StartBank, TrackResult, nearest_feasible, track
+from maniport.tracking import PositionTask, StartBank, track
 from maniport.tracking.follow import stepper
-from maniport.tracking.follow.status import ELLIPSOID, FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.tracking.follow.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
 
 TIME = np.linspace(0.0, 2.0, 41)
 
@@ -68,35 +66,6 @@ def test_own_ellipsoids_and_path_are_followed(panda, motion):
     )
     assert_allclose(result.joint_positions[:, :6], joints[:, :6], atol=0.02)  # the last joint changes nothing
     assert_allclose(result.joint_velocities[5:-5, :6], np.gradient(joints, TIME, axis=0)[5:-5, :6], atol=0.1)
-
-
-def test_a_start_is_found(panda, bank, motion):
-    """Without a start, the profile and path are followed as well, from the bank's best posture."""
-    _, profile, path = motion
-    result = track(panda, profile, time=TIME, path=path, bank=bank)
-    assert np.percentile(result.distance, 95) < 0.05
-    assert np.percentile(result.position_error, 95) < 1e-3
-
-
-def test_same_input_same_bits(panda, bank, motion):
-    """Two runs give the same joint positions to the last bit."""
-    _, profile, _ = motion
-    ends = [track(panda, profile[:11], time=TIME[:11], bank=bank).control_positions for _ in range(2)]
-    assert_array_equal(*ends)
-
-
-def test_unreachable_ellipsoids_are_approached_calmly(panda, needles, motion):
-    """Out of reach, the arm neither chatters nor leaves its limits; without damping it does chatter."""
-    start, path = motion[0][0], motion[2]
-    calm = track(panda, needles, time=TIME, path=path, start=start)
-    assert keeps_limits(calm, panda)
-    assert calm.distance.min() > 0.3
-    assert ELLIPSOID in calm.status
-    assert np.percentile(calm.position_error, 95) < 1e-3
-    still = calm.jerk[len(calm.jerk) // 4 :]
-    harsh = track(panda, needles, time=TIME, path=path, start=start, lm_damping=0.0)
-    assert np.abs(still).max() < 300
-    assert harsh.rms_jerk > 5 * calm.rms_jerk
 
 
 def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
@@ -160,14 +129,6 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     assert result.position_error[-1] < 1e-3
 
 
-def test_singular_configurations_are_passed(panda):
-    """A stretched arm and flat wanted ellipsoids give finite results."""
-    result = track(panda, np.repeat(np.diag([0.5, 0.3, 0.0])[None], 11, axis=0), time=TIME[:11],
-                   start=np.clip(np.zeros(7), panda.lower, panda.upper))  # fmt: skip
-    for array in (result.control_positions, result.distance, result.joint_velocities, result.jerk):
-        assert np.all(np.isfinite(array))
-
-
 def test_other_parts_weights_and_clocks(panda, motion):
     """Rotation and full ellipsoids, joint weights, weights of the error and uneven times are followed too."""
     joints = motion[0]
@@ -209,46 +170,6 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
     assert summary["joints_without_known_velocity_limit"] == []
     with pytest.raises(OutputError):
         result.save_joints(tmp_path / "nowhere" / "joints.npz")
-
-
-def test_derivatives_of_uneven_control_steps_are_right():
-    """Differences of a parabola give its slope between and its curvature everywhere, whatever the steps."""
-    arm, time = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 2), np.array([0.0, 0.1, 0.15, 0.3, 0.31, 0.5])
-    q = np.outer(time**2, [1.0, -2.0])
-    motion = TrackResult.of_motion(arm, time, arm.manipulability(q), time, q)
-    assert_allclose(motion.control_velocities[1:-1], 2.0 * np.outer(time, [1.0, -2.0])[1:-1], atol=1e-12)
-    assert_allclose(motion.control_accelerations, np.tile([2.0, -4.0], (6, 1)), atol=1e-9)
-
-
-def test_files_count_time_from_0_and_names_of_joints_are_quoted(tmp_path):
-    """Whatever time a motion begins at, a controller starts at 0; no name of a joint breaks or runs a table."""
-    names = ["=1+1", 'a,"b"', "two\nlines"]
-    arm = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3, joint_names=names)
-    time = 2.0 + 0.1 * np.arange(5)
-    q = np.linspace([0.0, 0.2, 0.4], [0.4, 0.3, 0.2], 5)
-    motion = TrackResult.of_motion(arm, time, arm.manipulability(q), time, q)
-    assert_allclose(motion.control_velocities, np.tile([1.0, 0.25, -0.5], (5, 1)), atol=1e-9)
-    assert_allclose(motion.control_accelerations, 0.0, atol=1e-9)
-    motion.save_joints_csv(tmp_path / "joints.csv")
-    with open(tmp_path / "joints.csv", newline="") as stream:
-        header, first, *_ = csv.reader(stream)
-    assert header[1:4] == ["'=1+1_rad", 'a,"b"_rad', "two\nlines_rad"]
-    assert float(first[0]) == 0.0
-    motion.save_joints(tmp_path / "joints.npz")
-    with np.load(tmp_path / "joints.npz") as arrays:
-        assert arrays["time"][0] == arrays["control_time"][0] == 0.0
-        assert arrays["began_at"] == 2.0
-
-
-def test_slides_are_in_metres_and_unknown_speeds_are_told():
-    """An arm with a slide writes metres; joints without known velocity limit are listed in the summary."""
-    crane = Arm.from_dh("crane", [[0, 0.4, 0, 1.2], [0.3, 0, 0.1, 0.7], [0, 0, 0.5, 0.4], [0, 0, 0.3, 0]], -1, 1,
-                        kinds=["revolute", "prismatic", "revolute", "revolute"])  # fmt: skip
-    joints = 0.2 * np.sin(TIME[:11, None] + np.arange(4))
-    result = track(crane, crane.manipulability(joints), time=TIME[:11], start=joints[0])
-    assert result.joint_units == ("rad", "m", "rad", "rad")
-    assert as_numbers(facts_of(result))["motion"]["joints_without_known_velocity_limit"] == list(crane.joint_names)
-    assert np.percentile(result.distance, 95) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -336,37 +257,3 @@ def test_tasks_and_limits_of_another_model_are_told_before_anything_moves(panda,
         track(panda, profile, time=TIME, start=start, tasks=[PositionTask(panda.frame)])
     with pytest.raises(InvalidInputError, match=r"is for 6 joints; robot_model\(arm\) has 7"):
         track(panda, profile, time=TIME, start=start, limits=[StillJoint(6, 1)])
-
-
-def test_weights_choose_the_start(panda, bank, motion):
-    """A direction of the ellipsoids that does not count is not paid for when the start is chosen."""
-    profile = motion[1]
-    odd = 3.0 * profile[:11]  # out of reach in size, not in shape
-    size = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / np.sqrt(3.0)
-    weights = np.tile(np.eye(6) - np.outer(size, size), (11, 1, 1))  # all but the common factor
-    found = [track(panda, odd, time=TIME[:11], bank=bank, weights=some) for some in (None, weights)]
-    shape = [Objective.of(panda).targets(odd, weights=weights).cost(one.joint_positions).mean() for one in found]
-    assert shape[1] < 0.2 * shape[0]
-    assert found[1].distance.mean() > found[0].distance.mean()
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_few_joints_are_told(count):
-    """An arm of one or two joints is refused with what following needs."""
-    few = Arm.from_dh("few", [[0, 0, 1, 0]] * count)
-    words = rf"'few' has {count} joint{'s' * (count > 1)} \(joint1.*\); following 3×3 ellipsoids needs at least 3"
-    with pytest.raises(InvalidInputError, match=words):
-        track(few, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2])
-    one = few.manipulability(few.sample(3, 0))
-    assert nearest_feasible(few, one, n_starts=4).distance.max() < 1e-2  # searching needs no more than one
-
-
-def test_nothing_is_left_of_motions_that_were_followed(panda, motion):
-    """After a motion and its result are gone, there are as many models and limits as before."""
-    joints, profile, path = motion
-    kept = []
-    for _ in range(3):
-        track(panda, profile[:3], time=TIME[:3], path=path[:3], start=joints[0])
-        gc.collect()
-        kept.append(sum(issubclass(type(one), (Limit, pin.Model)) for one in gc.get_objects()))
-    assert kept[2] <= kept[1]  # what other tests left may be freed in the meantime

@@ -15,10 +15,10 @@ pytest.importorskip("viser")
 
 
 QUICK = """
-from maniport import start
+from maniport import __main__ as entry_point
 from maniport.view import prepare
 prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE, prepare.PLACES = 128, 256, 512, 4
-start.main()
+entry_point.main()
 """
 """The command line in a process of its own, on a small scale."""
 
@@ -32,7 +32,7 @@ def endless(self, name, mounting):
         threading.Event().wait()
     return fit(self, name, mounting)
 Methods.fit = endless
-start.main()
+entry_point.main()
 """
 """The same, where a fit does not end."""
 
@@ -88,7 +88,7 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
 
 def test_ctrl_c_ends_it_while_a_map_is_fitted(bare_robot):
     """A fit that never ends is not waited for."""
-    code = QUICK.replace("start.main()", ENDLESS)
+    code = QUICK.replace("entry_point.main()", ENDLESS)
     command = [sys.executable, "-c", code, "view", "--person", "rhuman", "--robot", str(bare_robot)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
         assert view.stdout.readline().startswith("http://127.0.0.1:")

@@ -10,8 +10,8 @@ from urllib.parse import quote
 
 import numpy as np
 
+from maniport.atomic_io import written_whole
 from maniport.batches.table import COMPUTING, FAILED, Row, failures
-from maniport.files import written_whole
 from maniport.telling.renderings import PAGE as REPORT
 from maniport.telling.write import TOLD
 

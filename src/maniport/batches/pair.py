@@ -11,20 +11,19 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from maniport.atomic_io import folder_written_whole, written_whole
 from maniport.batches.content import as_setting, digest
 from maniport.batches.sources import Source
 from maniport.batches.table import COMPUTING, failed_row, is_row, row_of
 from maniport.bodies.chain import RIGHT
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import ArmFit, Recording, read_recording
-from maniport.errors import ManiportError
-from maniport.files import folder_written_whole, written_whole
+from maniport.errors import ManiportError, on_the_command_line
 from maniport.pipeline.parts import Fitted, KnownRobot, Shown
 from maniport.pipeline.work import Job
 from maniport.telling.facts import facts_of
 from maniport.telling.write import RUN_FILES, writers
 from maniport.transfer import load_adapter
-from maniport.wording import on_the_command_line
 
 PAIR = "pair.json"
 """The file with the settings of a pair, the sizes of its files, and its row of the table."""

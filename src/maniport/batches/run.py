@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from maniport.atomic_io import written_whole
 from maniport.batches.page import PAGE, write_overview
 from maniport.batches.pair import (
     ADAPTERS,
@@ -29,17 +30,15 @@ from maniport.batches.robots import Asked, robots_of
 from maniport.batches.sources import ABOUT, Source, sources
 from maniport.batches.table import FAILED, TABLES, Row, failed_row, failures, write_tables
 from maniport.batches.workers import completed, cores, workers
-from maniport.bounds import as_path
 from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
-from maniport.errors import InvalidInputError, ManiportWarning, OutputError
-from maniport.files import written_whole
+from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
+from maniport.input_limits import as_path
 from maniport.steps import ALMOST, Progress, Step, counted, untold
 from maniport.telling.write import export_files
 from maniport.tracking.exports import SCENE
 from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__
-from maniport.wording import argument, typed
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from pathlib import Path, PurePosixPath
 from maniport.defaults import RECORDINGS
 from maniport.demonstrations import shipped_recording
 from maniport.demonstrations.readers import SHIPPED
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, as_text
 from maniport.telling.renderings import SUMMARY
-from maniport.wording import as_text
 
 ABOUT = "batch.json"
 """The file by which a folder is known as that of a batch."""

@@ -6,12 +6,11 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from maniport.errors import MissingPackageError
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
+from maniport.errors import MissingPackageError, as_text
 from maniport.optional import parquet_writer, pyarrow
 from maniport.telling.facts import Facts
 from maniport.telling.renderings import as_numbers
-from maniport.wording import as_text
 
 Row = Mapping[str, Any]
 
@@ -64,14 +63,14 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, Any]:
     """Return the row of a pair that is done."""
     numbers = as_numbers(facts)
-    verdict = facts.verdict
+    summary = facts.summary
     return {
         **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(facts.warnings),
         "warning_keys": " ".join(facts.warning_keys),
         "folder": folder,
-        "status": "" if verdict is None else verdict.status,
-        "verdict": "" if verdict is None else verdict.title,
+        "status": "" if summary is None else summary.status,
+        "verdict": "" if summary is None else summary.title,
         **{name: _number(numbers, name) for name in METRICS},
     }
 

@@ -14,7 +14,7 @@ from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.errors import ManiportError
 from maniport.optional import distributed, ray
-from maniport.orphans import end_with_parent
+from maniport.signals import end_with_parent
 from maniport.version import __version__
 
 T = TypeVar("T")

@@ -5,14 +5,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.bodies.attached import Attached
 from maniport.bodies.chain import Chain
 from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.bodies.joint_space import Manipulable
 from maniport.bodies.kinematics import Kinematics
 from maniport.bodies.looks import Look, Surface
-from maniport.bodies.manipulability import manipulability
-from maniport.bodies.manipulable import Manipulable
+from maniport.bodies.manipulability import VELOCITY, EllipsoidSpec, manipulability
 from maniport.bodies.restriction import restrict
-from maniport.bodies.spec import VELOCITY, EllipsoidSpec
 from maniport.errors import unknown_name
 from maniport.validation import Array, as_count
 
@@ -24,11 +24,6 @@ class Arm(Manipulable):
     Configurations `q` have shape (..., dof) with any leading shape, angles in radians, slides in metres; limits are not
     enforced. Results have the same leading shape. Positions and directions are expressed in the arm's base frame.
     Every method raises `InvalidInputError` when `q` has a wrong shape, nan or infinity.
-
-    Parameters
-    ----------
-    chain : Chain
-        The description of the kinematics.
 
     Attributes
     ----------
@@ -44,22 +39,14 @@ class Arm(Manipulable):
         Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
     joint_units : tuple of str
         Their units, ``"rad"`` or ``"m"``.
-    base, locked : str or None, mapping of str to float
-        Those of the chain.
-    frame : str
-        Name of the tip frame.
-    frames : tuple of str
-        Names of all frames on the chain.
+    base : str or None
+        The frame in which everything is expressed, where that is not the first of the description.
+    locked : mapping of str to float
+        Joints that could move and are held, and where [rad] or [m].
+    frame, frames : str, tuple of str
+        Names of the tip frame and of all frames on the chain.
     chain : Chain
         The description it was made from.
-    look : Look
-        What it looks like.
-
-    See Also
-    --------
-    load_arm : reads one.
-    Arms : two of them as one body.
-    EllipsoidSpec : which ellipsoids `manipulability` gives.
     """
 
     def __init__(self, chain: Chain):
@@ -84,12 +71,11 @@ class Arm(Manipulable):
         convention: str = "standard",
         velocity_limits: ArrayLike | None = None,
     ) -> "Arm":
-        """Make an arm from a table of Denavit-Hartenberg parameters.
+        """Make an arm from a table of Denavit-Hartenberg parameters, with frames ``base``, ``link1``, … up to the tip.
 
         Parameters
         ----------
         name : str
-            Name of the arm.
         rows : array_like, shape (n, 4)
             One row for each joint: theta [rad], d [m], a [m], alpha [rad]. The joint's coordinate adds to theta, or
             to d when the joint is prismatic.
@@ -105,16 +91,6 @@ class Arm(Manipulable):
             ``Rz(θ) Tz(d) Tx(a) Rx(α)`` or Craig's ``Rx(α) Tx(a) Rz(θ) Tz(d)``.
         velocity_limits : array_like, shape (n,) or one number, optional
             Largest speeds [rad/s] or [m/s].
-
-        Returns
-        -------
-        Arm
-            With frames ``base``, ``link1``, … and the last link as tip.
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong shape or value.
 
         Examples
         --------
@@ -148,50 +124,31 @@ class Arm(Manipulable):
         return arm
 
     def forward(self, q: ArrayLike) -> Array:
-        """Poses of the tip in the base frame.
-
-        Parameters
-        ----------
-        q : array_like, shape (..., dof)
-            Configurations.
-
-        Returns
-        -------
-        ndarray, shape (..., 4, 4)
-            Homogeneous transforms, metres.
-        """
+        """Poses of the tip in the base frame [m], shape (..., 4, 4)."""
         positions, shape = self._positions(q)
         return self._kinematics.forward(positions).reshape(*shape, 4, 4)
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Geometric Jacobians of the tip.
+        """Geometric Jacobians of the tip, shape (..., 6, dof).
 
-        Parameters
-        ----------
-        q : array_like, shape (..., dof)
-            Configurations.
-
-        Returns
-        -------
-        ndarray, shape (..., 6, dof)
-            Rows 0 to 2: velocity of the tip's origin; rows 3 to 5: angular velocity; both along the axes of the
-            base frame.
+        Rows 0 to 2: velocity of the tip's origin; rows 3 to 5: angular velocity; both along the axes of the base frame.
         """
         positions, shape = self._positions(q)
         return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Origins of several frames [m], shape (..., len(frames), 3)."""
-        names = self.chain.known_frames(frames)
-        positions, shape = self._positions(q)
-        return self._kinematics.point_positions(positions, names).reshape(*shape, len(names), 3)
+        return self._points(q, frames)[0]
 
     def point_jacobians(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Linear Jacobians of the origins of several frames, shape (..., len(frames), 3, dof)."""
-        names = self.chain.known_frames(frames)
-        positions, shape = self._positions(q)
-        jacobians = self._kinematics.coupled(self._kinematics.point_jacobians(positions, names))
-        return jacobians.reshape(*shape, len(names), 3, self.dof)
+        return self._points(q, frames)[1]
+
+    def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
+        names, array = self.chain.known_frames(frames), self.configurations(q)
+        points, slopes = Attached(self.chain, names)(array.reshape(-1, self.dof))
+        shape = (*array.shape[:-1], len(names), 3)
+        return points.reshape(shape), slopes.reshape(*shape, self.dof)
 
     def axis_direction(self, q: ArrayLike, joint_name: str) -> Array:
         """Direction of a joint's axis in the base frame, unit vectors of shape (..., 3).
@@ -206,13 +163,13 @@ class Arm(Manipulable):
         return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """What `forward` gives, and then what `differentials` does: one pass over the kinematics."""
+        """What `forward` gives, and then what `differentials` does."""
         positions, shape = self._positions(q)
         poses, of_joints = self._kinematics.motion(positions)
         return poses.reshape(*shape, 4, 4), *self._differentials(of_joints, shape, spec)
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """As those of every `Manipulable`, a seventh sooner without the poses."""
+        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give."""
         positions, shape = self._positions(q)
         return self._differentials(self._kinematics.jacobian(positions), shape, spec)
 
@@ -230,21 +187,15 @@ class Arm(Manipulable):
         return self._kinematics.motion(self._positions(q)[0])
 
     def skeleton(self, q: ArrayLike) -> Array:
-        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m].
-
-        Joints that always coincide appear once, so that k is the same for every configuration of an arm.
-        """
+        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m]."""
         positions, shape = self._positions(q)
         points = self.look.skeleton(positions)
         return points.reshape(*shape, *points.shape[1:])
 
     def link_poses(self, q: ArrayLike) -> Array:
-        """Poses of what moves, for drawing: the base first, then the frame after each joint of the chain.
+        """Poses of the base and of the frame after each joint of the chain [m], shape (..., joints + 1, 4, 4).
 
-        Shape (..., joints + 1, 4, 4), homogeneous transforms [m] in the base frame; `Surface.joint` is an index into
-        the axis of joints. The chain may have more joints than degrees of freedom; those that follow others or are
-        locked count too. With ``poses = arm.link_poses(q)`` of one configuration the corners of a surface s are at
-        ``s.points @ poses[s.joint, :3, :3].T + poses[s.joint, :3, 3]``.
+        `Surface.joint` is an index into them; joints that follow others or are held count too.
         """
         positions, shape = self._positions(q)
         poses = self.look.link_poses(positions)
@@ -253,10 +204,8 @@ class Arm(Manipulable):
     def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
         """What the arm looks like: triangles fixed to its joints.
 
-        The robot's file is read again, with the meshes it names, on the first call; the answer is remembered. What
-        the chain's joints carry is drawn, but nothing that is attached beyond the tip: with the tip at a flange the
-        hand on it is left out, with the tip at the hand it is there. Fingers that move by themselves are left out.
-        Where meshes of a link of a URDF are missing, the shapes that it collides with are drawn.
+        The meshes are read on the first call. What is attached beyond the tip is left out, and so are fingers that move
+        by themselves. Where meshes of a link of a URDF are missing, the shapes that it collides with are drawn.
 
         Parameters
         ----------
@@ -267,14 +216,12 @@ class Arm(Manipulable):
         Returns
         -------
         tuple of Surface
-            One for each joint index that carries something, ascending; empty for an arm whose description names no
-            shapes, such as one from Denavit-Hartenberg parameters or a human arm.
+            One for each joint index that carries something, ascending; empty where the description names no shapes.
 
         Raises
         ------
         FileFormatError
-            When the robot's file or a mesh is missing or cannot be read; the message says which, and where it was
-            looked for.
+            When the robot's file or a mesh is missing or cannot be read.
         """
         most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
         return self.look.surfaces(most)

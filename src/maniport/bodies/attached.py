@@ -15,21 +15,11 @@ from maniport.validation import Array
 Attachment = tuple[int, Array]
 """After how many joints of the chain, and a vector (3,) in the frame of the last of them."""
 
-TOGETHER = 512
-"""So many configurations at a time stay in a processor's cache."""
-
 
 class Attached:
     """Points and directions that move with a chain.
 
-    Parameters
-    ----------
-    chain : Chain
-        Revolute and prismatic joints, coupled or not.
-    points : sequence of str
-        Names of frames, of which the origins are followed.
-    directions : sequence of (int, ndarray of shape (3,))
-        Unit vectors: after how many joints, and along what in the frame of the last; see `axis_of`.
+    `points` names frames, of which the origins are followed; `directions` are unit vectors, see `axis_of`.
     """
 
     def __init__(self, chain: Chain, points: Sequence[str], directions: Sequence[Attachment] = ()):
@@ -58,11 +48,11 @@ class Attached:
         )
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Follow them."""
+        """Where they are at configurations (n, dof), shape (n, k, 3), and the derivatives of that, (n, k, 3, dof)."""
         count = len(self._fixed)
         values, slopes = np.empty((len(q), count, 3)), np.empty((len(q), count, 3, q.shape[1]))
-        for first in range(0, len(q), TOGETHER):
-            part = slice(first, first + TOGETHER)
+        for first in range(0, len(q), 512):  # so many stay in a processor's cache
+            part = slice(first, first + 512)
             self._follow(q[part], values[part], slopes[part])
         return values, slopes
 

@@ -5,22 +5,25 @@ freedom: each joint's position is an affine function of the arm's coordinates, `
 That covers the shoulder girdle of the human arm, the mimic joints of robots and joints that are locked.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+import zipfile
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import InvalidInputError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array, as_numbers
+from maniport.errors import FileFormatError, InvalidInputError, unknown_name
+from maniport.validation import MAX_POSITION, Array, as_numbers
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
 
-UNIT = 1e-6
-"""How far axes and rotations may be from unit length: files give six digits."""
+UNIT = 1e-6  # how far axes and rotations may be from unit length: files give six digits
 
 Triangles = NDArray[np.int32]
 Mesh = tuple[Array, Triangles]
@@ -29,57 +32,37 @@ Mesh = tuple[Array, Triangles]
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint with one degree of freedom.
-
-    Attributes
-    ----------
-    name : str
-        Name of the joint.
-    kind : str
-        ``"revolute"`` or ``"prismatic"``.
-    axis : ndarray, shape (3,)
-        Unit axis in the joint's own frame.
-    placement : ndarray, shape (4, 4)
-        Pose of the joint's frame in the frame of the joint before it (the base for the first), at position zero.
-    """
+    """One joint with one degree of freedom."""
 
     name: str
-    kind: str
-    axis: Array
-    placement: Array
+    kind: str  # "revolute" or "prismatic"
+    axis: Array  # unit vector (3,) in the joint's own frame
+    placement: Array  # pose (4, 4) of its frame in that of the joint before it, or the base, at position zero
 
     def __post_init__(self) -> None:
         if not abs(float(np.linalg.norm(self.axis)) - 1.0) < UNIT:
             raise InvalidInputError(f"joint {self.name!r} must have an axis of finite length above 0")
         _require_rigid(self.placement, f"joint {self.name!r}")
 
-    def motion(self, position: float) -> Array:
-        """Compute the motion of the joint to a position [rad] or [m], shape (4, 4)."""
-        matrix = np.eye(4)
+    def motion(self, positions: ArrayLike) -> Array:
+        """Compute the motions of the joint to positions (...) [rad] or [m], shape (..., 4, 4)."""
+        moved = np.asarray(positions, dtype=np.float64)[..., None] * self.axis
+        motions = np.broadcast_to(np.eye(4), (*moved.shape[:-1], 4, 4)).copy()
         if self.kind == PRISMATIC:
-            matrix[:3, 3] = position * self.axis
+            motions[..., :3, 3] = moved
         else:
-            matrix[:3, :3] = Rotation.from_rotvec(position * self.axis).as_matrix()
-        return matrix
+            turns = Rotation.from_rotvec(moved.reshape(-1, 3)).as_matrix()
+            motions[..., :3, :3] = turns.reshape(*moved.shape, 3)
+        return motions
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame fixed to the chain after `joint` joints (0: to the base).
+    """A frame fixed to the chain."""
 
-    Attributes
-    ----------
-    joint : int
-        After how many joints.
-    placement : ndarray, shape (4, 4)
-        Pose in the frame of the last of them.
-    parent : str or None
-        Name of the frame that it is attached to, where that is known.
-    """
-
-    joint: int
-    placement: Array
-    parent: str | None = None
+    joint: int  # after so many joints (0: to the base)
+    placement: Array  # pose (4, 4) in the frame of the last of them
+    parent: str | None = None  # name of the frame that it is attached to, where that is known
 
     def __post_init__(self) -> None:
         _require_rigid(self.placement, "a frame")
@@ -96,21 +79,11 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A body off the chain that is attached to it, such as a finger, a leg or the other arm.
+    """A body off the chain that is attached to it, such as a finger, a leg or the other arm."""
 
-    Attributes
-    ----------
-    joint : int
-        It moves with the frame after so many joints of the chain (0: with the base).
-    placements : ndarray, shape (k, 4, 4)
-        Its poses in that frame: one where it is held at rest, several from open to closed for part of a gripper.
-    group : str
-        Name of the body that stands for all bodies of a finger; its own name for other bodies.
-    """
-
-    joint: int
-    placements: Array
-    group: str
+    joint: int  # it moves with the frame after so many joints of the chain (0: with the base)
+    placements: Array  # (k, 4, 4) in that frame: one at rest, several from open to closed for part of a gripper
+    group: str  # name of the body that stands for all bodies of a finger; its own name for other bodies
 
     def moved(self, joint: int, transform: Array) -> "Body":
         """Attach the body after `joint` joints; `transform`, (4, 4), leads to that frame from the present one."""
@@ -119,65 +92,26 @@ class Body:
 
 @dataclass(frozen=True)
 class Chain:
-    """Joints from base to tip, the frames on them and the coordinates that move them.
-
-    Attributes
-    ----------
-    name : str
-        Name of the arm.
-    joints : tuple of Joint
-        From the base to the tip.
-    frames : mapping of str to Frame
-        The named frames on the chain.
-    frame : str
-        The name of the tip frame.
-    coordinates : tuple of str
-        Names of the degrees of freedom.
-    lower, upper : ndarray, shape (dof,)
-        Limits of the degrees of freedom [rad] or [m].
-    coupling : ndarray, shape (len(joints), dof)
-        How the joints follow the degrees of freedom.
-    offset : ndarray, shape (len(joints),)
-        Joint positions at zero coordinates [rad] or [m].
-    velocity_limits : ndarray, shape (dof,), or None
-        Largest speeds [rad/s] or [m/s]; infinite where unknown, None when none is known.
-    others : mapping of str to Body, or None
-        Bodies of the robot that are not on the chain. None where the robot is the chain up to its tip.
-    shapes : callable or None
-        Gives the shapes of links by their names, which are those of frames, and takes `load_arm`'s ``mesh_folders=``
-        where there are any; None when nothing is known of them.
-    base : str or None
-        The frame in which everything is expressed, where that is not the first of the description.
-    stand : ndarray of shape (4, 4), or None
-        Where the robot's own base stands in that frame; None where it is the base.
-    locked : mapping of str to float
-        Coordinates that could move and are held, and where [rad] or [m].
-    unlimited : tuple of str
-        Turning joints whose description has no limits, so that one turn is taken.
-    source : str
-        What `load_arm` was asked for, a name or a path; empty for chains made otherwise.
-    side : {"right", "left"} or None
-        Which arm of a person it is; None for robots, and for persons whose model does not say so, which are right arms.
-    """
+    """Joints from base to tip, the frames on them and the coordinates that move them."""
 
     name: str
     joints: tuple[Joint, ...]
     frames: Mapping[str, Frame]
-    frame: str
-    coordinates: tuple[str, ...]
-    lower: Array
+    frame: str  # name of the tip frame
+    coordinates: tuple[str, ...]  # names of the degrees of freedom
+    lower: Array  # (dof,) their limits [rad] or [m]
     upper: Array
-    coupling: Array
-    offset: Array
-    velocity_limits: Array | None = None
-    shapes: Callable[..., Iterable[Shape]] | None = None
-    others: Mapping[str, Body] | None = None
-    base: str | None = None
-    stand: Array | None = None
-    locked: Mapping[str, float] = field(default_factory=dict)
-    unlimited: tuple[str, ...] = ()
-    source: str = ""
-    side: str | None = None
+    coupling: Array  # (joints, dof): how the joints follow the degrees of freedom
+    offset: Array  # (joints,): their positions at zero coordinates [rad] or [m]
+    velocity_limits: Array | None = None  # (dof,) [rad/s] or [m/s]; infinite where unknown
+    shapes: Callable[..., Iterable[Shape]] | None = None  # of links by name; takes `mesh_folders` where there are any
+    others: Mapping[str, Body] | None = None  # bodies off the chain; None where the robot is the chain up to its tip
+    base: str | None = None  # the frame in which everything is expressed, where that is not the description's first
+    stand: Array | None = None  # pose (4, 4) of the robot's own base in that frame, where that is another one
+    locked: Mapping[str, float] = field(default_factory=dict)  # coordinates that are held, and where [rad] or [m]
+    unlimited: tuple[str, ...] = ()  # turning joints without limits, of which one turn is taken
+    source: str = ""  # what `load_arm` was asked for
+    side: str | None = None  # of a person, "right" or "left"
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -213,7 +147,7 @@ class Chain:
         positions = self.coupling @ np.clip(0.0, self.lower, self.upper) + self.offset
         poses = [np.eye(4)]
         for joint, position in zip(self.joints, positions, strict=True):
-            poses.append(poses[-1] @ joint.placement @ joint.motion(float(position)))
+            poses.append(poses[-1] @ joint.placement @ joint.motion(position))
         return np.array(poses)
 
     def known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
@@ -225,13 +159,7 @@ class Chain:
         return names
 
     def narrow(self, lower: ArrayLike, upper: ArrayLike) -> "Chain":
-        """Set closer limits, shape (dof,).
-
-        Raises
-        ------
-        InvalidInputError
-            When the shapes do not fit, or limits are wider than they were or leave nothing.
-        """
+        """Set closer limits, shape (dof,)."""
         low, high = as_numbers(lower, "lower", len(self.lower)), as_numbers(upper, "upper", len(self.upper))
         wrong = (low < self.lower) | (high > self.upper) | (low > high)
         if np.any(wrong):
@@ -246,9 +174,9 @@ class Chain:
 def _require_rigid(placement: Array, what: str) -> None:
     """Raise unless a homogeneous transform turns and shifts, by what is meant to be in metres."""
     turn, shift = placement[:3, :3], placement[:3, 3]
-    if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= FARTHEST):
+    if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= MAX_POSITION):
         raise InvalidInputError(
-            f"{what} must be placed by a rotation and by finite metres, within ±{FARTHEST:g}; "
+            f"{what} must be placed by a rotation and by finite metres, within ±{MAX_POSITION:g}; "
             f"found {np.array2string(placement[:3], precision=3, separator=', ')}".replace("\n", "")
         )
 
@@ -283,3 +211,61 @@ def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.
     matrix[:3, :3] = rotation_about(2, rpy[2]) @ rotation_about(1, rpy[1]) @ rotation_about(0, rpy[0])
     matrix[:3, 3] = xyz
     return matrix
+
+
+def read_embedded(name: str) -> Chain:
+    """Read a chain that ships with the package, ``bodies/data/<name>.json``."""
+    data = Path(__file__).parent / "data"
+    chain = chain_from_json(json.loads((data / f"{name}.json").read_text(encoding="utf-8")))
+    shapes = data / f"{name}_surfaces.npz"
+    return replace(chain, shapes=partial(read_shapes, shapes)) if shapes.exists() else chain
+
+
+def chain_from_json(data: Mapping[str, Any]) -> Chain:
+    """Build a chain from the content of an embedded file (lengths in metres, angles in radians)."""
+    coordinates = [entry["name"] for entry in data["coordinates"]]
+    coupling = np.zeros((len(data["joints"]), len(coordinates)))
+    joints: list[Joint] = []
+    for row, entry in enumerate(data["joints"]):
+        for coordinate, factor in entry.get("follows", {entry["name"]: 1.0}).items():
+            coupling[row, coordinates.index(coordinate)] = factor
+        axis = np.array(entry["axis"], dtype=np.float64)
+        placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
+        if not joints:
+            placement = pose(**data["base"]) @ placement
+        joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement))
+    speeds = [entry.get("velocity", np.inf) for entry in data["coordinates"]]
+    return Chain(
+        name=data["name"],
+        joints=tuple(joints),
+        frames={
+            f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
+            for f in data["frames"]
+        },
+        frame=data["tip"],
+        coordinates=tuple(coordinates),
+        lower=np.array([entry["lower"] for entry in data["coordinates"]], dtype=np.float64),
+        upper=np.array([entry["upper"] for entry in data["coordinates"]], dtype=np.float64),
+        coupling=coupling,
+        offset=np.zeros(len(joints)),
+        velocity_limits=np.array(speeds) if np.any(np.isfinite(speeds)) else None,
+        others=None if "others" not in data else {
+            body["name"]: Body(body["joint"], np.array([pose(**place) for place in body["placements"]]), body["name"])
+            for body in data["others"]
+        },
+    )  # fmt: skip
+
+
+def read_shapes(path: Path, links: Collection[str]) -> list[Shape]:
+    """Read the shapes of some links: points on a grid of 65 536 steps, as the Panda's are written."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            shapes = []
+            for i, link in enumerate(data["links"].tolist()):
+                if link in links:
+                    *corner, step = data[f"grid_{i}"]
+                    points = np.array(corner) + step * data[f"points_{i}"]
+                    shapes.append(Shape(link, (points, data[f"triangles_{i}"].astype(np.int32))))
+            return shapes
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise FileFormatError(f"{path}: holds no shapes of links: {error}") from None

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names, rotation_about
+from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names, pose
 from maniport.errors import InvalidInputError
 from maniport.validation import Array, as_choice, as_finite, as_numbers, as_rotation
 
@@ -44,31 +44,16 @@ def chain_from_dh(
         for i in range(n)
     ]
     frames = {"base": Frame(0, _base(base))} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
-    return Chain(
-        name=name,
-        joints=tuple(joints),
-        frames=frames,
-        frame=f"link{n}",
-        coordinates=tuple(names),
-        lower=low,
-        upper=high,
-        coupling=np.eye(n),
-        offset=np.zeros(n),
-        velocity_limits=None
-        if velocity_limits is None
-        else as_numbers(velocity_limits, "velocity_limits", n, one=True, above=0.0),
-    )
+    speeds = None
+    if velocity_limits is not None:
+        speeds = as_numbers(velocity_limits, "velocity_limits", n, one=True, above=0.0)
+    return Chain(name, tuple(joints), frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n), speeds)
 
 
 def _fixed_parts(table: Array, convention: str) -> tuple[list[Array], list[Array]]:
     """Split each row's transform into the part before the joint's motion and the part after it, shapes (4, 4)."""
-    about_z, about_x = [], []
-    for theta, d, a, alpha in table:
-        along_z, along_x = np.eye(4), np.eye(4)
-        along_z[:3, :3], along_z[2, 3] = rotation_about(2, theta), d
-        along_x[:3, :3], along_x[0, 3] = rotation_about(0, alpha), a
-        about_z.append(along_z)
-        about_x.append(along_x)
+    about_z = [pose((0.0, 0.0, d), (0.0, 0.0, theta)) for theta, d, _, _ in table]
+    about_x = [pose((a, 0.0, 0.0), (alpha, 0.0, 0.0)) for _, _, a, alpha in table]
     if convention == "modified":
         return about_x, about_z
     return [np.eye(4) for _ in table], [z @ x for z, x in zip(about_z, about_x, strict=True)]

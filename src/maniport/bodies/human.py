@@ -16,6 +16,24 @@ joint              positive direction, from the hanging arm
 ``deviation``      bends the wrist to the side: in MyoArm to the thumb, in rHuMan to the little finger
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
+
+The body height alone gives the length of a person's segments:
+
+=========  ========  ==============================================================================================
+segment    fraction  from
+=========  ========  ==============================================================================================
+upper arm  0.1618    281.7 mm of 1741 mm, centre of the shoulder to that of the elbow: de Leva (1996), men
+forearm    0.1545    268.9 mm of 1741 mm, centre of the elbow to that of the wrist: de Leva (1996), men
+hand       0.0343    0.108, wrist to tip of the middle finger (Drillis and Contini 1966; in Winter, Biomechanics and
+                     Motor Control of Human Movement, figure 4.1), × 0.318: in MyoSim's hand the middle of the third
+                     metacarpal is 55.3 mm from the wrist, the tip of the middle finger 174.1 mm
+=========  ========  ==============================================================================================
+
+De Leva's lengths run between centres of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
+forearm (0.146) are measured otherwise.
+
+References: P. de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29
+(1996); R. Drillis, R. Contini, Body segment parameters, technical report 1166.03, New York University (1966).
 """
 
 from collections.abc import Callable, Mapping
@@ -24,26 +42,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies.anthropometry import FRACTIONS, as_height, segment_length
 from maniport.bodies.arm import Arm
-from maniport.bodies.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose
+from maniport.bodies.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose, read_embedded
 from maniport.bodies.denavit_hartenberg import chain_from_dh
-from maniport.bodies.embedded import read_embedded
-from maniport.bodies.mirroring import mirrored
+from maniport.bodies.restriction import mirrored
 from maniport.validation import Array, as_choice, as_number
 
 JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+FRACTIONS = {"upper arm": 0.2817 / 1.741, "forearm": 0.2689 / 1.741, "hand": 0.108 * 0.0553 / 0.1741}
+"""Length of each segment as a fraction of the body height."""
+
 LONGEST_SEGMENT = 1.0
 """No segment of a human arm is as long as this [m]; larger values are most likely in another unit."""
 
 BREADTH = 0.17
 """How far a shoulder is from the middle of the trunk [m]."""
-
-TO_THE_LEFT = np.array([0.0, 1.0, 0.0])
-
-RHUMAN_LENGTHS = (0.302, 0.2795, 0.05)
-RHUMAN_LOWER = (-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0)
-RHUMAN_UPPER = (130.0, 180.0, 40.0, 130.0, 90.0, 25.0, 60.0)
 
 
 def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
@@ -54,12 +67,9 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
 
     Parameters
     ----------
-    upper_arm : float, optional
-        Distance from the centre of the shoulder joint to the elbow [m], 0.2907 by default.
-    forearm : float, optional
-        Distance from the elbow to the wrist at zero pronation [m], 0.2580 by default.
-    hand : float, optional
-        Distance from the wrist to the middle of the third metacarpal [m], 0.0553 by default.
+    upper_arm, forearm, hand : float, optional
+        Distances from the shoulder to the elbow, the wrist (at zero pronation) and the middle of the third metacarpal
+        [m], below 1; 0.2907, 0.2580 and 0.0553 by default.
 
     Returns
     -------
@@ -68,16 +78,6 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
         ``shoulder`` is the centre of the glenohumeral joint, ``elbow`` a point on the flexion axis (the origin of
         the ulna), ``wrist`` the centre of the wrist joint (the origin of the lunate), ``hand`` the middle of the
         third metacarpal. The girdle keeps its size.
-
-    Raises
-    ------
-    InvalidInputError
-        When a length is not between 0 and 1 m.
-
-    See Also
-    --------
-    rhuman : the other model, with a shoulder that stays.
-    maniport.demonstrations.fit_arm : scales it to a person.
 
     References
     ----------
@@ -96,33 +96,15 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
 
 
 def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
-    """The right arm rHuMan: 7 degrees of freedom, with the shoulder fixed in the trunk.
+    """The right arm rHuMan: 7 degrees of freedom, with the shoulder fixed in the trunk, at the base frame's origin.
 
     The table of Denavit-Hartenberg parameters, the lengths and the limits are those of Reithmeir, Figueredo and
     Haddadin (IROS 2022, arXiv 2208.07588), after the kinematics of Saul et al. (2015).
 
     Parameters
     ----------
-    upper_arm : float, optional
-        Length from shoulder to elbow [m], 0.302 by default.
-    forearm : float, optional
-        Length from elbow to wrist [m], 0.2795 by default.
-    hand : float, optional
-        Length from wrist to the hand point [m], 0.05 by default.
-
-    Returns
-    -------
-    Arm
-        Origin of the base frame: the centre of the shoulder.
-
-    Raises
-    ------
-    InvalidInputError
-        When a length is not between 0 and 1 m.
-
-    See Also
-    --------
-    myoarm : the other model, with a shoulder girdle.
+    upper_arm, forearm, hand : float, optional
+        Lengths from shoulder to elbow, wrist and hand point [m], below 1; 0.302, 0.2795 and 0.05 by default.
 
     References
     ----------
@@ -131,7 +113,7 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     """
     given = _checked(upper_arm, forearm, hand)
     upper, fore, palm = (
-        default if length is None else length for length, default in zip(given, RHUMAN_LENGTHS, strict=True)
+        default if length is None else length for length, default in zip(given, (0.302, 0.2795, 0.05), strict=True)
     )
     # Eight joints and a fixed last row: the elevation plane turns the arm before the elevation and back after it.
     half = np.pi / 2
@@ -159,8 +141,8 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
             },
             frame="hand",
             coordinates=JOINTS,
-            lower=np.radians(RHUMAN_LOWER),
-            upper=np.radians(RHUMAN_UPPER),
+            lower=np.radians([-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0]),
+            upper=np.radians([130.0, 180.0, 40.0, 130.0, 90.0, 25.0, 60.0]),
             coupling=coupling,
             offset=np.zeros(8),
             side=RIGHT,
@@ -176,24 +158,9 @@ PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
 def human_arm(
     name: str, side: str = RIGHT, height: float | None = None, lengths: Mapping[str, float] | None = None
 ) -> Arm:
-    """One arm of a person.
+    """One arm of a person, the left one being the mirror image of the right one.
 
-    Parameters
-    ----------
-    name : str
-        One of `PERSONS`.
-    side : {"right", "left"}
-        Which arm; the left one is the mirror image of the right one.
-    height : float, optional
-        Body height [m], from 1 to 2.5, for the segments whose lengths are not given; see
-        `maniport.bodies.anthropometry`. Without it they are the model's own.
-    lengths : mapping of str to float, optional
-        Lengths of ``"upper arm"``, ``"forearm"`` and ``"hand"`` [m] that are known.
-
-    Raises
-    ------
-    InvalidInputError
-        When there is no such person or side, or a length or the height is not one of a person.
+    `height` [m] is for the segments, ``"upper arm"``, ``"forearm"`` and ``"hand"``, whose `lengths` [m] are not given.
     """
     as_choice(name, "person", PERSONS)
     as_choice(side, "side", SIDES)
@@ -205,6 +172,21 @@ def human_arm(
     return Arm(chain if chain.side == side else mirrored(chain))
 
 
+def as_height(value: float | None) -> float | None:
+    """Check a body height [m]; None stays None."""
+    return None if value is None else as_number(value, "height [m]", minimum=1.0, maximum=2.5)
+
+
+def segment_length(segment: str, height: float) -> float:
+    """Length of a segment [m] of a person so tall [m]."""
+    return FRACTIONS[segment] * height
+
+
+def adult_range(segment: str) -> tuple[float, float]:
+    """The shortest and the longest that a segment of an adult of 1.4 to 2.1 m is [m]; people differ by 15 %."""
+    return 0.85 * segment_length(segment, 1.4), 1.15 * segment_length(segment, 2.1)
+
+
 def middle_of(arm: Arm) -> float:
     """Where the middle of the trunk is beside the origin of a human arm's base frame, to the left [m]."""
     shoulder = arm.point_positions(np.zeros(arm.dof), ("shoulder",))[0]
@@ -212,24 +194,14 @@ def middle_of(arm: Arm) -> float:
 
 
 def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
-    """How a person's hand is turned: z points from the wrist along it, y out of the palm.
+    """How the hand of a human arm is turned in the trunk frame, (..., 3, 3): z points along it, y out of the palm.
 
-    Parameters
-    ----------
-    arm : Arm
-        A human arm: with zero angles it hangs with the palm towards the thigh, a right arm's to the left.
-    q : array_like, shape (..., dof)
-        [rad]
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        Rotations from these axes to the trunk frame.
+    With zero angles the arm hangs with the palm towards the thigh, a right arm's to the left.
     """
     zero = np.zeros(arm.dof)
     wrist, hand = arm.point_positions(zero, ("wrist", "hand"))
     along = (hand - wrist) / np.linalg.norm(hand - wrist)
-    thigh = -TO_THE_LEFT if arm.side == LEFT else TO_THE_LEFT
+    thigh = np.array([0.0, -1.0 if arm.side == LEFT else 1.0, 0.0])
     palm = thigh - (thigh @ along) * along
     palm /= np.linalg.norm(palm)
     hanging = np.stack([np.cross(palm, along), palm, along], axis=1)

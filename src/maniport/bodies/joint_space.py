@@ -1,6 +1,8 @@
-"""The joint coordinates of an arm or a pair: their names, limits and units, and samples within them."""
+"""The joint coordinates of an arm or a pair, with samples and limits, and the ellipsoids of what moves one frame."""
 
 import inspect
+from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -8,13 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
-from maniport.bodies.spec import EllipsoidSpec
+from maniport.bodies.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
 from maniport.errors import InvalidInputError
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_count, as_finite, as_generator
-
-LIMIT_TOLERANCE = 1e-6
-"""How far outside its limits a coordinate may lie and still count as inside [rad] or [m]."""
 
 # SciPy 1.15 renamed the argument; the older name is to disappear.
 _SEED = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
@@ -56,11 +55,6 @@ class JointSpace(ShownInNotebooks):
         Returns
         -------
         ndarray, shape (n, dof)
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong value.
         """
         count = as_count(n, "n")
         as_choice(sequence, "sequence", ("sobol", "uniform"))
@@ -77,19 +71,7 @@ class JointSpace(ShownInNotebooks):
         return ~self._outside(self.configurations(q, "q")).any(axis=-1)
 
     def require_within_limits(self, q: ArrayLike, name: str = "q") -> Array:
-        """Check configurations against the joint limits (to 1e-6 rad or m).
-
-        Parameters
-        ----------
-        q : array_like, shape (..., dof)
-            Configurations.
-        name : str
-            What to call them in the message.
-
-        Returns
-        -------
-        ndarray, shape (..., dof)
-            The configurations, unchanged.
+        """Return configurations as an array if they respect the joint limits (to 1e-6 rad or m).
 
         Raises
         ------
@@ -108,8 +90,8 @@ class JointSpace(ShownInNotebooks):
             )
         return array
 
-    def _outside(self, q: Array) -> Any:
-        return (q < self.lower - LIMIT_TOLERANCE) | (q > self.upper + LIMIT_TOLERANCE)
+    def _outside(self, q: Array, tolerance: float = 1e-6) -> Any:
+        return (q < self.lower - tolerance) | (q > self.upper + tolerance)
 
     def configurations(self, q: ArrayLike, name: str = "q") -> Array:
         """Require finite configurations, shape (..., dof), within limits or not; `name` is said in messages."""
@@ -122,13 +104,7 @@ class JointSpace(ShownInNotebooks):
         return array
 
     def resolved(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """The same ellipsoids with numbers for joint weights, one for each joint, where it has words.
-
-        Raises
-        ------
-        InvalidInputError
-            When this is no spec, the numbers are not as many as the joints, or the arm has no velocity limits.
-        """
+        """The same ellipsoids with numbers for joint weights, one for each joint, where it has words."""
         if not isinstance(spec, EllipsoidSpec):
             raise InvalidInputError(f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}")
         if isinstance(spec.joint_weights, str):
@@ -140,6 +116,79 @@ class JointSpace(ShownInNotebooks):
             return replace(spec, joint_weights=speeds)
         spec.weights(self.dof)
         return spec
+
+
+class Manipulable(JointSpace):
+    """A joint space that moves one frame: an arm, or both arms of a pair as one."""
+
+    frame: str
+    base: str | None
+    locked: Mapping[str, float]
+
+    @abstractmethod
+    def forward(self, q: ArrayLike) -> Array:
+        """Poses of the frame, shape (..., 4, 4) [m]."""
+
+    @abstractmethod
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Geometric Jacobians of the frame, shape (..., 6, dof), linear rows first."""
+
+    @abstractmethod
+    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+        """What `forward` gives, and then what `differentials` does."""
+
+    def manipulability(
+        self,
+        q: ArrayLike,
+        kind: str = "velocity",
+        part: str = "translation",
+        joint_weights: ArrayLike | str | None = None,
+    ) -> Array:
+        """Manipulability matrices ``J W² Jᵀ`` (velocity) or their inverses (force).
+
+        Parameters
+        ----------
+        q : array_like, shape (..., dof)
+            Configurations.
+        kind, part, joint_weights
+            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
+
+        Returns
+        -------
+        ndarray, shape (..., d, d)
+            Exactly symmetric matrices.
+
+        Raises
+        ------
+        InvalidInputError
+            When an argument has a wrong shape or value, or the velocity limits are not known.
+        NotSPDError
+            When a force ellipsoid is asked for where the arm is singular.
+        """
+        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
+
+    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Manipulability matrices (..., d, d) as a specification asks for; see `manipulability`."""
+        return manipulability(self.jacobian(q), self.resolved(spec))
+
+    def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
+        """Semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
+
+        They come from the singular values of the Jacobian and are more accurate than an eigendecomposition of the
+        matrix.
+        """
+        return principal_axes(self.jacobian(q), self.resolved(spec))
+
+    def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), exactly symmetric.
+
+        In closed form, see `maniport.bodies.manipulability_jacobian`; units are those of M for each radian or metre.
+        """
+        return self.differentials(q, spec)[2]
+
+    def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
+        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give, bit for bit, at once."""
+        return self.posed_differentials(q, spec)[1:]
 
 
 def _read_only(array: Array) -> Array:

@@ -26,12 +26,10 @@ class Kinematics:
         for joint in chain.joints:
             kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
             parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
-        self._frame_ids = {}
-        for name, frame in chain.frames.items():
-            placed = pin.Frame(name, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
-            self._frame_ids[name] = model.addFrame(placed)
+        frame = chain.frames[chain.frame]
+        placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
+        self._tip = model.addFrame(placed)
         self._joint_ids = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
-        self._tip = self._frame_ids[chain.frame]
         self._own = _Workspace(model, self._tip)
 
     def positions(self, q: Array) -> Array:
@@ -76,29 +74,6 @@ class Kinematics:
             into[i] = compute(model, data, q, tip, axes)  # which places the frame, too
             rotations[i], origins[i] = rotation, origin
         return poses, jacobians
-
-    def point_positions(self, positions: Array, frames: Sequence[str]) -> Array:
-        """Origins of frames, shape (n, k, 3)."""
-        model, data = self._model, self._own.data
-        ids = [self._frame_ids[name] for name in frames]
-        points = np.empty((len(positions), len(ids), 3))
-        for i, q in enumerate(positions):
-            pin.forwardKinematics(model, data, q)
-            for k, frame in enumerate(ids):
-                points[i, k] = pin.updateFramePlacement(model, data, frame).translation
-        return points
-
-    def point_jacobians(self, positions: Array, frames: Sequence[str]) -> Array:
-        """Linear Jacobians of the origins of frames, shape (n, k, 3, joints)."""
-        model, data, axes = self._model, self._own.data, pin.LOCAL_WORLD_ALIGNED
-        ids = [self._frame_ids[name] for name in frames]
-        jacobians = np.empty((len(positions), len(ids), 3, model.nv))
-        into = _as_pinocchio_shapes(jacobians)
-        for i, q in enumerate(positions):
-            pin.computeJointJacobians(model, data, q)
-            for k, frame in enumerate(ids):
-                into[i, k] = pin.getFrameJacobian(model, data, frame, axes)[:3]
-        return jacobians
 
     def joint_poses(self, positions: Array, joints: Sequence[str]) -> Array:
         """Poses of joints' frames after their motion, shape (n, k, 4, 4)."""

@@ -19,8 +19,7 @@ from functools import reduce
 
 import numpy as np
 
-from maniport.bodies.manipulability import manipulability, weighted_rows
-from maniport.bodies.spec import VELOCITY, EllipsoidSpec
+from maniport.bodies.manipulability import VELOCITY, EllipsoidSpec, manipulability, weighted_rows
 from maniport.jit import kernel, part
 from maniport.validation import Array
 

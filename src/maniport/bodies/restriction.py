@@ -1,15 +1,15 @@
-"""Parts of a chain: another tip, another base, joints that are held."""
+"""Chains made of a chain: another tip or base, joints that are held, a place in a world, the mirror image."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from maniport.bodies.chain import Body, Chain, check_names
+from maniport.bodies.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Joint, Shape, check_names
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array, as_number
+from maniport.validation import MAX_POSITION, Array, as_number
 
 
 def restrict(
@@ -22,7 +22,7 @@ def restrict(
     """End a chain at another frame, begin it at another one, and hold coordinates."""
     where = f"on the arm {chain.name!r}"
     wanted = None if joints is None else check_names(joints, "joints")
-    held = _checked_lock(lock, wanted)
+    held = check_lock(lock, wanted)
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
             raise unknown_name("joint", name, chain.coordinates, f"on the way to {chain.frame!r} {where}")
@@ -46,8 +46,8 @@ def restrict(
     return part if np.all(moving) else _held(part, moving, held)
 
 
-def _checked_lock(lock: Mapping[str, float] | None, joints: tuple[str, ...] | None) -> Mapping[str, float]:
-    """Require a mapping of names that are not to move."""
+def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
+    """Require a mapping of names, none of which is to move."""
     held = {} if lock is None else lock
     if not isinstance(held, Mapping) or not all(isinstance(name, str) for name in held):
         raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
@@ -86,13 +86,9 @@ def _held_at(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> d
     }
 
 
-WORLD = "world"
-"""What the frame is called in which robots stand."""
-
-
 def standing(chain: Chain, where: Array) -> Chain:
     """The same chain where it stands in a world, expressed in that; `where` is its base's pose there, shape (4, 4)."""
-    return replace(_seen_from(chain, where, WORLD), stand=where if chain.stand is None else where @ chain.stand)
+    return replace(_seen_from(chain, where, "world"), stand=where if chain.stand is None else where @ chain.stand)
 
 
 def _seen_from(chain: Chain, where: Array, base: str) -> Chain:
@@ -142,7 +138,7 @@ def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
     neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
     for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
         if name in lock:
-            low, high = (float(np.clip(limit[i], -FARTHEST, FARTHEST)) for limit in (chain.lower, chain.upper))
+            low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (chain.lower, chain.upper))
             neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
     held = {name: float(neutral[i]) for i, name in enumerate(chain.coordinates) if not moving[i]}
     return replace(
@@ -162,3 +158,45 @@ def _coordinates(chain: Chain, kept: Array) -> dict[str, Any]:
         "upper": chain.upper[kept],
         "velocity_limits": None if chain.velocity_limits is None else chain.velocity_limits[kept],
     }
+
+
+def mirrored(chain: Chain) -> Chain:
+    """The mirror image of an arm in the plane y = 0 of its base frame; that of the mirror image is the arm again.
+
+    With S = diag(1, −1, 1) every pose T becomes S T S. A rotation about an axis a becomes one about −S a by the same
+    angle: equal joint angles of an arm and its mirror image are mirrored configurations, with ellipsoids M and S M S.
+    """
+    left = chain.side == LEFT
+    return replace(
+        chain,
+        name=chain.name.removesuffix("_left") if left else f"{chain.name}_left",
+        side=RIGHT if left else LEFT,
+        joints=tuple(_mirrored_joint(joint) for joint in chain.joints),
+        frames={name: replace(place, placement=_mirrored(place.placement)) for name, place in chain.frames.items()},
+        others=chain.others and {
+            name: replace(body, placements=_mirrored(body.placements)) for name, body in chain.others.items()
+        },
+        stand=None if chain.stand is None else _mirrored(chain.stand),
+        shapes=None if chain.shapes is None else partial(_mirrored_shapes, chain.shapes),
+    )  # fmt: skip
+
+
+_MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def _mirrored_joint(joint: Joint) -> Joint:
+    turn = -1.0 if joint.kind == REVOLUTE else 1.0
+    return replace(joint, axis=turn * _MIRROR * joint.axis + 0.0, placement=_mirrored(joint.placement))
+
+
+def _mirrored(placements: Array) -> Array:
+    """Mirror poses (..., 4, 4); adding zero leaves no negative one."""
+    signs = np.append(_MIRROR, 1.0)
+    return np.asarray(signs[:, None] * placements * signs + 0.0)
+
+
+def _mirrored_shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) -> Iterator[Shape]:
+    """Mirrored shapes of links; their triangles turn round, so that they are seen from outside as before."""
+    for shape in shapes(links, **options):
+        points, triangles = shape.mesh
+        yield replace(shape, mesh=(points * _MIRROR, triangles[:, ::-1]))

@@ -1,9 +1,23 @@
 """The command line: one verb for each arrow of the main job. Verbs parse, call, print; nothing else."""
 
-from maniport.cli import batch, domains, evaluate, info, learn, live, place, transfer, view  # each adds its verbs
+# each module adds its verbs
+from maniport.cli import batch, domains, evaluate, figures, info, learn, live, place, transfer, view
 from maniport.cli.application import app, main
 
-__all__ = ["app", "batch", "domains", "evaluate", "info", "learn", "live", "main", "place", "transfer", "view"]
+__all__ = [
+    "app",
+    "batch",
+    "domains",
+    "evaluate",
+    "figures",
+    "info",
+    "learn",
+    "live",
+    "main",
+    "place",
+    "transfer",
+    "view",
+]
 
 ORDER = (
     "demo",
@@ -16,6 +30,7 @@ ORDER = (
     "place",
     "track",
     "evaluate",
+    "figures",
     "reproduce",
     "live",
     "view",

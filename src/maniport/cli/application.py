@@ -9,9 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from maniport.defaults import RECORDINGS
-from maniport.errors import InvalidInputError, ManiportError, printable
+from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
 from maniport.version import __version__
-from maniport.wording import on_the_command_line
 
 
 class _Verbs(TyperGroup):
@@ -127,7 +126,7 @@ def rotation(mounting: tuple[float, float, float]) -> Any:
 
 def require_npz(path: Path) -> None:
     """Raise unless an .npz file can be written there."""
-    from maniport.files import require_room
+    from maniport.atomic_io import require_room
 
     if path.suffix != ".npz":
         raise InvalidInputError(f"output must be an .npz file; found {str(path)!r}")

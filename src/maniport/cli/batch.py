@@ -61,7 +61,7 @@ def batch(
 ) -> None:
     """Let each robot have each recording; go on where an earlier call was ended. Exits with 1 where a pair failed."""
     from maniport.batches import batch as run
-    from maniport.interruption import raising
+    from maniport.signals import raising
 
     console = Console(as_json, quiet)
     arms = [chain.load(name) for name in robot or [ROBOT]]

@@ -41,11 +41,12 @@ def evaluate(
     quiet: Quiet = False,
 ) -> None:
     """Measure a fitted adapter beside doing nothing and other cheap alternatives."""
+    from maniport.atomic_io import require_room
     from maniport.bodies import EllipsoidSpec, load_arm
     from maniport.errors import InvalidInputError
     from maniport.evaluation import evaluate as measure
-    from maniport.evaluation.alternatives import ROWS
-    from maniport.files import load_ellipsoids, require_room
+    from maniport.evaluation.baselines import ROWS
+    from maniport.files import load_ellipsoids
     from maniport.telling.facts import facts_of
     from maniport.telling.renderings import write_facts
     from maniport.transfer import load_adapter
@@ -101,7 +102,7 @@ def reproduce(
 
 def _rows(methods: str) -> tuple[str, ...]:
     """Rows that are asked for by names with commas."""
-    from maniport.evaluation.alternatives import EVERY_ROW, as_row
+    from maniport.evaluation.baselines import EVERY_ROW, as_row
 
     if methods == ALL:
         return EVERY_ROW

@@ -45,7 +45,7 @@ def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float
         return _of_results(Path(what))
     if _is_recording(what):
         chain.require_none(f"{what!r} is a recording")
-        from maniport.telling.of_recording import recording_facts
+        from maniport.telling.recording import recording_facts
 
         return recording_facts(recorded.read(what), recorded.markers(), side, command=recorded.command(what))
     recorded.require_none(f"{what!r} is none")
@@ -77,7 +77,7 @@ def _is_recording(what: str) -> bool:
 def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Facts:
     """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
     from maniport.bodies.readers import robot_limbs
-    from maniport.telling.of_robot import robot_facts
+    from maniport.telling.robot import robot_facts
 
     limbs, default = robot_limbs(what)
     to_choose = limbs and default is None and chain.frame is None and chain.joints is None
@@ -108,8 +108,8 @@ def _of_results(folder: Path) -> Facts:
     """Report the summary of a run, its warnings, and where its page is."""
     import json
 
-    from maniport.bounds import KEYPOINTS_BYTES, read_whole
     from maniport.errors import FileFormatError
+    from maniport.input_limits import KEYPOINTS_BYTES, read_whole
 
     file = folder / SUMMARY
     text = read_whole(file, (), KEYPOINTS_BYTES)
@@ -123,4 +123,4 @@ def _of_results(folder: Path) -> Facts:
         raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
     page = str(folder / PAGE)
     facts = Fact("Status", status, key="status", value=status), Fact("Page", page, "For any browser.", "page", page)
-    return Facts(str(title), lead, (Section("", facts),), doubts=doubts)
+    return Facts(str(title), lead, (Section("", facts),), data_warnings=doubts)

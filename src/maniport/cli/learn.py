@@ -56,7 +56,7 @@ def learn(
     quiet: Quiet = False,
 ) -> None:
     """Learn one profile, and how much it may vary, from several demonstrations of a motion."""
-    from maniport.files import require_free
+    from maniport.atomic_io import require_free
     from maniport.pipeline import learn, transfer_recording
     from maniport.telling.renderings import as_numbers
     from maniport.telling.write import LEARNED_FILES, RUN_FILES, write_results

@@ -113,8 +113,8 @@ def _served(follower: "Live", opening: "Pipe | Datagrams", every: bool) -> "Summ
     """Answer frames until they end, or Ctrl-C."""
     from threadpoolctl import threadpool_limits
 
-    from maniport.interruption import ending_in_order
     from maniport.live.door.serving import Bell, serve
+    from maniport.signals import ending_in_order
 
     bell = Bell()
     gc.collect()

@@ -39,9 +39,10 @@ def place(
     quiet: Quiet = False,
 ) -> None:
     """Find where before a robot a path goes best, and tell the places in their order."""
+    from maniport.atomic_io import require_free
     from maniport.bodies import EllipsoidSpec
     from maniport.bodies.collisions import Collisions
-    from maniport.files import load_ellipsoids, load_path, require_free
+    from maniport.files import load_ellipsoids, load_path
     from maniport.telling.facts import facts_of
     from maniport.tracking import place_path
     from maniport.tracking.placement.placed_path import DATA_FILES
@@ -75,7 +76,7 @@ def place(
 
 def _leaning(tilt: str | None) -> float | str | None:
     """What `place_path` takes for a tilt in degrees, or the word that leaves it free."""
-    from maniport.tracking.placement.asked import FREE
+    from maniport.tracking.placement.arguments import FREE
 
     if tilt is None or tilt == FREE:
         return tilt

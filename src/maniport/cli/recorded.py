@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.bounds import SETTINGS_BYTES, read_whole
 from maniport.cli.groups import group, require_none
 from maniport.errors import FileFormatError
+from maniport.input_limits import SETTINGS_BYTES, read_whole
 
 if TYPE_CHECKING:
     from maniport.demonstrations import Recording

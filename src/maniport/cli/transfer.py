@@ -89,7 +89,7 @@ def transfer(
     if not both:
         pair.require_none()
     with at_work(console) as tell:
-        from maniport.files import require_free
+        from maniport.atomic_io import require_free
         from maniport.telling.write import RUN_FILES, require_free_for_both
 
         require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
@@ -126,8 +126,9 @@ def track(
     quiet: Quiet = False,
 ) -> None:
     """Move a robot so that its ellipsoids follow target ones, and its tip a target path."""
+    from maniport.atomic_io import require_free
     from maniport.bodies import EllipsoidSpec
-    from maniport.files import load_ellipsoids, load_path, require_free
+    from maniport.files import load_ellipsoids, load_path
     from maniport.pipeline.follow import follow
     from maniport.telling.write import EXECUTION_FILES, write_results
     from maniport.validation import as_times
@@ -178,8 +179,8 @@ def _transfer(
     robot: Any = ROBOT,
     **job: Any,
 ) -> Facts:
+    from maniport.atomic_io import require_free
     from maniport.bodies import Arm, load_arm
-    from maniport.files import require_free
     from maniport.pipeline import transfer_recording
     from maniport.telling.write import RUN_FILES, write_results
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from maniport.bodies import PERSONS, Arm
-from maniport.bodies.anthropometry import as_height
 from maniport.bodies.chain import SIDES
-from maniport.bodies.human import human_arm
+from maniport.bodies.human import as_height, human_arm
 from maniport.defaults import AUTO, BOTH, KEEP
 from maniport.demonstrations.arm_fit_result import ArmFit
 from maniport.demonstrations.determined import AT_LIMIT, MOST_FRAMES, judge, open_joints
@@ -23,11 +22,10 @@ from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.segments import segment_lengths
 from maniport.demonstrations.shown import Shown, shown_by
 from maniport.demonstrations.starts import initial_path
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import InvalidInputError, ManiportWarning, argument, typed
 from maniport.steps import Progress, Step
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_choice, as_number
-from maniport.wording import argument, typed
 
 CUTOFF = 30.0
 """Frequency up to which motion that is fully seen is followed [Hz]; arms move below 10 Hz, and the
@@ -82,7 +80,7 @@ def fit_arm(
         ``side_reason`` of the result. Equal joint angles of either arm are mirrored postures.
     height : float, optional
         The person's body height [m], from 1 to 2.5. A segment that the recording does not show, or that is not as
-        long there as an adult's may be, gets its fraction of it, see `maniport.bodies.anthropometry`; the notes tell.
+        long there as an adult's may be, gets its fraction of it, see `maniport.bodies.human`; the notes tell.
     smooth : {"auto", "off"} or float
         Points that jitter, as keypoints of video do, are smoothed as far as they say themselves; "off" leaves them as
         they are, a number follows all points up to that frequency [Hz]. See `maniport.demonstrations.jitter`.
@@ -142,7 +140,7 @@ def fitted(
 
 def _turn_if_exchanged(fit: ArmFit, directions: Directions, axis: str) -> float:
     """Fit some frames with the markers of a joint axis exchanged; return the segment's turn (median) [degrees]."""
-    some = evenly(len(fit), MOST_COMPARED)
+    some = evenly_spaced(len(fit), MOST_COMPARED)
     targets = directions.targets[some].copy()
     targets[:, directions.names.index(axis)] *= -1.0
     other = replace(directions, targets=targets)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from maniport.bodies import Arm
 from maniport.demonstrations.recording import kept
 from maniport.notebook import ShownInNotebooks
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import Array
 
 Bools = NDArray[np.bool_]
@@ -106,7 +106,7 @@ class ArmFit(ShownInNotebooks):
 
     def thinned(self, count: int) -> "ArmFit":
         """Keep so many frames at most, evenly; all else as `crop` does."""
-        return self.only(evenly(len(self), count))
+        return self.only(evenly_spaced(len(self), count))
 
     def only(self, keep: NDArray[Any]) -> "ArmFit":
         """Keep some of the frames, by a mask or by their numbers; all else as `crop` does."""

@@ -16,11 +16,10 @@ from maniport.demonstrations.dialects import ARM, TRUNK
 from maniport.demonstrations.recording import LONGEST_GAP, Recording
 from maniport.demonstrations.roles import assign_roles, role_position
 from maniport.demonstrations.shown import Shown, shown_by
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, spoken
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_number
-from maniport.wording import spoken
 
 EACH = LEFT, RIGHT
 """The order of a pair everywhere."""

@@ -8,9 +8,8 @@ import numpy as np
 from maniport.bodies.chain import SIDES
 from maniport.demonstrations.dialects import find_roles
 from maniport.demonstrations.recording import UP_AXES
-from maniport.errors import FileFormatError
+from maniport.errors import FileFormatError, argument
 from maniport.validation import Array
-from maniport.wording import argument
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""

@@ -33,7 +33,7 @@ AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
 
 MARKED = {"right": 1.0, "left": -1.0}
 """Whether the axes of elbow and wrist point from medial to lateral and from ulnar to radial, as a right arm's do, or
-the other way, as in its mirror image; see `maniport.bodies.mirroring`."""
+the other way, as in its mirror image; see `maniport.bodies.restriction`."""
 
 WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wrist_axis": 0.1}
 """Weights of the residuals, inverse to the error that each direction is expected to have.

@@ -10,9 +10,8 @@ from maniport.bodies.chain import SIDES
 from maniport.demonstrations.conventions import POSSIBLE_UPPER_ARM, UNITS, UPPER_ARM, fitting_units, upper_arm
 from maniport.demonstrations.dialects import ARM, find_legs, find_roles, whole_bodies
 from maniport.demonstrations.recording import UP_AXES, Recording
-from maniport.errors import InvalidInputError, RecordingError
+from maniport.errors import InvalidInputError, RecordingError, argument
 from maniport.validation import Array
-from maniport.wording import argument
 
 LEAST_UPRIGHT = 0.5
 """Cosine between trunk or legs and the axis that points up, below which (median) that axis is doubted: of people who

@@ -9,7 +9,7 @@ from maniport.bodies.chain import LEFT, RIGHT
 from maniport.bodies.human import JOINTS
 from maniport.demonstrations.arm_fit_result import ArmFit, about_axis
 from maniport.demonstrations.directions import AROUND, ELBOW, TURN
-from maniport.wording import argument
+from maniport.errors import argument
 
 OFTEN = 0.2
 """Share of the frames above which an excess over a limit of the model is reported."""

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bounds import FRAMES, PLACES, POINTS, require_at_most
 from maniport.demonstrations.conventions import in_metres, numbered, upward
-from maniport.demonstrations.recording import FARTHEST, Recording
+from maniport.demonstrations.recording import MAX_POSITION, Recording
 from maniport.demonstrations.repair import in_order, without_zeros
-from maniport.errors import FileFormatError, InvalidInputError
+from maniport.errors import FileFormatError, InvalidInputError, argument, as_text
+from maniport.input_limits import FRAMES, PLACES, POINTS, require_at_most
 from maniport.validation import Array
-from maniport.wording import argument, as_text
 
 SLOWEST = 1.0
 """Who records motion takes no fewer frames a second [Hz]: times that say so are not seconds."""
@@ -71,7 +70,7 @@ class Given:
             raise FileFormatError(
                 f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {places.shape}"
             )
-        places[~(np.abs(places) <= FARTHEST).all(axis=-1)] = np.nan
+        places[~(np.abs(places) <= MAX_POSITION).all(axis=-1)] = np.nan
         if np.isnan(places).all():
             raise FileFormatError(f"{file}: every point is missing in every frame")
         tracks = {name: places[:, i] for i, name in enumerate(unique)}

@@ -19,9 +19,8 @@ from scipy.special import comb
 
 from maniport.defaults import AUTO
 from maniport.demonstrations.recording import Recording, runs_of
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, argument, spoken
 from maniport.validation import Array, as_choice, as_number
-from maniport.wording import argument, spoken
 
 SMOOTHINGS = AUTO, OFF = AUTO, "off"
 """Words for how much is smoothed; or the highest frequency that is followed."""

@@ -12,8 +12,8 @@ from scipy.interpolate import PchipInterpolator
 
 from maniport.defaults import KEEP
 from maniport.demonstrations.recording import runs_of, when
+from maniport.errors import argument
 from maniport.validation import Array
-from maniport.wording import argument
 
 LEAPS = KEEP, SMOOTH, SPLIT = KEEP, "smooth", "split"
 """What is done about leaps: nothing; the joints go over them evenly; the longest part between two of them is used."""

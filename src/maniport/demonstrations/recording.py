@@ -10,17 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from maniport.bounds import PLACES
-from maniport.errors import InvalidInputError, RecordingError, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
 from maniport.files import save_arrays
+from maniport.input_limits import PLACES
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_choice, as_number, as_times, require_shape
-from maniport.wording import argument, spoken
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 """The axes of a recording that may point up."""
 
-FARTHEST = 1e12
+MAX_POSITION = 1e12
 """No point is farther away in any direction [m]: squares of distances stay numbers."""
 
 _FRAMES_BEYOND = 1.5
@@ -250,9 +249,9 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
     if np.isinf(positions).any():
         index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
         raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
-    if np.nanmax(np.abs(positions), initial=0.0) > FARTHEST:
+    if np.nanmax(np.abs(positions), initial=0.0) > MAX_POSITION:
         raise InvalidInputError(
-            f"positions must be within ±{FARTHEST:g} m; found {np.nanmax(np.abs(positions)):g} m from the origin"
+            f"positions must be within ±{MAX_POSITION:g} m; found {np.nanmax(np.abs(positions)):g} m from the origin"
         )
     positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
     return positions

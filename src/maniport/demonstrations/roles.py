@@ -22,9 +22,8 @@ from maniport.demonstrations.dialects import (
 )
 from maniport.demonstrations.doubts import require_side
 from maniport.demonstrations.recording import Recording
-from maniport.errors import InvalidInputError, RecordingError, nearest_first, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
 from maniport.validation import Array, as_choice
-from maniport.wording import argument, spoken
 
 REQUIRED = (*ARM, "trunk_up")
 NEXT, LAST = [1, 2, 0], [2, 0, 1]

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from maniport.bodies.anthropometry import FRACTIONS, adult_range, segment_length
-from maniport.bodies.human import LONGEST_SEGMENT
+from maniport.bodies.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
 from maniport.demonstrations.directions import SEGMENTS
 from maniport.errors import RecordingError
 from maniport.validation import Array

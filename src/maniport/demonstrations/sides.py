@@ -10,8 +10,7 @@ from maniport.defaults import AUTO
 from maniport.demonstrations.dialects import ARM
 from maniport.demonstrations.recording import Recording
 from maniport.demonstrations.roles import assign_roles, played, role_position, trunk_rotation
-from maniport.errors import RecordingError
-from maniport.wording import argument
+from maniport.errors import RecordingError, argument
 
 ALIKE = 1.1
 """Two arms whose ways differ by less than this factor move alike; then the right one is taken."""

@@ -1,12 +1,19 @@
-"""The only judge: the measures of a transfer, the cheap alternatives beside it, and the verdict."""
+"""Evaluation of a transfer: metrics, comparison with baselines, and model selection."""
 
-from maniport.evaluation.choice import Choice, choose
-from maniport.evaluation.measures import RMSE, Smoothness, Structure, rmse, smoothness, structure
-from maniport.evaluation.reliability import Stability, identity_test, stability
-from maniport.evaluation.report import Evaluation, evaluate
-from maniport.evaluation.rows import Gaps, Row
-from maniport.evaluation.rule import Weakness
-from maniport.evaluation.verdict import Verdict
+from maniport.evaluation.comparison import evaluate
+from maniport.evaluation.metrics import (
+    RMSE,
+    Smoothness,
+    Stability,
+    Structure,
+    identity_test,
+    rmse,
+    smoothness,
+    stability,
+    structure,
+)
+from maniport.evaluation.selection import Choice, choose
+from maniport.evaluation.verdict import Evaluation, Gaps, Row, Verdict, Weakness
 
 __all__ = [
     "RMSE",

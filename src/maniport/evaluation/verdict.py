@@ -1,37 +1,158 @@
-"""The verdict on the rows of a comparison, as data: what is best, what is recommended, what is wrong."""
+"""The rows of a comparison of methods, and its result: the best, the recommended, and weaknesses.
 
-from collections.abc import Sequence
+A method without any weakness is sound. Recommended is, of the sound methods (of all, where none is), the first in the
+order of `maniport.transfer.METHODS` whose mean feasibility gap no other undercuts by more than 5 %. Where the truth is
+known, the root mean squared error decides alone.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from maniport.evaluation.rows import LOOKUP, RAW_COPY, Row
-from maniport.evaluation.rule import Weakness, equal, recommended, weaknesses
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.errors import unknown_name
+from maniport.evaluation.baselines import LOOKUP, RAW_COPY, TRANSPORT
+from maniport.evaluation.metrics import RMSE, STILL, Smoothness, Stability, Structure
+from maniport.notebook import ShownInNotebooks
+from maniport.transfer import METHODS
+from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE
+from maniport.validation import Array
+
+WORTH_WHILE = 0.95
+"""A value must fall below this fraction of another to count as better."""
+
+ROUGH = 1.5
+"""Largest step over the teacher's largest above which a method is rough."""
+
+RESTLESS = 0.15
+"""Largest passing value of the identity test."""
+
+UNSTEADY = 5.0
+"""Root mean squared angle between the rotations of several fits above which the rotation is unobservable [degrees]."""
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Mean, median, 95th percentile and maximum of distances to the feasible set.
+
+    Methods are compared by the mean: where half of a profile is feasible, the median is zero for all of them.
+
+    Attributes
+    ----------
+    mean, median, p95, largest : float
+    where : int
+        Row of the largest.
+    """
+
+    mean: float
+    median: float
+    p95: float
+    largest: float = np.nan
+    where: int = 0
+
+    @classmethod
+    def of(cls, distances: Array, rows: NDArray[np.intp] | None = None) -> "Gaps":
+        """Summarize distances, shape (n,); `rows` are their indices where these are not 0 … n − 1."""
+        worst = int(np.argmax(distances))
+        where = worst if rows is None else int(rows[worst])
+        mean, median, p95 = np.mean(distances), np.median(distances), np.percentile(distances, 95)
+        return cls(float(mean), float(median), float(p95), float(distances[worst]), where)
+
+
+@dataclass(frozen=True)
+class Row:
+    """The metrics of one method; None where a metric does not apply.
+
+    Attributes
+    ----------
+    name : str
+    note : str
+        A remark on it, or why nothing was measured.
+    method : str
+        Its name in `maniport.transfer.METHODS`, or its class where it has none.
+    rmse : RMSE or None
+        Where the truth is known.
+    feasibility_gap, domain_feasibility_gap : Gaps or None
+        Of the profile, and of samples of the teacher's domain, held out of the fit where the teacher's arm is known;
+        None without the student's kinematics.
+    smoothness : Smoothness or None
+    structure : Structure or None
+        None where the teacher's ellipsoids do not change.
+    energy_distance : float or None
+        From the mapped domain of the teacher to the student's.
+    identity : float or None
+        Identity test: RMSE undivided, truth 0.
+    stability : Stability or None
+    failures : tuple of str
+        Checks that the fit of a length field fails, see `FieldReport.failures`.
+    warnings : tuple of str
+        Warnings of its fits, each once.
+    """
+
+    name: str
+    note: str = ""
+    method: str = ""
+    rmse: RMSE | None = None
+    feasibility_gap: Gaps | None = None
+    domain_feasibility_gap: Gaps | None = None
+    smoothness: Smoothness | None = None
+    structure: Structure | None = None
+    energy_distance: float | None = None
+    identity: float | None = None
+    stability: Stability | None = None
+    failures: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def value(self, measure: str) -> float | None:
+        """Return the RMSE or the mean feasibility gap, if there is one."""
+        if measure == "rmse":
+            return None if self.rmse is None else self.rmse.undivided
+        return None if not measure or self.feasibility_gap is None else self.feasibility_gap.mean
+
+
+@dataclass(frozen=True)
+class Weakness:
+    """A fault of a method, whatever its gaps.
+
+    Attributes
+    ----------
+    code : {"rough", "staircase", "shuffled", "turned", "restless", "unsteady"}
+        Largest step over the teacher's; median step where the teacher moves; rank correlation of distances; rotation of
+        the longest axes [degrees]; identity test; rotation between fits to several samples [degrees].
+    value, threshold : float
+        The metric, and its limit.
+    beside : float or None
+        The same of parallel transport, for the identity test.
+    """
+
+    code: str
+    value: float
+    threshold: float
+    beside: float | None = None
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether an adapter is worth while, beside doing nothing and the other cheap alternatives.
+    """The result of a comparison of an adapter with baselines.
 
     Attributes
     ----------
     measure : {"rmse", "feasibility_gap", ""}
         What rows are compared by: the RMSE where the truth is known, else the mean feasibility gap, else nothing.
     name : str
-        The row of the adapter that was asked about.
+        The row of the adapter.
     values : dict of str to float
-        The measure of every row that takes part, the adapter's first. A lookup takes part only where the truth is
-        known, since its gaps are none by construction.
+        The measure of every row that is compared, the adapter's first. A lookup is compared only where the truth is
+        known, since its gaps are zero by construction.
     recommended : str
-        Method to take by `maniport.evaluation.rule`, by its name in `maniport.transfer.METHODS` where it has one. Empty
-        where nothing is compared.
+        Recommended method, by its name in `maniport.transfer.METHODS` where it has one. Empty where nothing is
+        compared.
     same_as : tuple of str
-        Rows that do the same as the adapter: it does no more than they do.
+        Rows with the same value as the adapter, but for rounding.
     weaknesses : tuple of Weakness
         Of the adapter.
-
-    See Also
-    --------
-    Evaluation : has one.
     """
 
     measure: str
@@ -43,12 +164,12 @@ class Verdict:
 
     @property
     def value(self) -> float | None:
-        """What the adapter reaches; None where nothing is compared."""
+        """Value of the adapter; None where nothing is compared."""
         return self.values.get(self.name)
 
     @property
     def raw_copy(self) -> float | None:
-        """What doing nothing reaches."""
+        """Value of the identity baseline."""
         return self.values.get(RAW_COPY)
 
     @property
@@ -58,7 +179,7 @@ class Verdict:
 
     @property
     def best_value(self) -> float | None:
-        """What the best row reaches."""
+        """Value of the best row."""
         return self.values.get(self.best)
 
     def as_dict(self) -> dict[str, Any]:
@@ -68,26 +189,96 @@ class Verdict:
 
 
 def verdict(rows: Sequence[Row]) -> Verdict:
-    """Compare the first row with the others by the most telling measure there is."""
+    """Compare the first row with the others."""
     first = rows[0]
     measure = "rmse" if first.rmse is not None else "feasibility_gap" if first.feasibility_gap is not None else ""
     values = {
         row.name: value
         for row in rows
-        if (value := _value(row, measure)) is not None and (row is first or row.name != LOOKUP or measure == "rmse")
+        if (value := row.value(measure)) is not None and (row is first or row.name != LOOKUP or measure == "rmse")
     }
-    mine = values.get(first.name, 0.0)
-    return Verdict(
-        measure,
-        first.name,
-        values,
-        recommended(rows, values, measure),
-        tuple(row.name for row in rows[1:] if row.name in values and equal(values[row.name], mine)),
-        tuple(weaknesses(first, rows)),
-    )
+    own = values.get(first.name, 0.0)
+    same = tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], own))
+    recommended = _recommended(rows, values, measure)
+    return Verdict(measure, first.name, values, recommended, same, tuple(_weaknesses(first, rows)))
 
 
-def _value(row: Row, measure: str) -> float | None:
-    if measure == "rmse":
-        return None if row.rmse is None else row.rmse.undivided
-    return None if not measure or row.feasibility_gap is None else row.feasibility_gap.mean
+@dataclass(frozen=True)
+class Evaluation(ShownInNotebooks):
+    """All metrics of an adapter and of the baselines.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        The adapter first, then the baselines.
+    student_noise : Row
+        The energy distance of fresh samples of the student to its own domain: the effect of sampling alone.
+    settings : dict
+        Sizes, regularization, seed, and the source of samples; ready for JSON.
+    """
+
+    rows: tuple[Row, ...]
+    student_noise: Row
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        best = self.verdict.best
+        return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{best and f'; best: {best!r}'})"
+
+    @property
+    def adapter(self) -> Row:
+        """The row of the adapter that was evaluated."""
+        return self.rows[0]
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the adapter is better than the baselines, and which method is recommended."""
+        return verdict(self.rows)
+
+    def row(self, name: str) -> Row:
+        """Return the row of that name; `UnknownNameError` where there is none."""
+        named = {row.name: row for row in self.rows}
+        if name not in named:
+            raise unknown_name("row", str(name), named)
+        return named[name]
+
+
+def _weaknesses(row: Row, others: Sequence[Row] = ()) -> list[Weakness]:
+    """List the faults of a method; parallel transport is looked up among the other rows."""
+    found, steps, kept = [], row.smoothness, row.structure
+    if steps is not None and steps.largest_ratio > ROUGH:
+        found.append(Weakness("rough", steps.largest_ratio, ROUGH))
+    if steps is not None and steps.median <= STILL:
+        found.append(Weakness("staircase", steps.median, STILL))
+    if kept is not None and kept.spearman < LEAST_STRUCTURE:
+        found.append(Weakness("shuffled", kept.spearman, LEAST_STRUCTURE))
+    if kept is not None and kept.major_turn is not None and kept.major_turn > AXIS_MOVED:
+        found.append(Weakness("turned", kept.major_turn, AXIS_MOVED))
+    if row.identity is not None and row.identity > RESTLESS:
+        transport = next((other.identity for other in others if other.name == TRANSPORT and other is not row), None)
+        found.append(Weakness("restless", row.identity, RESTLESS, transport))
+    if row.stability is not None and row.stability.rotation_rms > UNSTEADY:
+        found.append(Weakness("unsteady", row.stability.rotation_rms, UNSTEADY))
+    return found
+
+
+def _recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) -> str:
+    """Return the recommended method; empty where nothing is compared."""
+    order = {name: index for index, name in enumerate(METHODS)}
+    candidates: dict[str, Row] = {}
+    for row in rows:
+        name = row.method if row.method in METHODS else row.name
+        if row.name in values and (name in METHODS or row is rows[0]) and (name != LOOKUP or measure == "rmse"):
+            candidates.setdefault(name, row)
+    ranked = sorted(candidates, key=lambda name: order.get(name, len(order)))
+    if measure != "rmse":
+        sound = [name for name in ranked if not (_weaknesses(candidates[name]) or candidates[name].failures)]
+        ranked = sound or ranked
+    reached = {name: values[candidates[name].name] for name in ranked}
+    best = min(reached.values(), default=0.0)
+    return next((name for name, value in reached.items() if WORTH_WHILE * value <= best or _equal(value, best)), "")
+
+
+def _equal(value: float, other: float) -> bool:
+    """Whether two values are the same but for rounding."""
+    return abs(value - other) <= 1e-9 * max(abs(value), abs(other))

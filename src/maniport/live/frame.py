@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.demonstrations.recording import FARTHEST
+from maniport.demonstrations.recording import MAX_POSITION
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.validation import Array, require_shape
 
@@ -27,9 +27,11 @@ def as_frame(points: Any, names: tuple[str, ...]) -> Array | None:
     else:
         places = _as_numbers(points, "points")
         require_shape(places, "points", (len(names), 3), ", a row for each of live.points")
-    if (np.abs(places) > FARTHEST).any():
+    if (np.abs(places) > MAX_POSITION).any():
         found = np.nanmax(np.abs(places))
-        raise InvalidInputError(f"points must be within ±{FARTHEST:g}, or nan where they are not seen; found {found:g}")
+        raise InvalidInputError(
+            f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {found:g}"
+        )
     return places
 
 

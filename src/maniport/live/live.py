@@ -24,7 +24,7 @@ from maniport.live.standing import Standing
 from maniport.pipeline import TransferResult
 from maniport.steps import Progress, Step
 from maniport.tracking import MotionLimits, PlacedPath, PlanControl
-from maniport.tracking.plan.control import require_free
+from maniport.tracking.plan.plan_control import require_free
 from maniport.transfer import DomainAdapter
 from maniport.validation import LATEST, Array, as_count, as_number, require_shape
 

@@ -12,8 +12,7 @@ from maniport.tracking import Control, MotionLimits, Objective, StartBank
 from maniport.tracking.arm_model import require_trackable
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.follow.stepper import Stepper
-from maniport.tracking.limits import UnevenLimit
-from maniport.tracking.limits.collision import RememberingLimit
+from maniport.tracking.limits import RememberingLimit, UnevenLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, Damping
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.descent import descend

@@ -40,7 +40,7 @@ from maniport.tracking.arm_model import why_not_trackable
 from maniport.tracking.both.targets import PLACED, RELATIVE
 from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import Damping
-from maniport.tracking.search.node_floor import floor_between
+from maniport.tracking.search.pointwise import interpolated_distance
 from maniport.transfer import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.validation import Array, as_choice
@@ -215,7 +215,7 @@ class BothJob:
         asked = [one.asked(adapted) for one, adapted in zip(self.each, found, strict=True)]
         profiles, damping = [profile for profile, _ in asked], _stronger([own for _, own in asked])
         time = shown[0].fit.time
-        rows = placed_rows(len(time), as_effort(settings.effort).placed_points)
+        rows = placed_rows(len(time))
         same: dict[str, Any] = {"time": time, "spec": self.spec.velocity, "damping": damping, "progress": self.tell}
         placed = place_paths(
             [one.hand[rows] for one in shown],
@@ -234,7 +234,7 @@ class BothJob:
             "paths": [one.apply(each.hand) for one, each in zip(placed, shown, strict=True)],
             "tips": self.tips,
             "planner": planner,
-            "node_floors": [floor_between(rows, one.distance, len(time)) for one in placed],
+            "node_floors": [interpolated_distance(rows, one.distance, len(time)) for one in placed],
             **{one.name: getattr(settings, one.name) for one in fields(settings)},
             **same,
         }

@@ -4,9 +4,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arms
 from maniport.demonstrations import ArmFits, Recording
-from maniport.files import folder_written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.pipeline.execution import JOINT_FILES
 from maniport.pipeline.result import TransferResult

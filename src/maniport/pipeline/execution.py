@@ -10,14 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm
 from maniport.bodies.collisions import Collisions, Lowest
-from maniport.bodies.collisions.lowest import lowest_points
-from maniport.files import folder_written_whole, save_ellipsoids, save_path
+from maniport.bodies.collisions.carried import lowest_points
+from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.tracking import PlacedPath, PlannedMotion, TrackResult
 from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import Room
 from maniport.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
@@ -119,6 +120,6 @@ class Parts(NamedTuple):
     way: float
 
 
-def placed_rows(count: int, most: int) -> NDArray[np.intp]:
-    """By which of so many points the place of a path is judged, evenly, where there may be so many at most."""
+def placed_rows(count: int, most: int = 80) -> NDArray[np.intp]:
+    """Rows of the waypoints that a path is placed by, evenly spaced; more of them change little."""
     return np.arange(0, count, 1 + (count - 1) // most)

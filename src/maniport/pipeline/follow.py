@@ -26,8 +26,8 @@ from maniport.tracking import (
 )
 from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import Damping, Objective
-from maniport.tracking.plan.room import Room
-from maniport.tracking.search.node_floor import floor_between
+from maniport.tracking.plan.planned_motion import Room
+from maniport.tracking.search.pointwise import interpolated_distance
 from maniport.validation import Array, as_finite, as_generator, as_times
 
 
@@ -100,13 +100,13 @@ class _Asked:
         assert self.path is not None
         points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
         effort, times = self.settings.effort, as_times(self.time, count=len(points))
-        each = placed_rows(len(points), as_effort(effort).placed_points)
+        each = placed_rows(len(points))
         placement = place_path(
             points[each], ellipsoids[each], self.planner.limits.arm, time=times[each],
             whole=points if reaching else None, turn=self.turn, bank=self.planner.bank, atlas=self.planner.atlas,
             workspace=self.settings.workspace, effort=effort, random_state=self.generator, **self.same,
         )  # fmt: skip
-        return placement, floor_between(each, placement.distance, len(points))
+        return placement, interpolated_distance(each, placement.distance, len(points))
 
     def moved(self, placement: PlacedPath | None, floor: Array | None, seed: int | None) -> Execution:
         """Plan a motion, at the place of the path where it has one, and track it where that is asked for."""

@@ -16,16 +16,15 @@ from maniport.defaults import AUTO, DAMPING, KEEP, PERSON
 from maniport.demonstrations import Recording, fit_arm, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.demonstrations.repetitions import repetitions
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, argument
 from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.profiles import Alignment, ProfileGMM, align
 from maniport.profiles.agreement import agreement
 from maniport.profiles.inputs import points_each
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, Step, counted
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_choice, as_count, as_numbers
-from maniport.wording import argument
 
 LENGTHS = MEAN, OWN = "mean", "own"
 """Whose arm makes the ellipsoids: one with the mean lengths of all, or everybody's own."""
@@ -110,7 +109,7 @@ def learn(
     arm = _common_arm(person, shown)
     own = [human_arm(person, arm.side or RIGHT, lengths=one.fit.segment_lengths) for one in shown]
     arms = own if lengths == OWN else [arm] * len(shown)
-    thin = [evenly(len(one.fit), _count(one.fit.time)) for one in shown]
+    thin = [evenly_spaced(len(one.fit), _count(one.fit.time)) for one in shown]
     joints = [one.fit.joint_angles[some] for one, some in zip(shown, thin, strict=True)]
     made = [body.ellipsoids(q, spec) for body, q in zip(arms, joints, strict=True)]
     regularization = regularization.fitted(np.concatenate(made))

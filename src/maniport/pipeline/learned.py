@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
-from maniport.files import folder_written_whole, save_arrays, save_ellipsoids, save_path
+from maniport.files import save_arrays, save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.profiles import Alignment, ProfileGMM
 from maniport.profiles.agreement import Agreement

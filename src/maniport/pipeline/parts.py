@@ -6,7 +6,7 @@ import numpy as np
 
 from maniport.demonstrations import ArmFit, Recording
 from maniport.evaluation import Choice
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import Planner
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
@@ -31,7 +31,7 @@ class Shown:
     def thinned(self, rate: float) -> "Shown":
         """Show no more than so many moments a second [Hz], as evenly as the frames allow."""
         count = max(FEWEST, int(np.ceil(np.ptp(self.fit.time) * rate)) + 1)
-        rows = evenly(len(self.fit), count)
+        rows = evenly_spaced(len(self.fit), count)
         return replace(self, fit=self.fit.thinned(count), demonstrated=self.demonstrated[rows], hand=self.hand[rows])
 
 

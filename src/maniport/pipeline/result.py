@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
 from maniport.evaluation import Choice, Evaluation
-from maniport.files import folder_written_whole, save_ellipsoids
+from maniport.files import save_ellipsoids
 from maniport.notebook import ShownInNotebooks
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES
 from maniport.pipeline.execution import Execution

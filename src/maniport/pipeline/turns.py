@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.steps import Progress
 from maniport.tracking import PlacedPath
-from maniport.tracking.orientation import POINTING
+from maniport.tracking.objective import POINTING
 from maniport.validation import Array, as_finite, as_numbers
 
 

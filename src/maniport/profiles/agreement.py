@@ -18,7 +18,7 @@ from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
 from maniport.spd.mean import dispersion, mean
 from maniport.steps import Progress, Step, counted
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.validation import Array
 
 FEWEST = 3
@@ -107,7 +107,7 @@ def agreement(
         found = HeldOut(*np.array(rows).T)
     step.end("" if found is None else f"{np.mean(found.learned):.2f} from what the others say")
     return Agreement(
-        spread(np.stack([one[evenly(len(one), n)] for one in profiles])),
+        spread(np.stack([one[evenly_spaced(len(one), n)] for one in profiles])),
         spread(alignment.ellipsoids),
         float(dispersion(np.asarray(model.predict(alignment.time)), kind="rms")),
         apart,

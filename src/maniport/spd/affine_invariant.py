@@ -4,30 +4,18 @@ Congruence by any invertible matrix is an isometry: d(C A Cᵀ, C B Cᵀ) = d(A,
 Ayache, A Riemannian Framework for Tensor Computing, IJCV 2006, and Bhatia, Positive Definite Matrices, 2007, ch. 6.
 All functions broadcast over leading axes. Points are SPD, tangents symmetric, both of shape (..., d, d).
 
-Any factor F of P = F Fᵀ whitens as P^½ does: log_P Q = F log(F⁻¹ Q F⁻ᵀ) Fᵀ. The products with P^½ are quick and exact
-where the matrices are well-conditioned. Elsewhere the Cholesky factors of both points, and singular values of F⁻¹ K
-for Q = K Kᵀ instead of eigenvalues, lose no more than the points' own rounding moves them by, some eps (κ_P + κ_Q).
-Where that is more than `TOLERANCE`, there is an error.
+Any factor F of P = F Fᵀ whitens as P^½ does. Where the eigenvalues of F⁻¹ Q F⁻ᵀ are not exact, the singular values of
+F⁻¹ K for Q = K Kᵀ lose no more than rounding moves the points themselves, some eps (κ_P + κ_Q). Where that is a
+distance of more than 0.01, there is an error.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotSPDError
 from maniport.spd.kernels import Pair, cholesky, compose, congruence, distances, eigh, factored
-from maniport.spd.matrix_functions import bounded, roots
+from maniport.spd.matrix_functions import bounded
 from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
-
-TOLERANCE = 0.01
-"""Largest distance by which rounding may move a result (a tangent's end, for a tangent)."""
-
-ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
-"""Distance by which rounding moves a matrix, for each unit of its condition number; measured against fifty digits."""
-
-QUICK = 1e-9
-"""Distance by which rounding may move what is computed the quick way."""
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Array:
@@ -47,45 +35,30 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     ------
     NotSPDError
         When a matrix is asymmetric, indefinite or singular.
-
-    See Also
-    --------
-    geodesic : the shortest line between two points.
-    mean : the point with the least squared distances.
-
-    References
-    ----------
-    Pennec, Fillard and Ayache, A Riemannian framework for tensor computing, IJCV 66, 2006; Bhatia, Positive Definite
-    Matrices, 2007, ch. 6.
     """
     points_a = as_spd(a, "a", copy=False)
     points_b = as_spd(b, "b", points_a.shape[-1], copy=False)
     require_broadcast(a=points_a, b=points_b)
-    return distance_unchecked(points_a, points_b)
+    return distances(points_a, points_b)
 
 
-def distance_unchecked(a: Array, b: Array) -> Array:
-    """Same as `distance` on float64 arrays that are known to be SPD."""
-    return distances(a, b)
+distance_unchecked = distances
+"""Same as `distance` on float64 arrays that are known to be SPD."""
 
 
 def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
-    """Inner product tr(P⁻¹ L₁ P⁻¹ L₂) of two tangents at `base`; shape (...).
+    """Inner product tr(P⁻¹ L₁ P⁻¹ L₂) of two tangents.
 
     Parameters
     ----------
     base : array_like, shape (..., d, d)
         SPD.
     first, second : array_like, shape (..., d, d)
-        Symmetric.
+        Symmetric, at `base`.
 
     Returns
     -------
     ndarray, shape (...)
-
-    See Also
-    --------
-    transport : keeps it.
     """
     point = as_spd(base, "base")
     d = point.shape[-1]
@@ -110,19 +83,14 @@ def log(base: ArrayLike, point: ArrayLike) -> Array:
     Raises
     ------
     NotSPDError
-        When a matrix is not SPD, or so ill-conditioned that rounding takes the end of the tangent further than 0.01
-        from `point`: from a condition number of about 2e12 on.
-
-    See Also
-    --------
-    exp : its inverse.
-    logm : the logarithm of a matrix, which is that at the identity.
+        When a matrix is not SPD, or so ill-conditioned that rounding moves the end of the tangent by more than 0.01:
+        from a condition number of about 2e12 on.
     """
     center = as_spd(base, "base")
     other = as_spd(point, "point", center.shape[-1])
     require_broadcast(base=center, point=other)
-    whitened = _whitened(center, other)
-    return congruence(whitened.frame, compose(np.log(whitened.values), whitened.vectors))
+    factor, _, values, vectors, _ = _whitened(center, other)
+    return congruence(factor, compose(np.log(values), vectors))
 
 
 def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
@@ -142,23 +110,16 @@ def exp(base: ArrayLike, tangent: ArrayLike) -> Array:
     Raises
     ------
     NotSPDError
-        When `base` is not SPD, or rounding may move the result by more than 0.01. Geodesics diverge, so that a long
-        tangent makes much of little.
-
-    See Also
-    --------
-    log : its inverse.
-    expm : the exponential of a matrix, which is that at the identity.
+        When `base` is not SPD, or rounding may move the result by more than 0.01: geodesics diverge.
     """
     center = as_spd(base, "base")
     step = as_symmetric(tangent, "tangent", center.shape[-1])
     require_broadcast(base=center, tangent=step)
-    frame, inverse = cholesky(center)
+    factor, inverse = cholesky(center)
     values, vectors = eigh(congruence(inverse, step))
-    powers = bounded(np.exp, "tangent")(values)
     length = np.maximum(1.0, np.abs(values).max(axis=-1))
-    moved = _moved(center, inverse) * length * _growth(values, 1.0)
-    return _arrived(_Whitened(frame, inverse, powers, vectors, moved))
+    moved = _rounding(center, inverse) * length * _growth(values, 1.0)
+    return _point(factor, inverse, bounded(np.exp, "tangent")(values), vectors, moved)
 
 
 def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
@@ -179,21 +140,16 @@ def geodesic(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     ------
     NotSPDError
         When an end is not SPD, or so ill-conditioned that rounding moves the result by more than 0.01.
-
-    See Also
-    --------
-    distance : how long it is from A to B.
-    transport : carries tangents along it.
     """
     start = as_spd(a, "a")
     end = as_spd(b, "b", start.shape[-1])
     exponent = as_finite(t, "t")[..., None]
     require_broadcast(a=start, b=end, t=exponent[..., None])
-    whitened = _whitened(start, end)
-    powers = bounded(lambda values: values**exponent, "t")(whitened.values)
-    beyond, logs = np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0], np.log(whitened.values)
-    moved = whitened.moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
-    return _arrived(whitened._replace(values=powers, moved=moved))
+    factor, inverse, values, vectors, moved = _whitened(start, end)
+    powers = bounded(lambda values: values**exponent, "t")(values)
+    beyond, logs = np.maximum(np.abs(exponent), np.abs(1.0 - exponent))[..., 0], np.log(values)
+    moved = moved * np.maximum(1.0, _growth(logs, beyond) / _growth(logs, 1.0))
+    return _point(factor, inverse, powers, vectors, moved)
 
 
 def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
@@ -215,11 +171,6 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     ------
     NotSPDError
         When an end is not SPD, or so ill-conditioned that rounding changes the result by more than 0.01 of its length.
-
-    See Also
-    --------
-    geodesic : the way.
-    maniport.transfer.ParallelTransport : does this to a whole domain.
     """
     origin = as_spd(start, "start")
     target = as_spd(end, "end", origin.shape[-1])
@@ -227,89 +178,76 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     require_broadcast(tangent=vector, start=origin, end=target)
     pair, _ = _factored(origin, target)
     # (P₂ P₁⁻¹)^½ = K (V Uᵀ) F⁻¹ with P₁ = F Fᵀ, P₂ = K Kᵀ and F⁻¹ K = U σ Vᵀ: no root, and no product, of both points
-    turn = np.swapaxes(pair.left @ pair.right, -1, -2)
-    return congruence(pair.end @ turn, congruence(pair.start_inverse, vector))
+    rotation = np.swapaxes(pair.left @ pair.right, -1, -2)
+    return congruence(pair.end @ rotation, congruence(pair.start_inverse, vector))
 
 
 def recentred(factor: Array, points: Array) -> Array:
     """Build G X Gᵀ; raises where that is not exact. Input unchecked."""
     results = congruence(factor, points)
-    _require_exact(_moved_between(factor, points, eigh(results)[0]))
+    _require_exact(_rounding_between(factor, points, eigh(results)[0]))
     return results
 
 
 def whitened_eigh(inverse_root: Array, points: Array) -> tuple[Array, Array]:
     """Eigenvalues and eigenvectors of P^-½ X P^-½, given P^-½; raises where they are not exact. Input unchecked."""
     values, vectors = eigh(congruence(inverse_root, points))
-    _require_exact(_moved_between(inverse_root, points, values))
+    _require_exact(_rounding_between(inverse_root, points, values))
     return values, vectors
 
 
-class _Whitened(NamedTuple):
-    """P = F Fᵀ, F⁻¹ and F⁻¹ Q F⁻ᵀ = V diag(values) Vᵀ; `moved` is the distance by which rounding may move P and Q."""
-
-    frame: Array
-    inverse: Array
-    values: Array
-    vectors: Array
-    moved: Array
-
-
-def _whitened(base: Array, point: Array) -> _Whitened:
-    """Whiten a point by a base, each matrix of a batch the quick way or, where that is not exact, by `factored`."""
-    root, inverse_root = roots(base)
-    values, vectors = eigh(congruence(inverse_root, point))
-    moved = _moved_between(inverse_root, point, values)
-    rough = ~(moved <= QUICK)
-    if not np.any(rough):
-        return _Whitened(root, inverse_root, values, vectors, moved)
-    frame, inverse, start, end = (
-        np.broadcast_to(array, vectors.shape).copy() for array in (root, inverse_root, base, point)
-    )
-    pair, moved[rough] = _factored(start[rough], end[rough])
-    frame[rough], inverse[rough] = pair.start, pair.start_inverse
-    values[rough], vectors[rough] = pair.singular**2, pair.left
-    return _Whitened(frame, inverse, values, vectors, moved)
-
-
-def _arrived(at: _Whitened) -> Array:
-    """Return the point F V diag(values) Vᵀ Fᵀ; raises where rounding, its own included, moves it too far."""
-    result = compose(at.values, at.frame @ at.vectors)  # W^t itself may be too ill-conditioned for its entries
-    undone = np.swapaxes(at.vectors, -1, -2) @ at.inverse / np.sqrt(at.values)[..., None]
-    _require_exact(at.moved + _moved(result, undone))
-    return result
+def _whitened(base: Array, point: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Return F, F⁻¹, eigenvalues and -vectors of F⁻¹ Q F⁻ᵀ for P = F Fᵀ, and how far rounding may move P and Q."""
+    factor, inverse = cholesky(base)
+    values, vectors = eigh(congruence(inverse, point))
+    moved = _rounding_between(inverse, point, values)
+    rough = ~(moved <= 1e-9)
+    if np.any(rough):
+        start, end = (np.broadcast_to(points, vectors.shape)[rough] for points in (base, point))
+        pair, moved[rough] = _factored(start, end)
+        values[rough], vectors[rough] = pair.singular**2, pair.left
+    return factor, inverse, values, vectors, moved
 
 
 def _factored(start: Array, end: Array) -> tuple[Pair, Array]:
     """Factor two points; also return how far rounding may move them, and raise where that is too far."""
     pair = factored(start, end)
-    moved = _moved(start, pair.start_inverse) + _moved(end, pair.end_inverse)
+    moved = _rounding(start, pair.start_inverse) + _rounding(end, pair.end_inverse)
     _require_exact(moved)
     return pair, moved
 
 
-def _moved(matrices: Array, inverse: Array) -> Array:
-    """Bound how far rounding moves A, by its condition number; given G with A⁻¹ = Gᵀ G, tr(A) tr(A⁻¹) bounds that."""
-    return np.asarray(ROUNDING * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1)))
+def _point(factor: Array, inverse: Array, values: Array, vectors: Array, moved: Array) -> Array:
+    """Return F V diag(values) Vᵀ Fᵀ; raises where rounding, its own included, moves it too far."""
+    result = compose(values, factor @ vectors)
+    undone = np.swapaxes(vectors, -1, -2) @ inverse / np.sqrt(values)[..., None]
+    _require_exact(moved + _rounding(result, undone))
+    return result
 
 
-def _moved_between(factor: Array, points: Array, values: Array) -> Array:
+def _rounding(matrices: Array, inverse: Array) -> Array:
+    """Bound the distance by which rounding moves A, given G with A⁻¹ = Gᵀ G: tr(A) tr(A⁻¹) bounds the condition."""
+    per_condition = 8.0 * float(np.finfo(np.float64).eps)  # measured against fifty digits
+    return np.asarray(per_condition * np.trace(matrices, axis1=-2, axis2=-1) * np.sum(inverse**2, axis=(-2, -1)))
+
+
+def _rounding_between(factor: Array, points: Array, values: Array) -> Array:
     """Bound how far rounding moves G X Gᵀ, whose eigenvalues are given: infinitely where one is not positive."""
     with np.errstate(divide="ignore", over="ignore"):
-        return np.asarray(_moved(points, factor) / np.maximum(values[..., 0], 0.0))
+        return np.asarray(_rounding(points, factor) / np.maximum(values[..., 0], 0.0))
 
 
 def _growth(logarithms: Array, t: Array | float) -> Array:
-    """How much a step aside has grown at t times a tangent with these eigenvalues: sinh(t x) / x, by a Jacobi field."""
+    """Growth of a Jacobi field at t times a tangent with these eigenvalues: sinh(t x) / x."""
     x = np.maximum(0.5 * (logarithms.max(axis=-1) - logarithms.min(axis=-1)), 1e-6)
     with np.errstate(over="ignore"):
         return np.asarray(np.sinh(t * x) / x)
 
 
-def _require_exact(moved: Array) -> None:
-    """Raise where rounding moves a result by more than `TOLERANCE`."""
-    if not np.all(moved <= TOLERANCE):
+def _require_exact(moved: Array, tolerance: float = 0.01) -> None:
+    """Raise where rounding moves a result by more than a tolerable distance."""
+    if not np.all(moved <= tolerance):
         raise NotSPDError(
             f"the matrices are too ill-conditioned together: rounding may move the result by {np.max(moved):.2g}; "
-            f"allowed is a distance of {TOLERANCE:g}"
+            f"allowed is a distance of {tolerance:g}"
         )

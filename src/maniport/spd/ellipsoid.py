@@ -32,11 +32,6 @@ def axes(points: ArrayLike) -> tuple[Array, Array]:
         Square roots of the eigenvalues, ascending, in the unit of √M.
     directions : ndarray, shape (..., d, d)
         Unit columns in the order of the lengths. Signs carry no meaning, nor do directions of equal lengths.
-
-    See Also
-    --------
-    lengths : the lengths alone.
-    volume : their product.
     """
     values, vectors = eigh(as_positive_semidefinite(points, "points"))
     return np.sqrt(np.maximum(values, 0.0)), vectors
@@ -53,10 +48,6 @@ def lengths(points: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., d)
-
-    See Also
-    --------
-    axes : with their directions.
     """
     return axes(points)[0]
 
@@ -72,10 +63,6 @@ def volume(points: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (...)
-
-    See Also
-    --------
-    lengths : the semi-axes themselves.
     """
     semi_axes = lengths(points)
     d = semi_axes.shape[-1]
@@ -93,10 +80,6 @@ def condition(points: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (...)
-
-    See Also
-    --------
-    axes : the semi-axes themselves.
     """
     values, _ = eigh(as_spd(points, "points"))
     return np.asarray(values[..., -1] / values[..., 0])

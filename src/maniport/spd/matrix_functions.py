@@ -89,11 +89,6 @@ def logm(points: ArrayLike) -> Array:
     ------
     NotSPDError
         When a matrix is asymmetric, indefinite or singular.
-
-    See Also
-    --------
-    expm : its inverse.
-    log : the same at any other point.
     """
     return apply(as_spd(points, "points", copy=False), np.log)
 
@@ -109,10 +104,6 @@ def expm(symmetric: ArrayLike) -> Array:
     -------
     ndarray, shape (..., d, d)
         SPD.
-
-    See Also
-    --------
-    exp : the same at any other point.
     """
     return apply(as_symmetric(symmetric, "symmetric"), bounded(np.exp, "symmetric"))
 
@@ -129,10 +120,6 @@ def powm(points: ArrayLike, exponent: float) -> Array:
     Returns
     -------
     ndarray, shape (..., d, d)
-
-    See Also
-    --------
-    sqrtm, invsqrtm, geodesic
     """
     s = as_number(exponent, "exponent")
     return apply(as_spd(points, "points", copy=False), bounded(lambda values: values**s, "exponent"))
@@ -149,10 +136,6 @@ def sqrtm(points: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., d, d)
-
-    See Also
-    --------
-    invsqrtm, powm
     """
     return apply(as_spd(points, "points", copy=False), np.sqrt)
 
@@ -168,10 +151,6 @@ def invsqrtm(points: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., d, d)
-
-    See Also
-    --------
-    sqrtm, powm, whiten
     """
     return apply(as_spd(points, "points", copy=False), lambda values: 1.0 / np.sqrt(values))
 
@@ -190,10 +169,6 @@ def to_vector(symmetric: ArrayLike) -> Array:
     -------
     ndarray, shape (..., d (d + 1) / 2)
         Diagonal, then the rows of the strict upper triangle.
-
-    See Also
-    --------
-    from_vector : its inverse.
     """
     matrices = as_symmetric(symmetric, "symmetric")
     d = matrices.shape[-1]
@@ -213,10 +188,6 @@ def from_vector(vector: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., d, d)
-
-    See Also
-    --------
-    to_vector : its inverse, which says in which order the entries stand.
     """
     vectors = as_finite(vector, "vector")
     m = vectors.shape[-1] if vectors.ndim else 0

@@ -11,11 +11,19 @@ from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked, recentred
 from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
 from maniport.spd.matrix_functions import apply, roots
-from maniport.validation import Array, as_choice, as_count, as_number, as_points, as_spd, as_weights, require_broadcast
+from maniport.validation import (
+    Array,
+    as_choice,
+    as_count,
+    as_finite,
+    as_number,
+    as_points,
+    as_spd,
+    require_broadcast,
+    require_shape,
+)
 
 ILL_CONDITIONED = "points are too ill-conditioned for their mean: rounding makes them indefinite about it"
-MAX_ROUNDING = 1e-3
-"""Largest gradient norm that is put down to rounding; a mean with a larger one has not converged."""
 
 
 def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10, max_iter: int = 50) -> Array:
@@ -91,22 +99,20 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
 
 def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> list[Array]:
     """Fréchet means under several weights (n,) of points (n, d, d) whose plain mean is the identity."""
-    n, d = len(points), points.shape[-1]
-    whole = _Sample(points, np.full(n, 1.0 / n), np.linalg.norm(points, axis=(-2, -1)))
-    hessian = _Iterate(np.eye(d), whole).moments.hessian
-    samples = [whole._replace(weights=weight) for weight in weights]
-    middle, known = np.eye(d), _roots(np.eye(d))
-    now = [_Iterate(middle, sample, False, known) for sample in samples]
-    going = list(range(len(now)))
-    # all that are under way take each step together, for calls take longer than their few matrices
-    while going := [i for i in going if now[i].norm > max(tol, now[i].rounding)]:
-        directions = _newton_directions(hessian, np.array([now[i].moments.gradient for i in going]))
-        centers = congruence(np.array([now[i].root for i in going]), apply(directions, np.exp))
-        steps = zip(going, centers, *_roots(centers), strict=True)
-        following = {i: _Iterate(center, samples[i], False, tuple(parts)) for i, center, *parts in steps}
-        going = [i for i in going if following[i].norm < 0.5 * now[i].norm]
-        now = [following[i] if i in going else one for i, one in enumerate(now)]
-    return [one.center if one.norm <= max(tol, one.rounding) else mean(points, one.sample.weights) for one in now]
+    n, identity = len(points), np.eye(points.shape[-1])
+    sizes = np.linalg.norm(points, axis=(-2, -1))
+    hessian = _Iterate(identity, _Sample(points, np.full(n, 1.0 / n), sizes)).moments.hessian
+    means = []
+    for weight in weights:
+        now = _Iterate(identity, _Sample(points, weight, sizes), curved=False)
+        while now.norm > max(tol, now.rounding):
+            direction = _newton_direction(hessian, now.moments.gradient)  # of the plain mean, which is near
+            following = _Iterate(congruence(now.root, apply(direction, np.exp)), now.sample, curved=False)
+            if following.norm >= 0.5 * now.norm:
+                break
+            now = following
+        means.append(now.center if now.norm <= max(tol, now.rounding) else mean(points, weight))
+    return means
 
 
 def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:
@@ -125,10 +131,6 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
     Returns
     -------
     float
-
-    See Also
-    --------
-    mean : what the points spread about.
     """
     data = as_points(points, "points", minimum=1, copy=False)
     as_choice(kind, "kind", ("mean", "rms"))
@@ -157,11 +159,6 @@ def whiten(points: ArrayLike, center: ArrayLike) -> Array:
     ------
     NotSPDError
         When a matrix is not SPD, or so ill-conditioned that rounding moves a result by more than a distance of 0.01.
-
-    See Also
-    --------
-    unwhiten : its inverse.
-    mean : the center that makes their mean the identity.
     """
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
@@ -182,10 +179,6 @@ def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., d, d)
-
-    See Also
-    --------
-    whiten : its inverse.
     """
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
@@ -194,7 +187,7 @@ def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
 
 
 class _Sample(NamedTuple):
-    """What the mean is taken of: points (n, d, d), weights that sum to one and the points' norms, both (n,)."""
+    """Points (n, d, d), weights that sum to one and the points' norms, both (n,)."""
 
     points: Array
     weights: Array
@@ -202,27 +195,25 @@ class _Sample(NamedTuple):
 
 
 class _Iterate:
-    """A candidate for the mean and what follows from it."""
+    """A candidate for the mean."""
 
-    def __init__(
-        self, center: Array, sample: _Sample, curved: bool = True, known: tuple[Array, Array, Array] | None = None
-    ) -> None:
-        """Take what `_roots` says of the center, where it is known."""
+    def __init__(self, center: Array, sample: _Sample, curved: bool = True) -> None:
+        """Compute the cost, its gradient and, when `curved`, its Hessian."""
         self.center, self.sample = center, sample
-        smallest, self.root, inverse_root = _roots(center) if known is None else known
-        found = None
-        if smallest > 0:
-            found = moments(sample.points, inverse_root, sample.weights, sample.sizes, curved)
-        if found is None:  # rounding made a point indefinite: as bad as can be
-            found = Moments(np.inf, np.inf, np.full(center.shape, np.inf), None)
-        self.moments, self.cost = found, found.cost
-        self.norm = float(np.linalg.norm(found.gradient))
-        # Whitening rounds by eps |X| |P⁻¹|; the logarithm divides that by the smallest eigenvalue.
-        self.rounding = min(float(np.finfo(np.float64).eps) / abs(float(smallest)) * found.rounding, MAX_ROUNDING)
-
-    def curved_moments(self) -> Moments:
-        """Return the moments with the Hessian, which shortened steps do without at first."""
-        return self.moments if self.moments.hessian is not None else _Iterate(self.center, self.sample).moments
+        values, vectors = eigh(center)
+        root = np.sqrt(np.abs(values))
+        self.root = compose(root, vectors)
+        terms = None
+        if values[0] > 0:
+            terms = moments(sample.points, compose(1.0 / root, vectors), sample.weights, sample.sizes, curved)
+        if terms is None:  # rounding made a point indefinite
+            terms = Moments(np.inf, np.inf, np.full(center.shape, np.inf), None)
+        self.moments, self.cost = terms, terms.cost
+        self.norm = float(np.linalg.norm(terms.gradient))
+        # Whitening rounds by eps |X| |P⁻¹|; the logarithm divides that by the smallest eigenvalue. A larger gradient
+        # than 1e-3 is not put down to rounding.
+        with np.errstate(divide="ignore"):
+            self.rounding = min(float(np.finfo(np.float64).eps / np.abs(values[0])) * terms.rounding, 1e-3)
 
 
 def _log_euclidean_mean(sample: _Sample) -> Array:
@@ -234,7 +225,9 @@ def _log_euclidean_mean(sample: _Sample) -> Array:
 
 def _line_search(now: _Iterate) -> _Iterate | None:
     """Take the Newton step, or the largest half of a half … of it that makes progress; None when none does."""
-    direction = _newton_direction(now.curved_moments())
+    if now.moments.hessian is None:  # shortened steps do without at first
+        now = _Iterate(now.center, now.sample)
+    direction = _newton_direction(now.moments.hessian, now.moments.gradient)
     descent = float(np.sum(now.moments.gradient * direction))
     length = 1.0
     while length > 1e-8:
@@ -251,22 +244,24 @@ def _line_search(now: _Iterate) -> _Iterate | None:
     return None
 
 
-def _roots(centers: Array) -> tuple[Array, Array, Array]:
-    """Smallest eigenvalues, roots and inverse roots of matrices (..., d, d); without meaning where one is not SPD."""
-    values, vectors = eigh(centers)
-    root = np.sqrt(np.abs(values))
-    with np.errstate(divide="ignore"):
-        return values[..., 0], compose(root, vectors), compose(1.0 / root, vectors)
-
-
-def _newton_direction(at: Moments) -> Array:
+def _newton_direction(hessian: Array | None, gradient: Array) -> Array:
     """Solve Hessian · H = gradient over symmetric matrices."""
-    return np.asarray(_newton_directions(at.hessian, at.gradient[None])[0])
-
-
-def _newton_directions(hessian: Array | None, gradients: Array) -> Array:
-    """Solve Hessian · H = gradient for each of some gradients, shape (k, d, d)."""
     assert hessian is not None
-    basis = mandel_basis(gradients.shape[-1])
-    solution = np.linalg.solve(hessian, np.einsum("kij,bij->kb", basis, gradients))
-    return np.asarray(np.einsum("kb,kij->bij", solution, basis))
+    basis = mandel_basis(gradient.shape[-1])
+    solution = np.linalg.solve(hessian, np.einsum("kij,ij->k", basis, gradient))
+    return np.asarray(np.einsum("k,kij->ij", solution, basis))
+
+
+def as_weights(value: ArrayLike | None, count: int, name: str = "weights") -> Array:
+    """Convert to non-negative weights of shape (count,) that sum to one; None gives equal weights."""
+    if value is None:
+        return np.full(count, 1.0 / count)
+    weights = as_finite(value, name)
+    require_shape(weights, name, (count,), ", one for each point")
+    if np.any(weights < 0) or not np.any(weights > 0):
+        raise InvalidInputError(
+            f"{name} must be non-negative with a positive sum; found minimum {weights.min():.3g}, "
+            f"maximum {weights.max():.3g}"
+        )
+    shares = weights / weights.max()  # first: a sum of the largest numbers there are would be infinite
+    return np.asarray(shares / shares.sum())

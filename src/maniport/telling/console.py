@@ -1,11 +1,10 @@
-"""What a command prints: steps with progress bars on the terminal, plain lines in a pipe, JSON or nothing on demand."""
+"""Output of commands: steps with progress bars on a terminal, plain lines in a pipe, JSON or nothing on request."""
 
 import json
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from html import escape
 from typing import Any, Protocol
 
@@ -16,18 +15,14 @@ from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
-from maniport.telling.facts import Facts
-from maniport.telling.renderings import as_answer, as_markdown, as_numbers, narrowed, plain
+from maniport.telling.metrics import Report
+from maniport.telling.renderings import as_markdown, as_numbers, as_terminal, plain
 
 DONE = "✓ "
-STEP = "padding-left:1.3em;text-indent:-1.3em"
-"""What does not fit into one line of a notebook goes on beside the mark."""
-LEAST_MOVE = 0.01
-"""A bar in a notebook is drawn again when it has grown by this much: each drawing is a message to the browser."""
 
 
 class Tell(Protocol):
-    """Takes the name of a step, the fraction of it that is done, and at its end what was found."""
+    """Callback with the name of a step, the fraction that is done, and at its end a result."""
 
     def __call__(self, step: str, fraction: float, found: str = "") -> None:
         """Report progress."""
@@ -35,18 +30,14 @@ class Tell(Protocol):
 
 @contextmanager
 def progress() -> Iterator[Tell]:
-    """Show the steps of long work, in a terminal or a notebook: a bar while one goes on, a line when it ends.
+    """Show the steps of long work in a terminal or a notebook: a bar while one is in progress, a line when it ends.
 
-    Where nobody looks on (a pipe, a file, a job's log) there are the lines alone. They go to standard error.
+    In a pipe, a file or the log of a job only the lines are written, to standard error.
 
     Yields
     ------
     callable
         For the argument ``progress`` of maniport's functions.
-
-    See Also
-    --------
-    maniport.pipeline.transfer_recording : its argument `progress` tells the steps of one call.
 
     Examples
     --------
@@ -60,41 +51,43 @@ def progress() -> Iterator[Tell]:
 
 
 class Console:
-    """Standard output for results, standard error for progress.
+    """Results on standard output, progress on standard error.
 
     Parameters
     ----------
     as_json : bool
         Print one JSON object at the end and nothing else.
     quiet : bool
-        Print nothing, but for the JSON object where that is asked for too.
+        Print nothing but the JSON object where that is requested.
+    verbose : bool
+        Print the whole report where otherwise a summary of a result is printed.
     """
 
-    def __init__(self, as_json: bool = False, quiet: bool = False):
-        self.as_json, self.quiet = as_json, quiet
+    def __init__(self, as_json: bool = False, quiet: bool = False, verbose: bool = False):
+        self.as_json, self.quiet, self.verbose = as_json, quiet, verbose
         self._out = RichConsole(highlight=False, soft_wrap=True)
         self._err = _standard_error(quiet=quiet or as_json)
 
     def say(self, text: str) -> None:
-        """Print a line on the way."""
+        """Print a line during the work."""
         _print_line(self._err, "", text)
 
-    def tell(self, facts: Facts, output: str = "", **more: Any) -> None:
-        """Print facts: as JSON, with `more` numbers, or as a page to read, whose last lines are the verdict."""
+    def tell(self, report: Report, output: str = "", **more: Any) -> None:
+        """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or in full."""
         more |= {"output": output} if output else {}
-        verdict = facts.verdict if output else None
-        shown = narrowed(facts, self._out.width) if self._out.is_terminal else facts
-        page = as_markdown(shown if verdict is None else replace(shown, verdict=None))
-        self.finish({**as_numbers(facts), **more}, page, markdown=True)
-        if verdict is not None and not (self.as_json or self.quiet):
-            self._out.print(f"\n{as_answer(verdict, output)}", markup=False)
+        short = report.summary is not None and output
+        parts = [as_markdown(report)] if self.verbose or not short else []
+        self.finish({**as_numbers(report), **more}, "\n".join(parts), markdown=True)
+        if short and not (self.as_json or self.quiet):
+            width = self._out.width if self._out.is_terminal else 100
+            self._out.print(as_terminal(report, output, width), markup=False)
 
-    def finish(self, facts: dict[str, Any], text: str, markdown: bool = False) -> None:
-        """Print the result: `facts` as JSON, or `text`; Markdown is laid out when a terminal reads it."""
+    def finish(self, values: dict[str, Any], text: str, markdown: bool = False) -> None:
+        """Print the result: `values` as JSON, or `text`; a terminal gets Markdown laid out."""
         if self.as_json:
             utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
-            print(json.dumps(plain(facts), ensure_ascii=not utf8, allow_nan=False, default=str))
-        elif self.quiet:
+            print(json.dumps(plain(values), ensure_ascii=not utf8, allow_nan=False, default=str))
+        elif self.quiet or not text:
             return
         elif markdown and self._out.is_terminal:
             self._out.print(Markdown(text), soft_wrap=False)  # a soft wrap would cut its lines at the edge
@@ -103,7 +96,7 @@ class Console:
 
     @contextmanager
     def progress(self) -> Iterator[Tell]:
-        """Show steps as they go; each one that ends leaves a line with what was found, and warnings theirs."""
+        """Show steps in progress; each step that ends and each warning is printed as a line."""
         with _steps(self._err) as tell, warnings.catch_warnings():
             warnings.showwarning = self._show_warning
             warnings.simplefilter("always", ManiportWarning)
@@ -119,7 +112,7 @@ def _standard_error(quiet: bool = False) -> RichConsole:
 
 @contextmanager
 def _steps(console: RichConsole) -> Iterator[Tell]:
-    """Show steps on a terminal, or in a pipe, where FORCE_COLOR brings colours but no bar."""
+    """Show steps on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
         tasks: dict[str, TaskID] = {}
@@ -127,18 +120,18 @@ def _steps(console: RichConsole) -> Iterator[Tell]:
         def tell(step: str, fraction: float, found: str = "") -> None:
             if step not in tasks:
                 tasks[step] = bars.add_task(step, total=None)
-            if fraction > 0.0:  # until then nobody knows how far it is, and the bar pulses
+            if fraction > 0.0:  # until then the total is unknown, and the bar pulses
                 bars.update(tasks[step], total=1.0, completed=fraction)
             if fraction >= 1.0:
                 bars.remove_task(tasks.pop(step))
-                _print_line(console, DONE, _told(step, found))
+                _print_line(console, DONE, f"{step}: {found}" if found else step)
 
         yield tell
 
 
 @contextmanager
-def _notebook_steps() -> Iterator[Tell]:
-    """Show steps in a notebook. Rich would need ipywidgets there, and every front end to support them."""
+def _notebook_steps(least_change: float = 0.01) -> Iterator[Tell]:
+    """Show steps in a notebook; rich would need ipywidgets there. Each drawing is a message to the browser."""
     from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]  # there in a notebook
 
     done: list[str] = []
@@ -148,40 +141,36 @@ def _notebook_steps() -> Iterator[Tell]:
 
     def tell(step: str, fraction: float, found: str = "") -> None:
         running[step] = fraction
-        if step in drawn and fraction < min(drawn[step] + LEAST_MOVE, 1.0):
+        if step in drawn and fraction < min(drawn[step] + least_change, 1.0):
             return
         drawn[step] = fraction
         if fraction >= 1.0:
             del running[step], drawn[step]
-            done.append(DONE + _told(step, found))
+            done.append(DONE + (f"{step}: {found}" if found else step))
         shown.update(HTML(_as_steps(done, running)))
 
     try:
         yield tell
     finally:
-        shown.update(HTML(_as_steps(done, {})))  # after an error no bar shall go on
-
-
-def _told(step: str, found: str) -> str:
-    return f"{step}: {found}" if found else step
+        shown.update(HTML(_as_steps(done, {})))  # no bar remains after an error
 
 
 def _print_line(console: RichConsole, mark: str, text: str) -> None:
-    """Print one line, whole in a pipe; on a terminal its words are wrapped beside the mark."""
+    """Print one line, whole in a pipe; on a terminal the words are wrapped next to the mark."""
     text = printable(text)
     if not console.file.isatty():
         console.print(mark + text, markup=False)
         return
-    beside = Table.grid(padding=0)
-    beside.add_row(mark, Text(text))
-    console.print(beside if mark else Text(text), soft_wrap=False)
+    grid = Table.grid(padding=0)
+    grid.add_row(mark, Text(text))
+    console.print(grid if mark else Text(text), soft_wrap=False)
 
 
 def _as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:
-    """Write the steps of long work for a notebook: a line for each that has ended, a bar for each that goes on."""
+    """Write steps as HTML: a line for each that has ended, a bar for each in progress."""
     lines = [escape(line) for line in done]
     for step, fraction in running.items():
         value = f' value="{fraction:.3f}"' if fraction > 0.0 else ""
         lines.append(f'<progress max="1"{value} style="width:12em"></progress> {escape(step)}')
-    shown = "".join(f'<div style="{STEP}">{line}</div>' for line in lines)
-    return f'<div style="margin:.3em 0">{shown}</div>'
+    style = "padding-left:1.3em;text-indent:-1.3em"
+    return '<div style="margin:.3em 0">' + "".join(f'<div style="{style}">{line}</div>' for line in lines) + "</div>"

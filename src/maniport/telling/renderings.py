@@ -1,4 +1,4 @@
-"""Renderings of facts: Markdown, which terminals lay out, numbers for JSON, and small tables for notebooks."""
+"""Renderings of a report: Markdown, the text on a terminal, numbers for JSON, and tables for notebooks."""
 
 import json
 import math
@@ -6,37 +6,24 @@ import os
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from maniport.atomic_io import written_whole
 from maniport.errors import printable
-from maniport.files import written_whole
-from maniport.telling.answer import Answer
-from maniport.telling.facts import INFO, SUFFIXES, WARNING, Fact, Facts, Section, Table, facts_of, sentence
-
-LABEL = "text-align:left;font-weight:normal;opacity:.7;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:nowrap"
-VALUE = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;white-space:pre-wrap"
-GRID = "border-collapse:collapse;margin:.3em 0"
-
-FIGURES = 3
-"""So many figures stand in the last lines of a terminal."""
-
-PADDING = 3
-"""Columns of a terminal between those of a table."""
+from maniport.telling.metrics import INFO, WARNING, Metric, Report, Section, Summary, Table, facts_of, sentence
 
 SUMMARY, PAGE = "summary.json", "report.html"
-"""Files of a run: the facts to compute with, and the page to look at. A folder with both holds results."""
+"""Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
 ENDINGS = (".png", ".svg")
-"""What is written of a figure: for the screen, and for a paper."""
+"""Formats of the files of a figure."""
 
-
+# Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs.
 _MARKUP = re.compile(r"\\(?=[!-/:-@[-`{-~])|<(?=[A-Za-z/!?])|&(?=#?\w+;)|\](?=[(\[:])|^[#>]")
-"""Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs."""
 
 
 def escaped(text: str) -> str:
@@ -45,197 +32,168 @@ def escaped(text: str) -> str:
 
 
 def files_of(*names: str) -> tuple[str, ...]:
-    """Names of the files of figures that are saved without an ending."""
+    """Return names of the files of figures that are saved without an ending."""
     return tuple(f"{name}{ending}" for name in names for ending in ENDINGS)
 
 
-def as_markdown(facts: Facts, level: int = 1) -> str:
-    """Write facts as a page to read: the verdict and warnings first, then every section.
+def as_markdown(report: Report, level: int = 1) -> str:
+    """Render a report as Markdown: the summary and warnings first, then every section.
 
     Parameters
     ----------
-    facts : Facts
+    report : Report
     level : int
-        Of the heading.
+        Level of the heading.
 
     Returns
     -------
     str
-
-    See Also
-    --------
-    as_html, as_numbers
     """
-    lines = [f"{'#' * level} {escaped(facts.title)}", "", *([escaped(facts.lead), ""] if facts.lead else [])]
-    lines += [] if facts.verdict is None else _verdict(facts.verdict, level + 1)
-    if facts.warnings:
-        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {escaped(text)}" for text in facts.warnings), ""]
-    for section in facts.sections:
+    lines = [f"{'#' * level} {escaped(report.title)}", "", *([escaped(report.lead), ""] if report.lead else [])]
+    lines += [] if report.summary is None else _summary(report.summary, level + 1)
+    if report.warnings:
+        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
+    for section in report.sections:
         lines += _section(section, level + 1)
     return "\n".join(lines)
 
 
-def as_numbers(facts: Facts) -> dict[str, Any]:
-    """Return what machines read of facts, ready for JSON: sections by key, units in the names, and the sentences.
+def as_numbers(report: Report) -> dict[str, Any]:
+    """Return a report for programs, ready for JSON: sections by key, units in the names, and the warnings.
 
     Parameters
     ----------
-    facts : Facts
+    report : Report
 
     Returns
     -------
     dict
-
-    See Also
-    --------
-    as_markdown, as_html
     """
-    numbers: dict[str, Any] = {"title": facts.title}
-    if facts.verdict is not None:
-        verdict = asdict(facts.verdict)
-        numbers |= {"status": verdict.pop("status") or None, "verdict": verdict}
-    numbers["warnings"] = [{"key": fact.key, "text": fact.text} for fact in facts.warning_facts]
-    numbers["notes"] = list(facts.notes)
-    for section in facts.sections:
-        shown = [fact for fact in section.facts if fact.key and (fact.severity != WARNING or fact.value is not None)]
-        entries = {fact.key + SUFFIXES.get(fact.unit, ""): fact.value for fact in shown}
+    suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
+    result: dict[str, Any] = {"title": report.title}
+    if (summary := report.summary) is not None:
+        texts = {name: getattr(summary, name) for name in ("title", "text", "doubts", "advice", "command", "reasons")}
+        result |= {"status": summary.status or None, "verdict": texts}
+    result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
+    result["notes"] = list(report.notes)
+    for section in report.sections:
+        known = [one for one in section.metrics if one.key and (one.severity != WARNING or one.value is not None)]
+        entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in known}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:
-            numbers.setdefault(section.key, {}).update(entries)
+            result.setdefault(section.key, {}).update(entries)
         else:
-            numbers |= entries
-    return dict(plain(numbers))
+            result |= entries
+    return dict(plain(result))
 
 
-def as_json(facts: Facts) -> str:
-    """Write what machines read of facts as a JSON file's text."""
-    return json.dumps(as_numbers(facts), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+def as_terminal(report: Report, folder: str, width: int = 80) -> str:
+    """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
+    summary = report.summary
+    assert summary is not None
+    paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
+    lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
+    lines += _columns(summary.metrics)
+    for text in (summary.text, summary.doubts):
+        lines += textwrap.wrap(printable(text), width)
+    for text in report.warnings:
+        lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ")
+    lines += textwrap.wrap(printable(summary.advice), width)
+    files = {"Next": printable(summary.command_for(folder)) if summary.command else ""}
+    files |= {"Report": str(Path(folder, PAGE)), "Details": str(Path(folder, "summary.md"))}
+    return "\n".join([*lines, *(f"{name:<8} {text}" for name, text in files.items() if text)])
 
 
-def as_answer(verdict: Answer, folder: str, width: int = 80) -> str:
-    """Write the last lines that a terminal shows: verdict, three figures, what to try next, where to look."""
-    names = max(len(card.name) for card in verdict.cards[:FIGURES])
-    return "\n".join(
-        [
-            *textwrap.wrap(printable(verdict.title), width),
-            *textwrap.wrap(verdict.status_text, width),
-            *textwrap.wrap(printable(verdict.text), width),
-            *(f"  {card.name:<{names}}  {card.text}" for card in verdict.cards[:FIGURES]),
-            *([f"next: {printable(verdict.typed(folder))}"] if verdict.command else []),
-            f"open {Path(folder, PAGE)}",
-        ]
-    )
+def _columns(metrics: Sequence[Metric]) -> list[str]:
+    """Write metrics as lines: statistics in columns, others as text."""
+    names = [f"{metric.label} [{metric.unit}]" if _is_statistics(metric) and metric.unit else metric.label
+             for metric in metrics]  # fmt: skip
+    wide = max(map(len, names), default=0)
+    lines = []
+    if any(map(_is_statistics, metrics)):
+        lines.append(f"  {'':<{wide}}{'median':>9}{'95th':>9}{'max':>9}")
+    for name, metric in zip(names, metrics, strict=True):
+        if _is_statistics(metric):
+            value = metric.value
+            cells = "".join(f"{value[key]:>9.2f}" for key in ("median", "p95", "max"))
+            lines.append(f"  {name:<{wide}}{cells}  ({value['max_at_s']:.1f} s)")
+        else:
+            lines.append(f"  {name:<{wide}}  {metric.text}")
+    return lines
 
 
-def write_facts(path: str | os.PathLike[str], facts: Facts) -> None:
-    """Write facts to a ``.json`` file, or as Markdown, whole or not at all."""
-    text = as_json(facts) if Path(path).suffix == ".json" else as_markdown(facts)
+def _is_statistics(metric: Metric) -> bool:
+    return isinstance(metric.value, Mapping) and "max_at_s" in metric.value
+
+
+def write_facts(path: str | os.PathLike[str], report: Report) -> None:
+    """Write a report to a ``.json`` file, or as Markdown, whole or not at all."""
+    text = as_markdown(report)
+    if Path(path).suffix == ".json":
+        text = json.dumps(as_numbers(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def plain(value: Any) -> Any:
-    """Return the same as numbers, texts, lists and mappings that JSON knows; nan and infinity become None."""
+    """Return a value as JSON has it; nan and infinity become None."""
     if isinstance(value, Mapping):
-        return {str(key): plain(one) for key, one in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_html(thing: Any) -> str:
-    """Write what a notebook shows of an object: a piece of HTML without colours of its own, which loads nothing.
+    """Render an object for a notebook: a piece of HTML without colors of its own, which loads nothing.
 
     Parameters
     ----------
-    thing : Facts or any object of maniport
+    thing : Report or any object of maniport
 
     Returns
     -------
     str
-
-    See Also
-    --------
-    as_markdown, as_numbers
     """
-    facts = thing if isinstance(thing, Facts) else facts_of(thing)
-    heading = f"<b>{escape(type(thing).__name__)}</b> {escape(facts.title)}"
-    parts = [heading, *(f"<div>{escape(text)}</div>" for text in ([facts.lead] if facts.lead else []))]
-    if facts.verdict is not None:
-        texts = " ".join(filter(None, (facts.verdict.status_text, facts.verdict.text)))
-        parts.append(f"<div><b>{escape(facts.verdict.title)}</b> {escape(texts)}</div>")
-    if facts.warnings:
-        rows = [("warnings" if k == 0 else "", text) for k, text in enumerate(facts.warnings)]
-        parts.append(_grid((), rows))
-    for section in facts.sections:
-        shown = [fact for fact in section.facts if fact.text and fact.severity != WARNING]
-        parts += [_grid((), [(fact.name, fact.text) for fact in shown])] if shown else []
+    report = thing if isinstance(thing, Report) else facts_of(thing)
+    parts = [f"<b>{escape(type(thing).__name__)}</b> {escape(report.title)}"]
+    parts += [f"<div>{escape(report.lead)}</div>"] if report.lead else []
+    if (summary := report.summary) is not None:
+        texts = " ".join(filter(None, (summary.status_text, summary.text)))
+        parts.append(f"<div><b>{escape(summary.title)}</b> {escape(texts)}</div>")
+    if report.warnings:
+        parts.append(_grid((), [("" if k else "warnings", text) for k, text in enumerate(report.warnings)]))
+    for section in report.sections:
+        rows = [(metric.label, metric.text) for metric in section.metrics if metric.text and metric.severity != WARNING]
+        parts += [_grid((), rows)] if rows else []
         parts += [_grid(table.columns, table.rows) for table in section.tables]
     return f'<div style="margin:.3em 0">{"".join(parts)}</div>'
 
 
-def _verdict(verdict: Answer, level: int) -> list[str]:
-    cards = [f"- {sentence(escaped(f'{card.name}: {card.text}'))}" for card in verdict.cards]
-    texts = [escaped(text) for text in (verdict.status_text, verdict.text, verdict.doubts)]
-    advice = escaped(verdict.advice) + (f" `{printable(verdict.typed())}`" if verdict.command else "")
-    paragraphs = [line for one in (*texts, advice) if one for line in (one, "")]
-    return [f"{'#' * level} {escaped(verdict.title)}", "", *paragraphs, *cards, ""]
+def _summary(summary: Summary, level: int) -> list[str]:
+    texts = [escaped(text) for text in (summary.status_text, summary.text, summary.doubts)]
+    texts.append(escaped(summary.advice) + (f" `{printable(summary.command_for())}`" if summary.command else ""))
+    paragraphs = [line for text in texts if text for line in (text, "")]
+    return [f"{'#' * level} {escaped(summary.title)}", "", *paragraphs]
 
 
 def _section(section: Section, level: int) -> list[str]:
-    shown = [fact for fact in section.facts if fact.text and fact.severity != WARNING]
-    if not (shown or section.tables or section.text):
+    metrics = [metric for metric in section.metrics if metric.text and metric.severity != WARNING]
+    if not (metrics or section.tables or section.text):
         return []
     lines = [f"{'#' * level} {escaped(section.title)}", ""] if section.title else []
-    lines += [line for one in section.text.split("\n") if one for line in (printable(one), "")]
-    lines += [*map(_line, shown), *([""] if shown else [])]
+    lines += [line for text in section.text.split("\n") if text for line in (printable(text), "")]
+    lines += [*map(_line, metrics), *([""] if metrics else [])]
     return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
 
 
-def narrowed(facts: Facts, width: int) -> Facts:
-    """The same facts with tables that terminals of `width` columns show without cutting words."""
-    sections = (
-        replace(section, tables=tuple(part for table in section.tables for part in _parts(table, width)))
-        for section in facts.sections
-    )
-    return replace(facts, sections=tuple(sections))
-
-
-def _parts(table: Table, width: int) -> list[Table]:
-    columns = list(zip(table.columns, *table.rows, strict=True))
-    groups: list[list[int]] = [[]]
-    for i in range(1, len(columns)):
-        if groups[-1] and not _fit([columns[k] for k in (0, *groups[-1], i)], width):
-            groups.append([])
-        groups[-1].append(i)
-    if len(groups) == 1:
-        return [table]
-    return [
-        Table(
-            tuple(table.columns[i] for i in (0, *group)),
-            tuple(tuple(row[i] for i in (0, *group)) for row in table.rows),
-            "" if k else table.caption,
-        )
-        for k, group in enumerate(groups)
-    ]
-
-
-def _fit(columns: Sequence[Sequence[str]], width: int) -> bool:
-    """Whether all words are whole where the widest columns are made narrower until the table fits, as terminals do."""
-    whole = [max(map(len, column)) for column in columns]
-    words = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in columns]
-    room, level = width - PADDING * len(columns), max(whole)
-    while level > 1 and sum(min(one, level) for one in whole) > room:
-        level -= 1
-    return max(words) <= level
-
-
-def _line(fact: Fact) -> str:
-    if fact.severity != INFO or not fact.name:
-        return f"- {escaped(fact.text)}"
-    return f"- {sentence(escaped(f'{fact.name}: {fact.text}'))}" + (f" {escaped(fact.meaning)}" if fact.meaning else "")
+def _line(metric: Metric) -> str:
+    if metric.severity != INFO or not metric.label:
+        return f"- {escaped(metric.text)}"
+    text = sentence(escaped(f"{metric.label}: {metric.text}"))
+    return f"- {text} {escaped(metric.description)}".rstrip()
 
 
 def _table(table: Table) -> list[str]:
@@ -248,12 +206,15 @@ def _cells(texts: Sequence[str]) -> str:
 
 
 def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    names = "".join(f'<th style="{LABEL}">{escape(name)}</th>' for name in head)
-    body = "".join(f"<tr>{_label_and_values(row)}</tr>" for row in rows)
-    return f'<table style="{GRID}">{f"<thead><tr>{names}</tr></thead>" if head else ""}<tbody>{body}</tbody></table>'
-
-
-def _label_and_values(row: Sequence[str]) -> str:
-    first, *others = row
-    cells = "".join(f'<td style="{VALUE}">{escape(text)}</td>' for text in others)
-    return f'<th style="{LABEL}">{escape(first)}</th>{cells}'
+    """Write an HTML table whose styles do not depend on those of the notebook."""
+    cell = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;"
+    label, value = f"{cell}font-weight:normal;opacity:.7;white-space:nowrap", f"{cell}white-space:pre-wrap"
+    names = "".join(f'<th style="{label}">{escape(name)}</th>' for name in head)
+    body = "".join(
+        f'<tr><th style="{label}">{escape(first)}</th>'
+        + "".join(f'<td style="{value}">{escape(text)}</td>' for text in others)
+        + "</tr>"
+        for first, *others in rows
+    )
+    top = f"<thead><tr>{names}</tr></thead>" if head else ""
+    return f'<table style="border-collapse:collapse;margin:.3em 0">{top}<tbody>{body}</tbody></table>'

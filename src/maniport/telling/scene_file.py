@@ -1,4 +1,4 @@
-"""What moves in a result as a file for the Rerun viewer: arms, their ellipsoids and every curve of the page."""
+"""The content of a page as a file for the Rerun viewer: arms, their ellipsoids and every curve."""
 
 import os
 from typing import Any
@@ -6,30 +6,21 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
 from maniport.optional import rerun
 from maniport.spd.ellipsoid import axes
 from maniport.telling.page.content import Body, Motion
 from maniport.telling.roles import REFERENCE, ROLES, TARGET
 from maniport.validation import Array
 
-CLOCK = "time"
-"""The time line [s]; others are called as the page calls its further clocks."""
-
-CURVES = "curves"
-"""Where the page's panels stand in the file."""
-
 GREY = 190, 196, 204
-"""Of arms, so that ellipsoids have the colours."""
-
-THICK, THIN = 0.012, 0.002
-"""Radii of limbs and of paths [m]."""
+"""Color of arms."""
 
 
 def write_scene(path: str | os.PathLike[str], motion: Motion) -> None:
-    """Write what a page shows of a motion to a Rerun recording, whole or not at all."""
+    """Write a motion to a Rerun recording, whole or not at all."""
     package = rerun()
-    clocks = {CLOCK: motion.time, **motion.clocks}
+    clocks = {"time": motion.time, **motion.clocks}
     columns = [package.TimeColumn(name, duration=(time - time[0]).tolist()) for name, time in clocks.items()]
     with written_whole(path) as temporary:
         stream = package.RecordingStream("maniport")
@@ -42,9 +33,9 @@ def write_scene(path: str | os.PathLike[str], motion: Motion) -> None:
 
 
 def _layout(blueprint: Any, motion: Motion) -> Any:
-    """Scenes side by side, curves below: those of joints wait in tabs."""
+    """Scenes side by side, curves below in tabs."""
     scenes = [blueprint.Spatial3DView(origin=f"/{_place(body.name)}", name=body.name) for body in motion.bodies]
-    curves = [blueprint.TimeSeriesView(origin=f"/{CURVES}/{_place(name)}", name=name) for name in motion.panels]
+    curves = [blueprint.TimeSeriesView(origin=f"/curves/{_place(name)}", name=name) for name in motion.panels]
     rows = [blueprint.Horizontal(*scenes), *([blueprint.Tabs(*curves)] if curves else [])]
     return blueprint.Blueprint(blueprint.Vertical(*rows, row_shares=[3, 2][: len(rows)]), collapse_panels=True)
 
@@ -76,12 +67,12 @@ def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any]
         )
         stream.send_columns(where, indexes=clocks, columns=turned)
     if not body.parts:
-        look = package.LineStrips3D.from_fields(colors=[GREY], radii=[THICK])
+        look = package.LineStrips3D.from_fields(colors=[GREY], radii=[0.012])
         stream.log(f"{home}/skeleton", look, static=True)
         limbs = package.LineStrips3D.columns(strips=list(body.skeleton))
         stream.send_columns(f"{home}/skeleton", indexes=clocks, columns=limbs)
     if body.path is not None:
-        line = package.LineStrips3D([body.path], colors=[REFERENCE.rgb], radii=[THIN])
+        line = package.LineStrips3D([body.path], colors=[REFERENCE.rgb], radii=[0.002])
         stream.log(f"{home}/path", line, static=True)
 
 
@@ -90,7 +81,7 @@ def _log_curves(package: Any, stream: Any, motion: Motion, clocks: list[Any]) ->
         for panel in panels:
             title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
             for line in panel.lines:
-                where = "/".join(map(_place, filter(None, (CURVES, group, title, line.name))))
+                where = "/".join(map(_place, filter(None, ("curves", group, title, line.name))))
                 color = ROLES[line.role].rgb
                 stream.log(where, package.SeriesLines(colors=[color], names=[line.name or title]), static=True)
                 scalars = package.Scalars.columns(scalars=line.values)
@@ -98,12 +89,12 @@ def _log_curves(package: Any, stream: Any, motion: Motion, clocks: list[Any]) ->
 
 
 def _drawn(ellipsoids: Array) -> tuple[Array, Array]:
-    """Semi-axes (n, 3) of ellipsoids and how they are turned, as quaternions x, y, z, w (n, 4)."""
+    """Semi-axes (n, 3) of ellipsoids and their orientations as quaternions x, y, z, w (n, 4)."""
     lengths, directions = axes(ellipsoids)
     directions[..., 0] *= np.sign(np.linalg.det(directions))[:, None]  # axes are lines; rotations are right-handed
     return lengths, Rotation.from_matrix(directions).as_quat()
 
 
 def _place(name: str) -> str:
-    """A name as one part of a path in the file."""
+    """Return a name as one part of an entity path."""
     return str(rerun().escape_entity_path_part(name))

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from maniport.tracking.motion_limits import LimitUse, MotionLimits
     from maniport.tracking.placement.placed_path import Place, PlacedPath
     from maniport.tracking.placement.placement import place_path, place_paths
-    from maniport.tracking.plan.approach import with_approach
-    from maniport.tracking.plan.atlas import Atlas
-    from maniport.tracking.plan.control import PlanControl
-    from maniport.tracking.plan.plan import plan_motion
+    from maniport.tracking.plan.home_motion import with_approach
+    from maniport.tracking.plan.plan_control import PlanControl
+    from maniport.tracking.plan.plan_motion import plan_motion
     from maniport.tracking.plan.planned_motion import PlannedMotion
     from maniport.tracking.plan.planner import Planner
-    from maniport.tracking.plan.retiming import Timed, retime
+    from maniport.tracking.plan.reachability_map import Atlas
+    from maniport.tracking.plan.time_parameterization import Timed, retime
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
 
 _HOMES = {
     "ArmsPlanner": "both.planner",
-    "Atlas": "plan.atlas",
+    "Atlas": "plan.reachability_map",
     "BrakingLimit": "limits",
     "CollisionLimit": "limits",
     "Control": "follow.follower",
@@ -46,24 +46,24 @@ _HOMES = {
     "OrientationTask": "tasks",
     "Place": "placement.placed_path",
     "PlacedPath": "placement.placed_path",
-    "PlanControl": "plan.control",
+    "PlanControl": "plan.plan_control",
     "PlannedArms": "both.planned_arms",
     "PlannedMotion": "plan.planned_motion",
     "Planner": "plan.planner",
     "PositionTask": "tasks",
-    "Timed": "plan.retiming",
+    "Timed": "plan.time_parameterization",
     "TrackedArms": "both.follow",
     "TrackResult": "follow.track_result",
     "export_motion": "exports",
     "place_path": "placement.placement",
     "place_paths": "placement.placement",
     "plan_arms": "both.plan",
-    "plan_motion": "plan.plan",
-    "retime": "plan.retiming",
+    "plan_motion": "plan.plan_motion",
+    "retime": "plan.time_parameterization",
     "robot_model": "arm_model",
     "track": "follow.tracker",
     "track_arms": "both.follow",
-    "with_approach": "plan.approach",
+    "with_approach": "plan.home_motion",
 }
 """Names that are loaded on first use, since Pink and its solvers take their time to import."""
 

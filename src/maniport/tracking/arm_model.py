@@ -22,10 +22,9 @@ ONE_TURN_OR_SLIDE = {
 def robot_model(arm: Arm | Arms) -> pin.Model:
     """Make a Pinocchio model of an arm, or one of two arms.
 
-    Its configuration vector is that of the arm, joint by joint; its position limits are the arm's, and so are its
-    velocity limits, infinite where the arm knows none (Pink then sets none). Frames keep their names; the tip is
-    ``arm.frame``. Joints that are locked on the arm are fixed in the model. What both arms of a pair carry is there
-    once; frames of two robots are called as the pair calls their joints, see `tip_frames`.
+    Its configuration vector and limits are those of the arm; velocity limits are infinite where none is known. Frames
+    keep their names, and locked joints are fixed. Shared joints of a pair exist once; frames of two robots have the
+    prefixes of the pair's joints.
 
     Parameters
     ----------
@@ -40,10 +39,6 @@ def robot_model(arm: Arm | Arms) -> pin.Model:
     InvalidInputError
         When joints of the arm are coupled, as in the shoulder girdle of ``"myoarm"``: a Pinocchio model has a
         coordinate for each joint.
-
-    See Also
-    --------
-    ManipulabilityEllipsoidTask, PositionTask, OrientationTask
 
     Examples
     --------
@@ -174,3 +169,29 @@ def moving_columns(model: pin.Model, frame: str) -> NDArray[np.intp]:
     if not columns:
         raise InvalidInputError(f"no joint moves the frame {frame!r} of the model {model.name!r}")
     return np.array(columns[::-1], dtype=np.intp)
+
+
+def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
+    """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
+    mine, other = arms
+    differing = [
+        f"{name}: {theirs!r} there, {ours!r} here"
+        for name, theirs, ours in (
+            ("joints", mine.joint_names, other.joint_names),
+            ("tip", mine.frame, other.frame),
+            ("base", mine.base, other.base),
+            ("held joints", dict(mine.locked), dict(other.locked)),
+            ("ellipsoids", *specs),
+        )
+        if theirs != ours
+    ]
+    if limits and mine.joint_names == other.joint_names:
+        joints = np.flatnonzero((mine.lower != other.lower) | (mine.upper != other.upper))
+        for i in joints[:1]:
+            there, here = (f"{arm.lower[i]:.6g} to {arm.upper[i]:.6g}" for arm in arms)
+            differing.append(
+                f"limits of {mine.joint_names[i]}: {there} there, {here} here, in all {len(joints)} of {mine.dof} "
+                "joints. A planner keeps a margin of the limits: its samples fit its own arm, planner.limits.arm"
+            )
+    if differing:
+        raise InvalidInputError(f"{what} {mine.name!r}; it does not fit {other.name!r}: {'; '.join(differing)}")

@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.bodies import Arm, Arms
 from maniport.defaults import MARGIN
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.settings import read_settings, require_mapping
+from maniport.files import read_settings, require_mapping
 from maniport.tracking.schedule import require_rows
-from maniport.validation import Array, as_finite, as_number, as_times
-from maniport.wording import Bounds
+from maniport.validation import Array, Bounds, as_finite, as_number, as_times
 
 PANDA = {
     "panda_joint1": {"acceleration": 15.0, "jerk": 7500.0},
@@ -41,24 +40,19 @@ QUANTITIES = ("position", *DERIVATIVES)
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """What the joints of an arm may do; make them with `MotionLimits.of`.
+    """Limits of the joints of an arm; make them with `MotionLimits.of`.
 
     Attributes
     ----------
     arm : Arm or Arms
-        The arm, or the pair of them, with narrowed position limits, so that searches which are given it keep the
-        margin.
+        The arm, or the pair of them, with narrowed position limits, which include the margin.
     velocity, acceleration, jerk : ndarray, shape (dof,)
-        Largest magnitudes, positive and finite [rad or m, for each second, second² and second³].
+        Largest magnitudes, positive and finite [rad or m, per second, second² and second³].
     sources : dict of str to str
-        For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` one sentence that says where the numbers come from.
+        For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` a sentence on the source of the numbers.
     assumed : dict of str to tuple of str
         For each of `QUANTITIES` the joints whose limit is neither given, nor the maker's, nor in the robot's
         description.
-
-    See Also
-    --------
-    plan_motion, retime, with_approach
     """
 
     arm: Any
@@ -72,18 +66,18 @@ class MotionLimits:
     def of(
         cls, arm: Arm | Arms, given: str | os.PathLike[str] | Mapping[str, Any] | None = None, margin: float = MARGIN
     ) -> "MotionLimits":
-        """Take limits from what is given, else from the maker, else from the arm's description, else from defaults.
+        """Take limits from the argument, else from the maker, else from the arm's description, else from defaults.
 
         Parameters
         ----------
         arm : Arm or Arms
         given : path, mapping or None
             A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
-            ``default: {velocity:, acceleration:, jerk:}`` for the joints that are not named, all of it optional.
-            The Panda's accelerations and jerks are known without, and recognised by the names of its joints.
+            ``default: {velocity:, acceleration:, jerk:}`` for the other joints, all of it optional. The Panda's
+            accelerations and jerks are known, and recognized by the names of its joints.
         margin : float
-            Share of each joint's range that is kept free at either end, in [0, 0.4]; a ``lower`` or ``upper`` that
-            is given is kept as it is.
+            Share of each joint's range that is kept free at either end, in [0, 0.4], unless ``lower`` or ``upper`` is
+            given.
 
         Raises
         ------
@@ -135,8 +129,8 @@ class MotionLimits:
     def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
         """Largest share of each limit that a motion uses.
 
-        Velocity, acceleration and jerk are first, second and third differences of neighbouring samples, divided by
-        powers of the sampling time; they belong to the middle of the samples that they are made of.
+        Velocity, acceleration and jerk are first, second and third differences of neighboring samples, at the middle
+        of these samples.
 
         Parameters
         ----------
@@ -172,7 +166,7 @@ class MotionLimits:
 
 @dataclass(frozen=True, eq=False)
 class LimitUse:
-    """How much of each limit a motion uses at most; 1 is the limit.
+    """Largest shares of limits that a motion uses; 1 is the limit.
 
     Attributes
     ----------
@@ -180,11 +174,7 @@ class LimitUse:
         Names of the degrees of freedom.
     shares, times : ndarray, shape (4, dof)
         Largest shares of `QUANTITIES` (position, velocity, acceleration, jerk), and when [s]. A share of a position
-        is measured from the middle of the joint's range. Motions of too few samples have shares of 0.
-
-    See Also
-    --------
-    PlannedMotion : has it of its motion.
+        is measured from the middle of the joint's range.
     """
 
     joint_names: tuple[str, ...]

@@ -10,6 +10,7 @@ axis the squared angle between the two, to second order, with all three and c_k 
 Searches, placements, starts, the tracker and the motion as a whole all judge by this.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,8 +25,7 @@ from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.kernels import add_log_residual, add_residual, log_slopes
-from maniport.tracking.orientation import axis_weights
-from maniport.validation import SPD_TOLERANCE, Array, as_points, as_square
+from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
 
 Damping = float | Regularization | None
 """How ellipsoids are damped before they are compared; see `as_damping`."""
@@ -41,7 +41,19 @@ each control step knows first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same for the best there is with the tip in place: it then stays beside its target by less than 0.1 mm."""
 
+POINTING, WHOLE = "pointing", "whole"
+"""Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
+ORIENTATION_WEIGHT = 10.0
+"""Weight of a radian: 6° count as much as a distance of 1 between ellipsoids [1/rad]."""
+
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
+
+
+def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
+    """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
+    if as_choice(keep, "keep", (POINTING, WHOLE)) == POINTING:
+        return 0.0, 0.0, weight
+    return (weight / math.sqrt(2.0),) * 3
 
 
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:

@@ -9,11 +9,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from maniport.bodies.joint_space import JointSpace
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.tracking.objective import Objective, Targets
-from maniport.validation import Array, as_positive_semidefinite, as_rotation, as_square, as_times
+from maniport.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 MOST_SAMPLES = 3_000_000
 """Of a motion, at its control rate."""
@@ -24,30 +23,14 @@ MOST_BETWEEN = 8
 
 @dataclass(frozen=True)
 class Schedule:
-    """What is asked for, one row for each time.
+    """Targets over time, one row for each time."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Increasing [s].
-    ellipsoids : ndarray, shape (n, d, d)
-        Targets, without damping.
-    positions : ndarray, shape (n, 3), or None
-        Targets of the tip [m].
-    weights : ndarray, shape (n, m, m), or None
-        Of the directions of the ellipsoids' residual; see `maniport.tracking.objective`.
-    rotations : ndarray, shape (n, 3, 3), or None
-        Where the axes of the tip shall point, in the base frame, as far as they count.
-    postures : ndarray, shape (n, dof), or None
-        Joint positions to stay near, where nothing else asks for others [rad or m].
-    """
-
-    time: Array
-    ellipsoids: Array
-    positions: Array | None = None
-    weights: Array | None = None
-    rotations: Array | None = None
-    postures: Array | None = None
+    time: Array  # (n,), increasing [s]
+    ellipsoids: Array  # (n, d, d), without damping
+    positions: Array | None = None  # (n, 3), of the end effector [m]
+    weights: Array | None = None  # (n, m, m), of the directions of the ellipsoids' residual
+    rotations: Array | None = None  # (n, 3, 3), of the end effector
+    postures: Array | None = None  # (n, dof), reference configurations [rad or m]
 
     @classmethod
     def checked(
@@ -65,7 +48,7 @@ class Schedule:
         m = d * (d + 1) // 2
         objective.checked(profile, "profile", minimum=2)
         targets = as_square(profile, "profile", d)
-        positions = None if path is None else as_places(path, "path")
+        positions = None if path is None else as_metres(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
         axes = None if rotations is None else _as_rotations(rotations)
         arm = objective.arm

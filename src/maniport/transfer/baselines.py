@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.neighbors import NeighborIndex, nearest
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array, as_count
@@ -92,7 +92,7 @@ class NearestNeighbor(DomainAdapter):
 
     def _fit(self, teacher: Array, student: Array) -> None:
         limit = as_count(self.n_samples, "n_samples", minimum=2)
-        keys, values = (points[evenly(len(points), limit)] for points in (teacher, student))
+        keys, values = (points[evenly_spaced(len(points), limit)] for points in (teacher, student))
         index, gap = nearest(keys, values)
         self.keys_, self.values_ = keys, values[index]
         self._describe(teacher, student)

@@ -230,7 +230,7 @@ def _distinct(pair: CloudPair, endings: Iterable[tuple[Array, float]]) -> tuple[
     """Group ends of searches that are the same rotation, within 5°; lowest cost first."""
     found: list[Optimum] = []
     for rotation, cost in sorted(endings, key=lambda end: end[1]):
-        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < np.deg2rad(same)), None)
+        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < np.deg2rad(5.0)), None)
         if at is None:
             found.append(Optimum(rotation, float(cost), pair.energy_distance(rotation), 1))
         else:

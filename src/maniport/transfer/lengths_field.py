@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.kernels import compose
 from maniport.spd.matrix_functions import to_vector
 from maniport.spd.regularization import Regularization
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.lengths.field import KAPPA, NO_AXIS, LengthsMap, as_axis, damped
 from maniport.transfer.lengths.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
@@ -257,6 +257,6 @@ def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
     keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
     order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues
     count = min(HELD_OUT, len(order) // 8)
-    apart = evenly(len(order), count) if count >= 16 else evenly(0, 0)
+    apart = evenly_spaced(len(order), count) if count >= 16 else evenly_spaced(0, 0)
     rest = np.delete(order, apart)
-    return teacher[rest[evenly(len(rest), most)]], teacher[order[apart]]
+    return teacher[rest[evenly_spaced(len(rest), most)]], teacher[order[apart]]

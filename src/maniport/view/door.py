@@ -19,9 +19,8 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from maniport.errors import InvalidInputError
-from maniport.places import FARTHEST
 from maniport.ports import LOOPBACK_NAMES, is_loopback
-from maniport.wording import Bounds, inside
+from maniport.validation import MAX_POSITION, Bounds, inside
 
 LOG = logging.getLogger("maniport.view")
 LARGEST = 1 << 16
@@ -36,8 +35,8 @@ NUMBERS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
 SHORTEST = 1e-6
 """Length of a direction or a quaternion, and distance between camera and what it looks at [m]."""
 SCALARS = {
-    "fov": Bounds(above=0.0, below=math.pi), "near": Bounds(minimum=0.0, maximum=FARTHEST),
-    "far": Bounds(above=0.0, maximum=1e3 * FARTHEST), "image_height": Bounds(minimum=1, maximum=1e5),
+    "fov": Bounds(above=0.0, below=math.pi), "near": Bounds(minimum=0.0, maximum=MAX_POSITION),
+    "far": Bounds(above=0.0, maximum=1e3 * MAX_POSITION), "image_height": Bounds(minimum=1, maximum=1e5),
     "image_width": Bounds(minimum=1, maximum=1e5),
 }  # fmt: skip
 FIELDS = {
@@ -206,7 +205,7 @@ def _vector(value: Any, size: int) -> bool:
     return (
         isinstance(value, (list, tuple))
         and len(value) == size
-        and all(_number(one) and abs(one) <= FARTHEST for one in value)
+        and all(_number(one) and abs(one) <= MAX_POSITION for one in value)
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from maniport.demonstrations.both_arms import EACH
-from maniport.evaluation.rows import LOOKUP
+from maniport.evaluation.baselines import LOOKUP
 from maniport.spd.ellipsoid import lengths, volume
 from maniport.telling.facts import in_axes
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role

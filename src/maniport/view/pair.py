@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from maniport.bodies import Arms
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import place_paths
 from maniport.tracking.follow.follower import Follower
 from maniport.transfer.rotation_group import orthonormal
@@ -57,7 +57,7 @@ class LivePair:
 
     def find_place(self, motion: Sequence[Array], method: str) -> None:
         """Find one place for both hands' paths, along joints of both persons' arms, each of shape (n, dof)."""
-        rows = evenly(len(motion[0]), POINTS)
+        rows = evenly_spaced(len(motion[0]), POINTS)
         maps = [one.refitting.maps[method] for one in self.each]
         hands, targets = [], []
         for one, chosen, joints in zip(self.each, maps, motion, strict=True):

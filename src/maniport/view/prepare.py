@@ -14,7 +14,7 @@ from maniport.demonstrations import Recording, fit_arm, fit_arms, read_recording
 from maniport.demonstrations.arm_fit import require_person
 from maniport.demonstrations.both_arms import EACH
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, spoken
 from maniport.steps import Progress
 from maniport.tracking import StartBank
 from maniport.tracking.arm_model import require_trackable
@@ -23,7 +23,6 @@ from maniport.validation import Array, as_count, as_rotation
 from maniport.view.maps import GIVEN, Methods, Refitting, require_drawable
 from maniport.view.pair import LivePair
 from maniport.view.state import LiveState, Playback
-from maniport.wording import spoken
 
 TEACHER_SAMPLES, STUDENT_SAMPLES, BANK_SIZE, PLACES = 2048, 4096, 16_384, 32
 AT_ONCE = "parallel-transport"

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from maniport.interruption import ending_in_order
 from maniport.optional import viser
 from maniport.ports import LOOPBACK, bound
+from maniport.signals import ending_in_order
 from maniport.validation import Array
 from maniport.view.bodies import find_surfaces
 from maniport.view.door import Door

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from maniport.bodies import Arm
 from maniport.errors import NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.tracking import Objective, PlacedPath, StartBank, nearest_feasible, place_path
 from maniport.tracking.follow.follower import Follower
 from maniport.tracking.objective import FOLLOWING_WEIGHT
@@ -150,7 +150,7 @@ class LiveState:
     def find_place(self, motion: Sequence[Array], method: str) -> None:
         """Place the hand along joints of the person's arm, [(n, dof)], where the robot makes the ellipsoids best."""
         chosen, bank = self.refitting.maps[method], self.bank
-        some = motion[0][evenly(len(motion[0]), POINTS)]
+        some = motion[0][evenly_spaced(len(motion[0]), POINTS)]
         targets = np.array([chosen.transform(ellipsoid) for ellipsoid in self.teacher.manipulability(some)])
         hands = self.teacher.forward(some)[:, :3, 3]
         self.place = place_path(

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,60 +11,37 @@ from maniport.bodies.arm import Arm
 from maniport.bodies.arms import Arms
 from maniport.bodies.chain import LEFT, RIGHT
 from maniport.bodies.collisions.hulls import Hull, Part, hulls_of, parts_of
+from maniport.bodies.collisions.tree import LinkTree
+from maniport.errors import FileFormatError
+from maniport.validation import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Carried:
-    """Hulls of the parts of an arm or a pair; of a pair the left arm's first, then those of the right arm alone.
+    """Hulls of the parts of an arm or a pair; of a pair the left arm's first, then those of the right arm alone."""
 
-    Attributes
-    ----------
-    hulls : tuple of Hull
-        Joints are those that `maniport.bodies.collisions.links.links_of` the arm or pair places.
-    links : tuple of str
-        Names of the links; hulls of two robots are called by their arms, too, where links have the same names.
-    parts : tuple of Part
-        The part that each hull encloses, or a piece of it.
-    joined : ndarray of bool, shape (hulls, hulls)
-        Pairs that are not checked: one joint joins them directly, or they do not move against one another.
-    between : ndarray of int, shape (hulls, hulls)
-        The number of coordinates that move one against the other.
-    own : ndarray of int, shape (hulls,)
-        -1 for what the left arm alone moves or stands on, 1 for the right one, 0 where there is one arm, or for both.
-    one : bool
-        Whether all is of one robot.
-    last : frozenset of int
-        Joints of the last links.
-    """
-
-    hulls: tuple[Hull, ...]
-    links: tuple[str, ...]
-    parts: tuple[Part, ...]
-    joined: NDArray[np.bool_]
-    between: NDArray[np.intp]
-    own: NDArray[np.intp]
-    one: bool
-    last: frozenset[int]
-
-    @classmethod
-    def nothing(cls) -> "Carried":
-        """Return what is carried by an arm without shapes."""
-        none = np.empty((0, 0), dtype=np.intp)
-        return cls((), (), (), none.astype(np.bool_), none, none[0:0].reshape(0), True, frozenset())
+    hulls: tuple[Hull, ...]  # their joints are links of the tree; named by their arms too where robots share names
+    links: tuple[str, ...]  # names of the links
+    parts: tuple[Part, ...]  # the part that each hull encloses, or a piece of it
+    joined: NDArray[np.bool_]  # (hulls, hulls): pairs joined by one joint, or that do not move against one another
+    between: NDArray[np.intp]  # (hulls, hulls): number of coordinates that move one against the other
+    own: NDArray[np.intp]  # (hulls,): -1 moved by the left arm alone, 1 by the right one, 0 by both or the only arm
+    one: bool  # whether all is of one robot
+    last: frozenset[int]  # the last links
 
     def across(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which pairs of hulls, rows of two indices, are of two arms; indices beyond, and negative ones, of none."""
+        """Which pairs of hulls are of two arms; table and boxes are of none."""
         links = (pairs >= 0) & (pairs < len(self.hulls))
         own = np.where(links, np.append(self.own, 0)[np.where(links, pairs, -1)], 0)
         return np.asarray(own.prod(axis=1) < 0)
 
 
-def carried_by(arm: Arm | Arms, fine: Collection[str] = ()) -> Carried:
-    """Collect the hulls of an arm or a pair; none where the shapes of an arm are not known."""
+def carried_by(arm: Arm | Arms, tree: LinkTree, fine: Collection[str] = ()) -> Carried | None:
+    """Collect the hulls of an arm or a pair; None where the shapes of an arm are not known."""
     arms = arm.each if isinstance(arm, Arms) else (arm,)
     sides = [list(parts_of(each)) for each in arms]
     if not all(any(part.own for part in parts) for parts in sides):
-        return Carried.nothing()
+        return None
     one = not isinstance(arm, Arms) or bool(_common(arm))
     if isinstance(arm, Arms) and one:
         sides = _shared_once(sides, arm.trunk)
@@ -73,8 +50,8 @@ def carried_by(arm: Arm | Arms, fine: Collection[str] = ()) -> Carried:
     own: list[int] = []
     for side, (each, listed) in enumerate(zip(arms, sides, strict=True)):
         for part in listed:
-            joint = _place(arm, part.joint) if side else part.joint
-            found = [replace(hull, joint=joint) for hull in hulls_of(each, part, part.name in fine)]
+            link = tree.of_chain[side][part.joint]
+            found = [replace(hull, joint=link) for hull in hulls_of(each, part, part.name in fine)]
             shared = not isinstance(arm, Arms) or (one and part.joint <= arm.trunk)
             hulls += found
             parts += [part] * len(found)
@@ -83,10 +60,11 @@ def carried_by(arm: Arm | Arms, fine: Collection[str] = ()) -> Carried:
     if len(sides) > 1 and not {part.name for part in sides[0]}.isdisjoint(part.name for part in sides[1]):
         names = [f"{LEFT if side < 0 else RIGHT}_{name}" for name, side in zip(links, own, strict=True)]
         hulls = [replace(hull, name=name) for hull, name in zip(hulls, names, strict=True)]
-    ends = [max(part.joint for part in listed if part.own) for listed in sides]
-    last = frozenset(_place(arm, end) if side else end for side, end in enumerate(ends))
+    last = frozenset(
+        tree.of_chain[side][max(part.joint for part in listed if part.own)] for side, listed in enumerate(sides)
+    )
     owners = np.array(own, dtype=np.intp)
-    joined, between = _relations(arm, hulls, np.array([part.own for part in parts]))
+    joined, between = _relations(arms, tree, hulls, np.array([part.own for part in parts]))
     joined &= (owners[:, None] * owners >= 0) | one
     return Carried(tuple(hulls), links, tuple(parts), joined, between, owners, one, last)
 
@@ -101,24 +79,20 @@ def _shared_once(sides: list[list[Part]], trunk: int) -> list[list[Part]]:
     return [left, right]
 
 
-def _relations(arm: Arm | Arms, hulls: Sequence[Hull], on_chain: NDArray[np.bool_]) -> tuple[Any, Any]:
+def _relations(
+    arms: Sequence[Arm], tree: LinkTree, hulls: Sequence[Hull], on_chain: NDArray[np.bool_]
+) -> tuple[Any, Any]:
     """Which hulls one joint joins, or none moves against one another, and how many coordinates are between them."""
-    chains = [each.chain for each in (arm.each if isinstance(arm, Arms) else (arm,))]
-    count = 1 + len(chains[0].joints) + (len(chains[1].joints) - cast(Arms, arm).trunk if len(chains) > 1 else 0)
-    moved, path = np.zeros((count, arm.dof), dtype=np.intp), np.zeros((count, count), dtype=np.intp)
-    above = np.zeros(count, dtype=np.intp)
-    for side, chain in enumerate(chains):
-        places = [_place(arm, joint) if side else joint for joint in range(len(chain.joints) + 1)]
-        columns = arm.columns[side] if isinstance(arm, Arms) else np.arange(arm.dof)
-        bodies = {frame.joint for frame in chain.frames.values()} | {0}
-        for joint in range(1, len(places)):
-            moved[places[joint], columns] = chain.coupling[joint - 1] != 0
-            path[places[joint], [places[k] for k in range(1, joint + 1)]] = 1
-            above[places[joint]] = places[max(body for body in bodies if body < joint)]
+    bodies = {0}
+    for arm, links in zip(arms, tree.of_chain, strict=True):
+        bodies |= {links[frame.joint] for frame in arm.chain.frames.values()}
+    above = [0]  # the link with a body that each link hangs on
+    for parent in tree.parents.tolist():
+        above.append(parent if parent in bodies else above[parent])
     joints = np.array([hull.joint for hull in hulls])
-    paths = path[joints]
-    between = np.array([((paths != one) @ moved > 0).sum(axis=1) for one in paths])
-    joined = (above[joints][:, None] == joints) & on_chain[:, None] & on_chain & (joints[:, None] > joints)
+    paths, moved = tree.moves[joints], tree.coupling != 0
+    between = np.array([((paths != one).astype(np.intp) @ moved > 0).sum(axis=1) for one in paths])
+    joined = (np.array(above)[joints][:, None] == joints) & on_chain[:, None] & on_chain & (joints[:, None] > joints)
     return joined | joined.T | (between == 0), between
 
 
@@ -132,7 +106,25 @@ def _common(arms: Arms) -> set[str]:
     }  # fmt: skip
 
 
-def _place(arm: Arm | Arms, joint: int) -> int:
-    """Where a joint of the right chain is among those of the pair."""
-    arms = cast(Arms, arm)
-    return joint if joint <= arms.trunk else len(arms.left.chain.joints) + joint - arms.trunk
+class Lowest(NamedTuple):
+    """Lowest point of a link during a motion: its height in the base frame [m], and when [s]."""
+
+    link: str
+    height: float
+    time: float
+
+
+def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
+    """Compute the lowest point of each moving link's convex hull over a motion."""
+    try:
+        hulls = [hull for part in parts_of(arm) if part.joint for hull in hulls_of(arm, part)]
+    except FileFormatError:
+        return ()
+    turns, origins = LinkTree(arm).poses(q)
+    found: dict[str, Lowest] = {}
+    for hull in hulls:
+        heights = (turns[:, hull.joint, 2] @ hull.corners.T).min(axis=1) + origins[:, hull.joint, 2] - hull.skin
+        i = int(np.argmin(heights))
+        point = Lowest(hull.name, float(heights[i]), float(time[i]))
+        found[hull.name] = min(found.get(hull.name, point), point, key=lambda one: one.height)
+    return tuple(sorted(found.values(), key=lambda one: one.height))

@@ -1,7 +1,8 @@
-"""The door: whether an arm or a pair collides, how much room it has, and how that changes with the joints."""
+"""Whether an arm or a pair collides, its clearance, and how that changes with the joints."""
 
 import os
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from functools import cached_property
 from typing import Any, NamedTuple, cast
 
@@ -9,23 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.bodies.arm import Arm
-from maniport.bodies.arms import Arms
-from maniport.bodies.collisions.carried import Carried, carried_by
-from maniport.bodies.collisions.meshes import Meshes
-from maniport.bodies.collisions.obstacles import as_boxes
-from maniport.bodies.collisions.pairs import Chosen, candidates, chosen, require_free_base
-from maniport.bodies.collisions.solids import Pairs, Solids
-from maniport.bodies.collisions.srdf import disabled_pairs
-from maniport.bodies.collisions.watch import Watch
-from maniport.errors import FileFormatError
+from maniport.bodies.arms import Arms, CooperativeArm
+from maniport.bodies.collisions.carried import carried_by
+from maniport.bodies.collisions.obstacles import as_boxes, disabled_pairs
+from maniport.bodies.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
+from maniport.bodies.collisions.solids import Pairs, Solids, Watch
+from maniport.bodies.collisions.tree import LinkTree
+from maniport.errors import FileFormatError, InvalidInputError
 from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_number
-
-_PART = 8192
-"""So many configurations are worked on at a time."""
-
-_FIRST_REACH = 0.02
-"""Pairs nearer than this are measured first, then those nearer than twice as much, and so on [m]."""
+from maniport.validation import Array, as_generator, as_number
 
 
 class Nearest(NamedTuple):
@@ -50,11 +43,8 @@ class Collisions(ShownInNotebooks):
 
     Attributes
     ----------
-    arm : Arm or Arms
-    known : bool
-        Whether anything is checked; False for an arm of which no surface is known.
-    why : str
-        Why not, in a sentence; empty when something is.
+    known, why : bool, str
+        Whether anything is checked, which it is not where no surface of the arm is known, and why not.
     boxes : bool
         Whether boxes were given.
     padding : float
@@ -67,10 +57,6 @@ class Collisions(ShownInNotebooks):
         Names of pairs that are not checked: their meshes meet in more than 90 % of 10 000 samples of the joint space
         and at rest, or the pair stays apart in all samples by more than 10 cm (5 mm with at most two coordinates
         between, 2 cm from table or boxes), or with at most two coordinates between its meshes never meet.
-
-    See Also
-    --------
-    maniport.tracking.plan_motion : takes it, as planning, following and live motion do.
     """
 
     def __init__(
@@ -114,11 +100,6 @@ class Collisions(ShownInNotebooks):
         padding : float
             Distance that counts as a collision [m].
 
-        Returns
-        -------
-        Collisions
-            With ``known`` False where no surface of the arm is known, or one cannot be read.
-
         Raises
         ------
         InvalidInputError
@@ -131,27 +112,28 @@ class Collisions(ShownInNotebooks):
         room = as_number(padding, "padding", minimum=0.0)
         around = [box.hull() for box in as_boxes(boxes)]
         disabled = None if srdf is None else disabled_pairs(srdf, arm)
-        why = ""
+        given = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
+        tree, why = LinkTree(arm), ""
         try:
-            carried = carried_by(arm)
+            carried = carried_by(arm, tree)
         except FileFormatError as error:
-            carried, why = Carried.nothing(), f"the surface of {arm.name!r} cannot be read: {error}"
-        if not carried.hulls:
+            carried, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
+        if carried is None:
             why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
-            around, height = [], None
+            return cls(arm, Solids(tree, [], -np.inf), Chosen.nothing(), room, why, np.zeros(0, dtype=np.bool_), given)
         plane = -np.inf if height is None else height
-        solids = Solids(arm, [*carried.hulls, *around], plane)
+        solids = Solids(tree, [*carried.hulls, *around], plane)
         require_free_base(solids, carried, height)
-        asked = candidates(carried, len(around), height is not None, disabled)
-        meshes = Meshes(arm)
-        found, coarse = chosen(meshes, solids, carried, asked, room)
+        meshes = Meshes(arm, tree)
+        found, coarse = chosen(
+            meshes, solids, carried, candidates(carried, len(around), height is not None, disabled), room
+        )
         if coarse:
-            carried = carried_by(arm, coarse)
-            solids = Solids(arm, [*carried.hulls, *around], plane)
+            carried = carried_by(arm, tree, coarse) or carried
+            solids = Solids(tree, [*carried.hulls, *around], plane)
             asked = candidates(carried, len(around), height is not None, disabled)
             found, _ = chosen(meshes, solids, carried, asked, room)
-        around_it = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
-        return cls(arm, solids, found, room, why, carried.across(found.pairs), around_it)
+        return cls(arm, solids, found, room, why, carried.across(found.pairs), given)
 
     def __repr__(self) -> str:
         told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
@@ -178,7 +160,7 @@ class Collisions(ShownInNotebooks):
         """
         arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
         if self.known:
-            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached()[1])
+            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
@@ -194,15 +176,12 @@ class Collisions(ShownInNotebooks):
         return None if np.isinf(self._solids.table) else float(self._solids.table)
 
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
-        """Whether configurations (..., dof) collide, shape (...); False where nothing is known.
-
-        A compiled test frees what a plane certainly separates; Coal's distance decides of the others.
-        """
+        """Whether configurations (..., dof) collide, shape (...); False where nothing is known."""
         flat, shape = self._flat(q)
         limit = self.padding * self._found.share
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _parts(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, limit)
+            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal's distance decides of these
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each at a time, since one is enough
                 first = near[left].argmax(axis=1)
@@ -225,7 +204,7 @@ class Collisions(ShownInNotebooks):
         flat, shape = self._flat(q)
         least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
         for part in _parts(len(flat)) if len(self._pairs) else ():
-            left, reach = np.arange(part.start, part.stop), _FIRST_REACH
+            left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
             while len(left):
                 near = self._solids.maybe_near(flat[left], self._pairs, reach)
                 rows, columns = np.nonzero(near)
@@ -240,22 +219,8 @@ class Collisions(ShownInNotebooks):
     def gradient(self, q: ArrayLike, threshold: float) -> tuple[NDArray[np.intp], Array, Array]:
         """Pairs nearer than a threshold, and how their distances change with the joints.
 
-        Where a pair is in one another the distance is minus the depth, along the shortest way out.
-
-        Parameters
-        ----------
-        q : array_like, shape (n, dof)
-        threshold : float
-            [m].
-
-        Returns
-        -------
-        rows : ndarray of int, shape (k,)
-            Of which configurations the pairs are, ascending.
-        distance : ndarray, shape (k,)
-            [m].
-        slope : ndarray, shape (k, dof)
-            Derivative of the distance in the configuration [m/rad] or [m/m].
+        For configurations (n, dof) and a threshold [m]: of which configuration each pair is, ascending; its distance
+        [m], minus the depth where the two are in one another; and its derivative in the configuration, (k, dof).
         """
         whole = np.ones(len(self._pairs))
         return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), whole).gradient(self._flat(q)[0])
@@ -263,8 +228,8 @@ class Collisions(ShownInNotebooks):
     def watch(self, threshold: float) -> Watch:
         """Return an object with such a `gradient`, quicker for configurations (n, dof) that change little.
 
-        Links with at most two coordinates between are always near one another and need a quarter of the clearance:
-        four times their distance is returned.
+        Of links with at most two coordinates between, which need a quarter of the clearance, four times the distance is
+        returned.
         """
         return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share, ahead=True)
 
@@ -277,5 +242,51 @@ class Collisions(ShownInNotebooks):
         return array.reshape(-1, self.arm.dof), array.shape[:-1]
 
 
-def _parts(count: int) -> Iterator[slice]:
-    return (slice(first, min(first + _PART, count)) for first in range(0, count, _PART))
+def _parts(count: int, most: int = 8192) -> Iterator[slice]:
+    """Slices of so many configurations at most, which are worked on at a time."""
+    return (slice(first, min(first + most, count)) for first in range(0, count, most))
+
+
+def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | None:
+    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself."""
+    if value is None or value is False:
+        return None
+    if value is True:
+        return Collisions.of(arm.arms if isinstance(arm, CooperativeArm) else arm)
+    if not isinstance(value, Collisions):
+        raise InvalidInputError(
+            f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
+        )
+    if value.arm.joint_names != arm.joint_names:
+        raise InvalidInputError(
+            f"collisions belong to {value.arm.name!r} with joints {', '.join(value.arm.joint_names)}, not to "
+            f"{arm.name!r} with {', '.join(arm.joint_names)}; make them with Collisions.of(arm)"
+        )
+    return value
+
+
+def free_postures(
+    arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+) -> Array:
+    """Sample configurations as `maniport.bodies.Arm.sample` does, of a pair, too; those that collide are replaced.
+
+    The sequence is continued until n are free, shape (n, dof): the same seed gives the same configurations. Fewer than
+    one free sample in 64 is an `InvalidInputError`.
+    """
+    checked = as_collisions(collisions, arm)
+    if checked is None or not checked.known:
+        return arm.sample(n, random_state, sequence)
+    generator = as_generator(random_state)
+    start = deepcopy(generator)
+    q = arm.sample(n, generator, sequence)
+    free = ~checked.collides(q)
+    while free.sum() < n:
+        if len(q) >= 64 * n:
+            raise InvalidInputError(
+                f"collisions: only {int(free.sum())} of {len(q)} sampled postures of {arm.name!r} are free; {n} are "
+                "asked for"
+            )
+        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with what there is
+        free = np.concatenate([free, ~checked.collides(more[len(q) :])])
+        q = more
+    return np.ascontiguousarray(q[free][:n])

@@ -16,58 +16,20 @@ from maniport.bodies.looks import Look
 from maniport.bodies.looks.meshes import joined, reduced
 from maniport.validation import Array
 
-MOST_CORNERS = 96
-"""A support point is looked for among all of them; a hull with more loses those that stand out least."""
-
-_FINE_ENOUGH = 1e-4
-"""A hull gets no further corners once none stands out by more [m]."""
-
-_THIN = 5e-4
-"""What lies in a plane or on a line is made so much thicker on each side [m]."""
-
-_MANY = 500
-"""Of more points those within the hull of extreme ones are dropped before the hull of all is computed."""
-
-_SLICES = 6
-_WORTH_CUTTING = 0.85
-"""A link is cut in two, at one of the planes between slices of equal thickness, when that leaves less of its volume."""
-
-_SKETCH = 300
-"""Number of triangles of the mesh on which cuts are chosen."""
-
-FINE_CORNERS = 256
-MOST_PIECES = 8
-_WORTH_A_PIECE = 0.97
-"""The same for links whose hulls meet others more often than their meshes do."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Hull:
-    """A convex solid that moves with one joint of an arm.
+    """A convex solid that moves with one joint of an arm."""
 
-    Attributes
-    ----------
-    name : str
-        Of the link, or of the box.
-    joint : int
-        It is fixed after so many joints of the chain; 0: to the base.
-    corners : ndarray, shape (k, 3)
-        In that joint's frame [m].
-    skin : float
-        Within this distance of the corners' hull lies all that the solid stands for [m].
-    solid : coal.Convex
-        The corners' hull.
-    """
-
-    name: str
-    joint: int
-    corners: Array
-    skin: float
-    solid: coal.Convex
+    name: str  # of the link, or of the box
+    joint: int  # it is fixed after so many joints of the chain; 0: to the base
+    corners: Array  # (k, 3), in that joint's frame [m]
+    skin: float  # within this distance of the corners' hull lies all that the solid stands for [m]
+    solid: coal.Convex  # the corners' hull
 
     @classmethod
-    def around(cls, name: str, joint: int, points: Array, most: int = MOST_CORNERS) -> "Hull":
-        """The hull of points [m], with a limited number of corners."""
+    def around(cls, name: str, joint: int, points: Array, most: int = 96) -> "Hull":
+        """The hull of points [m], with so many corners at most: those that stand out least are left out."""
         outline = _outline(points)
         corners = _outstanding(outline, most)
         hull = ConvexHull(corners)
@@ -85,24 +47,12 @@ class Hull:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Part:
-    """The shape of one body, or of a finger from open to closed, on the joint of a chain that moves it.
+    """The shape of one body, or of a finger from open to closed, on the joint of a chain that moves it."""
 
-    Attributes
-    ----------
-    name : str
-        Of the link.
-    joint : int
-        After how many joints of the chain.
-    mesh : Mesh
-        In that joint's frame [m]; of a finger the hull of all of its poses.
-    own : bool
-        Whether it is on the chain; False for bodies that are attached to it.
-    """
-
-    name: str
-    joint: int
-    mesh: Mesh
-    own: bool
+    name: str  # of the link
+    joint: int  # after how many joints of the chain
+    mesh: Mesh  # in that joint's frame [m]; of a finger the hull of all of its poses
+    own: bool  # whether it is on the chain; False for bodies that are attached to it
 
 
 def parts_of(arm: Arm) -> tuple[Part, ...]:
@@ -119,7 +69,7 @@ def _parts(look: Look) -> tuple[Part, ...]:
     links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(look.chain, name))))
     own = [Part(link, frames[link].joint, joined(meshes[link]), True) for link in links]
     posed: dict[tuple[str, int], list[Mesh]] = {}
-    for name, (points, triangles) in look.attached()[0].items() if own else ():
+    for name, (points, triangles) in look.attached[0].items() if own else ():
         body = attached[name]
         swept = len(body.placements) > 1
         points = _outline(points) if swept else points
@@ -139,7 +89,8 @@ def _hull_mesh(points: Array) -> Mesh:
 def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
     """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
     frames = arm.chain.frames
-    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in _shown(arm.look)), None)
+    shown = {link for link, _ in arm.look.shapes()}
+    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in shown), None)
     tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
     return _hulls(part, fine, tip)
 
@@ -151,18 +102,14 @@ def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple["Hull
         end = np.array([tip])
         nearest = int(np.argmin([np.linalg.norm(piece - end, axis=1).min() for piece in pieces]))
         pieces[nearest] = np.concatenate([pieces[nearest], end])
-    return tuple(Hull.around(part.name, part.joint, piece, FINE_CORNERS if fine else MOST_CORNERS) for piece in pieces)
-
-
-def _shown(look: Look) -> set[str]:
-    return {link for link, _ in look.shapes()}
+    return tuple(Hull.around(part.name, part.joint, piece, 256 if fine else 96) for piece in pieces)
 
 
 def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
     """Points of a link, cut across where that makes the hulls smaller than that of the whole."""
-    points, triangles = reduced(mesh, _SKETCH) if len(mesh[1]) > _SKETCH else mesh
+    points, triangles = reduced(mesh, 300) if len(mesh[1]) > 300 else mesh  # cuts are chosen on a sketch
     pieces = [_Piece.of(points[triangles], ())]
-    worth, most = (_WORTH_A_PIECE, MOST_PIECES) if fine else (_WORTH_CUTTING, 2)
+    worth, most = (0.97, 8) if fine else (0.85, 2)  # cut where that leaves less of the volume
     whole: list[_Piece] = []
     while pieces and len(pieces) + len(whole) < most:
         piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
@@ -177,15 +124,12 @@ def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Triangles (n, 3, 3) of a link on one side of some planes, the corners of their hull and its volume.
+    """Triangles of a link on one side of some planes."""
 
-    A plane is an axis, where it crosses it, and the side: 0 below, 1 above.
-    """
-
-    triangles: Array
-    planes: tuple[tuple[int, float, int], ...]
-    outline: Array
-    volume: float
+    triangles: Array  # (n, 3, 3)
+    planes: tuple[tuple[int, float, int], ...]  # axis, where the plane crosses it, and the side: 0 below, 1 above
+    outline: Array  # corners of their hull
+    volume: float  # of the hull
 
     @classmethod
     def of(cls, triangles: Array, planes: tuple[tuple[int, float, int], ...]) -> "_Piece":
@@ -198,7 +142,7 @@ class _Piece:
         best: tuple[Any, ...] = ()
         least = np.inf
         for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
-            places = np.linspace(low[axis], high[axis], _SLICES + 1)[1:-1]
+            places = np.linspace(low[axis], high[axis], 7)[1:-1]
             slices, rest = [], self.triangles
             for at in places:
                 below, rest = _cut(rest, axis, at)
@@ -243,12 +187,12 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
 def _outline(points: Array) -> Array:
     """Corners of the hull of points; those of something a little thicker where they lie in a plane or on a line."""
     try:
-        if len(points) > _MANY:  # Qhull needs most of its time for points inside
+        if len(points) > 500:  # Qhull needs most of its time for points inside
             faces = ConvexHull(points[_extreme(points)]).equations
             points = points[(points @ faces[:, :3].T + faces[:, 3] > -1e-9).any(axis=1)]
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
-        points = np.concatenate([points + _THIN * np.array(corner) for corner in product((-1, 1), repeat=3)])
+        points = np.concatenate([points + 5e-4 * np.array(corner) for corner in product((-1, 1), repeat=3)])
         return np.asarray(points[ConvexHull(points).vertices])
 
 
@@ -278,7 +222,7 @@ def _outstanding(outline: Array, most: int) -> Array:
         beyond = outline @ faces[:, :3].T + faces[:, 3]
         farthest = np.argmax(beyond, axis=0)
         out = np.where(np.isin(farthest, chosen), 0.0, beyond[farthest, np.arange(len(faces))])
-        best = [face for face in np.argsort(-out, kind="stable") if out[face] > _FINE_ENOUGH]
+        best = [face for face in np.argsort(-out, kind="stable") if out[face] > 1e-4]
         if not best:
             break
         room = min(most - len(chosen), 1 + len(best) // 4)  # a corner taken may spare its neighbours

@@ -2,32 +2,21 @@
 
 from typing import NamedTuple
 
+import coal
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.bodies.arm import Arm
+from maniport.bodies.arms import Arms
 from maniport.bodies.collisions.carried import Carried
-from maniport.bodies.collisions.meshes import Meshes
+from maniport.bodies.collisions.hulls import Part
 from maniport.bodies.collisions.solids import TABLE, Pairs, Solids
+from maniport.bodies.collisions.tree import LinkTree
 from maniport.errors import InvalidInputError
 from maniport.validation import Array
 
 FIRST = 1024
 """Number of samples that estimates how often hulls meet; the others are looked at where a pair may be left out."""
-
-NEIGHBORS_SHARE = 0.25
-"""Share of padding and clearance for links with at most two coordinates between, which are always near one another."""
-
-NEVER = 0.005
-"""A pair with at most two coordinates between is left out if it stays farther apart in all samples [m].
-
-The samples are 2° to 4° apart then, which changes the distance of neighbors on a chain by little.
-"""
-
-NEVER_AROUND = 0.02
-"""The same for links and table or boxes [m]."""
-
-NEVER_FAR = 0.1
-"""The same for pairs with more coordinates between, whose nearest configuration samples miss by more [m]."""
 
 OFTEN = 0.05
 """Pairs whose hulls meet in a larger share of the samples are decided by their meshes."""
@@ -35,20 +24,15 @@ OFTEN = 0.05
 NEARLY_ALL = 0.9
 """Pairs whose meshes meet in a larger share of the samples, and at rest, are left out: their meshes overlap."""
 
-MESHES = 128
-"""Number of samples with hulls that meet in which meshes are looked at first."""
-
-NEAR = 2048
-"""Number of samples in which meshes with at most two coordinates between must never meet to be left out: 8° apart."""
-
-SUNK = 0.01
-"""How far the base may reach into a table or box, as feet and rounded meshes do [m]."""
+_Body = tuple[Part, int]
+"""A part, and the link of the tree that it is on."""
 
 
 class Chosen(NamedTuple):
     """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do.
 
-    `share`, shape (pairs,): `NEIGHBORS_SHARE` for links with at most two coordinates between, 1 for other pairs.
+    `share`, shape (pairs,), is the share of padding and clearance that counts: 1/4 for links with at most two
+    coordinates between, which are always near one another, 1 for other pairs.
     """
 
     pairs: Pairs
@@ -57,32 +41,75 @@ class Chosen(NamedTuple):
     unresolved: Pairs
     share: Array
 
+    @classmethod
+    def nothing(cls) -> "Chosen":
+        """Return no pairs."""
+        none = np.empty((0, 2), dtype=np.int64)
+        return cls(none, none, none, none, np.empty(0))
+
+
+class Meshes:
+    """Exact meshes of parts in 10 000 samples of the joint space, of which the first is at rest.
+
+    Each mesh is prepared when it is first needed, and no test is repeated.
+    """
+
+    def __init__(self, arm: Arm | Arms, tree: LinkTree):
+        rest = np.clip(0.0, arm.lower, arm.upper)[None]
+        self.samples = np.concatenate([rest, arm.sample(9999, random_state=0)])
+        self._tree = tree
+        self._solids: dict[Part, coal.BVHModelOBBRSS] = {}
+        self._results: dict[tuple[_Body, _Body], dict[int, bool]] = {}
+
+    def touch(self, rows: NDArray[np.intp], first: _Body, second: _Body) -> NDArray[np.bool_]:
+        """Whether the meshes of two parts touch in some of the samples, shape (n,)."""
+        known = self._results.setdefault((first, second), {})
+        missing = [row for row in rows.tolist() if row not in known]
+        request, result = coal.CollisionRequest(), coal.CollisionResult()
+        one, other = self._solid(first[0]), self._solid(second[0])
+        for row, turns, origins in zip(missing, *self._tree.poses(self.samples[missing]), strict=True):
+            a, b = (coal.Transform3s(turns[link], origins[link]) for _, link in (first, second))
+            result.clear()
+            known[row] = coal.collide(one, a, other, b, request, result) > 0
+        return np.array([known[row] for row in rows.tolist()], dtype=np.bool_)
+
+    def _solid(self, part: Part) -> coal.BVHModelOBBRSS:
+        if part not in self._solids:
+            points, triangles = part.mesh
+            solid = self._solids[part] = coal.BVHModelOBBRSS()
+            solid.beginModel(len(triangles), len(points))
+            solid.addVertices(points)
+            solid.addTriangles(triangles.astype(np.int64))
+            solid.endModel()
+        return self._solids[part]
+
 
 def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
     """Raise InvalidInputError when what a base carries stands in a box or in another, or a table goes through it."""
     hulls, links = solids.hulls, len(carried.hulls)
+    sunk = 0.01  # feet and rounded meshes may reach so far into a table or box [m]
     for i, hull in enumerate(hulls[:links]):
         if not carried.parts[i].own:
             continue  # a leg or another arm may reach below a table in front of the robot
         for k in np.flatnonzero(carried.own * carried.own[i] < 0).tolist() if hull.joint == 0 else ():
             depth = -solids.at_rest(i, k) if hulls[k].joint == 0 else 0.0
-            if depth > SUNK:
+            if depth > sunk:
                 raise InvalidInputError(
-                    f"bases: {hull.name!r} is {depth:.3f} m deep in {hulls[k].name!r}; allowed is at most {SUNK:g} m. "
+                    f"bases: {hull.name!r} is {depth:.3f} m deep in {hulls[k].name!r}; allowed is at most {sunk:g} m. "
                     "Place the robots farther apart"
                 )
         low, high = float(hull.corners[:, 2].min()), float(hull.corners[:, 2].max())
-        if hull.joint == 0 and table is not None and table > low + SUNK:
+        if hull.joint == 0 and table is not None and table > low + sunk:
             raise InvalidInputError(
                 f"table: the plane at z = {table:g} m goes through the robot's base or lies above it: {hull.name!r} "
-                f"reaches from z = {low:.3f} to {high:.3f} m in the base frame; allowed is at most {low + SUNK:.3f} m"
+                f"reaches from z = {low:.3f} to {high:.3f} m in the base frame; allowed is at most {low + sunk:.3f} m"
             )
         for k in range(links, len(hulls)) if hull.joint == 0 else ():
             depth = -solids.at_rest(i, k)
-            if depth > SUNK:
+            if depth > sunk:
                 raise InvalidInputError(
                     f"boxes: {hulls[k].name!r} holds or cuts the robot's base: {hull.name!r} is {depth:.3f} m deep in "
-                    f"it; allowed is at most {SUNK:g} m"
+                    f"it; allowed is at most {sunk:g} m"
                 )
 
 
@@ -105,13 +132,17 @@ def candidates(carried: Carried, boxes: int, table: bool, disabled: set[frozense
 def chosen(
     meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, padding: float
 ) -> tuple[Chosen, frozenset[str]]:
-    """Leave out pairs that meet in nearly all samples of the joint space, or come near in none."""
+    """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
+
+    A pair is never near if it stays farther apart in all samples than 5 mm with at most two coordinates between, whose
+    samples are 2° to 4° apart, 2 cm from table or boxes, and else 10 cm, as samples miss the nearest configuration.
+    """
     q = meshes.samples
     links = np.array(((asked >= 0) & (asked < len(carried.hulls))).all(axis=1), dtype=np.bool_)
     near = links & (carried.between[tuple(np.where(links[:, None], asked, 0).T)] <= 2)
-    share = np.where(near, NEIGHBORS_SHARE, 1.0)
+    share = np.where(near, 0.25, 1.0)
     limit = padding * share
-    reach = limit + np.where(near, NEVER, np.where(links, NEVER_FAR, NEVER_AROUND))
+    reach = limit + np.where(near, 0.005, np.where(links, 0.1, 0.02))
     first = np.ones((FIRST, len(asked)), dtype=np.bool_)
     room = solids.room(q[:FIRST], asked, reach, first)
     never = np.array((room > reach).all(axis=0), dtype=np.bool_)
@@ -143,7 +174,7 @@ def _by_meshes(
         if struck.mean() <= OFTEN:
             continue
         a, b = asked[pairs[0]].tolist()
-        rows = np.flatnonzero(struck)[:MESHES]
+        rows = np.flatnonzero(struck)[:128]
         bodies = [(carried.parts[i], solids.hulls[i].joint) for i in (a, b)]
         touching = meshes.touch(rows, *bodies)
         share = float(struck.mean() * touching.mean())
@@ -151,7 +182,8 @@ def _by_meshes(
             always[pairs] = True
             continue
         if not touching.any() and carried.between[a, b] <= 2:
-            near = np.asarray(solids.maybe_near(meshes.samples[:NEAR], asked[pairs], 0.0).any(axis=1))
+            # 2048 samples with two coordinates are 8° apart
+            near = np.asarray(solids.maybe_near(meshes.samples[:2048], asked[pairs], 0.0).any(axis=1))
             if not meshes.touch(np.flatnonzero(near), *bodies).any():
                 apart[pairs] = True
                 continue

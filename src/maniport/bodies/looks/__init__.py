@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,11 +26,6 @@ class Surface:
         Corners [m], in that joint's frame; read-only.
     triangles : ndarray of int32, shape (m, 3)
         Which three points make a triangle, counter-clockwise seen from outside where the file says so; read-only.
-
-    See Also
-    --------
-    Arm.surfaces : those of an arm.
-    Arm.link_poses : where they are.
     """
 
     joint: int
@@ -43,14 +39,7 @@ class Surface:
 class Look:
     """The look of the arm that a chain describes; positions are those of the chain's joints, shape (n, joints).
 
-    Parameters
-    ----------
-    chain, kinematics
-        The arm's own.
-
-    See Also
-    --------
-    Arm.surfaces : what is drawn of an arm.
+    What is read of files is remembered.
     """
 
     def __init__(self, chain: Chain, kinematics: Kinematics):
@@ -58,7 +47,6 @@ class Look:
         self._kinematics = kinematics
         self._shapes: tuple[tuple[str, Mesh], ...] | None = None
         self._stand_ins: tuple[str, ...] = ()
-        self._attached: tuple[dict[str, Mesh], tuple[str, ...]] | None = None
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
     def skeleton(self, positions: Array) -> Array:
@@ -68,28 +56,30 @@ class Look:
         start = np.zeros(3) if self.chain.stand is None else self.chain.stand[:3, 3]
         corners = [np.tile(start, (len(positions), 1, 1)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
         if np.any(tip.placement[:3, 3]) or not apart:
-            corners.append(self._kinematics.point_positions(positions, [self.chain.frame]))
+            corners.append(self._kinematics.forward(positions)[:, None, :3, 3])
         return np.concatenate(corners, axis=1)
 
     def link_poses(self, positions: Array) -> Array:
         """Poses of the base and of the frame after each joint, shape (n, joints + 1, 4, 4)."""
-        joints = [joint.name for joint in self.chain.joints]
-        poses = np.empty((len(positions), len(joints) + 1, 4, 4))
+        poses = np.empty((len(positions), len(self.chain.joints) + 1, 4, 4))
         poses[:, 0] = np.eye(4)
-        poses[:, 1:] = self._kinematics.joint_poses(positions, joints)
+        poses[:, 1:] = self._kinematics.joint_poses(positions, [joint.name for joint in self.chain.joints])
         return poses
 
-    def surfaces(self, most_triangles: int | None) -> tuple[Surface, ...]:
-        """The shapes of the arm's links on the joints that carry them; read once, then remembered."""
-        if most_triangles not in self._surfaces:
-            self._surfaces[most_triangles] = self._read_surfaces(most_triangles)
-        return self._surfaces[most_triangles]
+    def surfaces(self, most: int | None) -> tuple[Surface, ...]:
+        """The shapes of the arm's links on the joints that carry them, reduced to `most` triangles together."""
+        if most not in self._surfaces:
+            meshes = [mesh for _, mesh in self.shapes()]
+            joints = [self.chain.frames[link].joint for link, _ in self.shapes()]
+            if most is not None:
+                meshes, joints = fewer(meshes, joints, most)
+            self._surfaces[most] = tuple(
+                _surface(i, [m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in sorted(set(joints))
+            )
+        return self._surfaces[most]
 
     def shapes(self) -> tuple[tuple[str, Mesh], ...]:
-        """Links and their shapes in the frames of the joints that carry them; read once, then remembered.
-
-        Links that are no part of the arm are left out, see `Chain.holds`.
-        """
+        """Links of the arm, see `Chain.holds`, and their shapes in the frames of the joints that carry them."""
         if self._shapes is None:
             links = [link for link in self.chain.frames if self.chain.holds(link)]
             found, instead = [], []
@@ -102,44 +92,30 @@ class Look:
             self._stand_ins = tuple(dict.fromkeys(instead))
         return self._shapes
 
+    @cached_property
     def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
-        """Shapes of the bodies that are attached to the chain, in their own frames, and names of those not readable.
-
-        They are read once, then remembered.
-        """
-        if self._attached is None:
-            names, shapes = [*self.chain.attached], self.chain.shapes
-            meshes: dict[str, list[Mesh]] = {}
-            missing = []
-            try:
-                read = [] if shapes is None or not names else [*shapes(names)]
-            except FileFormatError:  # of one body, perhaps, which must not hide the others
-                read = []
-                for name in names:
-                    try:
-                        read += shapes([name]) if shapes is not None else []
-                    except FileFormatError:
-                        missing.append(name)
-            for shape in read:
-                meshes.setdefault(shape.link, []).append(welded(shape.mesh))
-            whole = {link: joined(parts) for link, parts in meshes.items()}
-            self._attached = {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
-        return self._attached
+        """Shapes of the bodies that are attached to the chain, in their own frames, and names of those not readable."""
+        names, shapes = [*self.chain.attached], self.chain.shapes
+        meshes: dict[str, list[Mesh]] = {}
+        missing = []
+        try:
+            read = [] if shapes is None or not names else [*shapes(names)]
+        except FileFormatError:  # of one body, perhaps, which must not hide the others
+            read = []
+            for name in names:
+                try:
+                    read += shapes([name]) if shapes is not None else []
+                except FileFormatError:
+                    missing.append(name)
+        for shape in read:
+            meshes.setdefault(shape.link, []).append(welded(shape.mesh))
+        whole = {link: joined(parts) for link, parts in meshes.items()}
+        return {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
 
     def stand_ins(self) -> tuple[str, ...]:
         """Links that have the shapes which they collide with, since meshes of what they look like are missing."""
         self.shapes()
         return self._stand_ins
-
-    def _read_surfaces(self, most: int | None) -> tuple[Surface, ...]:
-        """Reduce the shapes to `most` triangles together."""
-        meshes = [mesh for _, mesh in self.shapes()]
-        joints = [self.chain.frames[link].joint for link, _ in self.shapes()]
-        if most is not None:
-            meshes, joints = fewer(meshes, joints, most)
-        return tuple(
-            _surface(i, [m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in sorted(set(joints))
-        )
 
 
 def _surface(joint: int, meshes: Sequence[Mesh]) -> Surface:

@@ -17,30 +17,15 @@ from maniport.bodies.looks.mesh_files import load_mesh
 from maniport.errors import FileFormatError
 
 _PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
-_MARKS = ("package.xml", "manifest.xml")
-"""What stands in the folder of a package."""
-
-_NEAR = 3
-"""Folders above a robot's file in which packages need no mark: its own, that of its package, that of several."""
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where the meshes of one robot may be.
+    """Where the meshes of one robot may be."""
 
-    Attributes
-    ----------
-    path : Path
-        The robot's file.
-    more : sequence of Path
-        Folders that are allowed besides; packages are looked for in them, too.
-    read : dict
-        Meshes that were read, so that one that is shown often is read once.
-    """
-
-    path: Path
-    more: Sequence[Path] = ()
-    read: dict[Path, Mesh] = field(default_factory=dict)
+    path: Path  # the robot's file
+    more: Sequence[Path] = ()  # folders that are allowed besides; packages are looked for in them, too
+    read: dict[Path, Mesh] = field(default_factory=dict)  # so that a mesh that is shown often is read once
 
     def mesh(self, file: Path) -> Mesh:
         """The content of a mesh file."""
@@ -57,8 +42,10 @@ class Places:
 
     def require_allowed(self, file: Path, name: str) -> None:
         """Raise `FileFormatError` unless a file that is named lies where it may, symbolic links followed."""
-        real = file.resolve()
-        if not any(real.is_relative_to(folder.resolve()) for folder in self._allowed(name)):
+        package, real = _PACKAGE.fullmatch(name), file.resolve()
+        named = () if package is None or package[1] in ("..", ".") else self._packages(package[1])
+        folders = (*self._own(), *_ros_folders(), *self.more, *named)
+        if not any(real.is_relative_to(place.resolve()) for folder in folders for place in (folder, *_origins(folder))):
             raise FileFormatError(
                 f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
                 f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folder)"
@@ -69,31 +56,25 @@ class Places:
         package = _PACKAGE.fullmatch(name)
         if package is None:
             return f"at {str(next(self._candidates(name)))!r}"
-        variables = [v for v in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH") if os.environ.get(v)]
-        also = (
-            " and in " + " and ".join(variables) if variables else " (ROS_PACKAGE_PATH and AMENT_PREFIX_PATH are empty)"
+        return (
+            f"for the package {package[1]!r} in {str(self.path.parent)!r} and every folder above, and in "
+            "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
         )
-        return f"for the package {package[1]!r} in {str(self.path.parent)!r} and every folder above{also}"
 
     def _candidates(self, name: str) -> Iterator[Path]:
         """Where a mesh may be, in the order of the search."""
-        folder = self.path.parent
         package = _PACKAGE.fullmatch(name)
         if package is None:
-            yield folder / unquote(name.removeprefix("file://")) if name.startswith("file://") else folder / name
-            return
-        title, rest = package.groups()
-        for place in self._packages(title):
-            yield place / rest
-        for place in self._own():  # a package's folder may have been given another name
-            yield place / rest
+            yield self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
+        else:  # a package's folder may have been given another name
+            yield from (place / package[2] for place in (*self._packages(package[1]), *self._own()))
 
     def _packages(self, title: str) -> Iterator[Path]:
-        """Folders of a package that may be read; far above the robot's file those that are marked as one."""
+        """Folders of a package that may be read; more than three folders up only what is marked as a package."""
         folder = self.path.parent
         for i, place in enumerate([folder, *folder.parents]):
             for package in (place, place / title) if place.name == title else (place / title,):
-                if (i < _NEAR and not _holds_home(place)) or _origins(package):
+                if (i < 3 and not _holds_home(place)) or _origins(package):
                     yield package
         for place in (*_ros_folders(), *self.more):
             if place.name == title:
@@ -109,14 +90,6 @@ class Places:
                 yield folder.parent
             yield from (place for place in folder.parents if _origins(place))
 
-    def _allowed(self, name: str) -> Iterator[Path]:
-        """Folders in which a file of that name may lie, and those that their packages were linked from."""
-        package = _PACKAGE.fullmatch(name)
-        named = () if package is None or package[1] in ("..", ".") else self._packages(package[1])
-        for folder in (*self._own(), *_ros_folders(), *self.more, *named):
-            yield folder
-            yield from _origins(folder)
-
 
 def is_file(path: Path) -> bool:
     """Whether there is such a file; no file has a name that is too long or that may not be looked at."""
@@ -128,7 +101,8 @@ def is_file(path: Path) -> bool:
 
 def _origins(folder: Path) -> list[Path]:
     """Where the marks of a package come from, symbolic links followed; nothing where a folder is no package."""
-    return [(folder / mark).resolve().parent for mark in _MARKS if is_file(folder / mark)]
+    marks = ("package.xml", "manifest.xml")
+    return [(folder / mark).resolve().parent for mark in marks if is_file(folder / mark)]
 
 
 def _holds_home(folder: Path) -> bool:

@@ -7,15 +7,6 @@ import numpy as np
 from maniport.bodies.chain import Mesh
 from maniport.validation import Array
 
-_SAME = 1e-6
-"""Points nearer than that fraction of a mesh's size are one."""
-
-_SMALLEST = 1e-9
-"""What is not larger than a nanometre in any direction is no mesh [m]."""
-
-_FEWEST = 200
-"""No mesh of several gets fewer triangles, as far as the whole allows, so that small ones stay recognizable."""
-
 SIDES = 32
 """Corners of the polygon that stands for a circle; its sides lie within 0.5 % of the radius."""
 
@@ -29,13 +20,16 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
-    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles."""
+    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles.
+
+    The smallest cell is a millionth of the mesh; what is not larger than a nanometre is no mesh.
+    """
     points, triangles = mesh
     kept, rows = np.unique(triangles, return_inverse=True)
     size = float(np.ptp(points[kept], axis=0).max(initial=0.0)) if len(kept) else 0.0
-    if size < _SMALLEST:
+    if size < 1e-9:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
-    cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, _SAME * size)).astype(np.int64)
+    cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, 1e-6 * size)).astype(np.int64)
     _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
     rows = cell_of[rows.reshape(-1, 3)]
     rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
@@ -50,7 +44,9 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
         from fast_simplification import simplify
     except ImportError:
         simplify = None
-    edge = np.sqrt(_area(mesh) / max(most, 1))
+    a, b, c = (mesh[0][column] for column in mesh[1].T)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    edge = np.sqrt(area / max(most, 1))
     cell = 0.35 * edge if len(mesh[1]) > 3 * most else 0.035 * edge
     while len(mesh[1]) > most:
         mesh = welded(mesh, cell)
@@ -80,8 +76,8 @@ def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh],
 
 
 def _shares(counts: np.ndarray, most: int) -> np.ndarray:
-    """How many triangles each mesh may keep: a minimum, and what is left in proportion to what it has beyond that."""
-    least = np.minimum(counts, min(_FEWEST, most // len(counts)))
+    """How many triangles each mesh may keep: 200, and what is left in proportion to what it has beyond that."""
+    least = np.minimum(counts, min(200, most // len(counts)))
     beyond = counts - least
     return np.asarray(least + beyond * (most - least.sum()) // max(beyond.sum(), 1))
 
@@ -91,12 +87,6 @@ def _first_of_each(rows: np.ndarray) -> np.ndarray:
     order = np.lexsort(rows.T)
     new = np.concatenate([[True], np.any(np.diff(rows[order], axis=0), axis=1)])[: len(rows)]
     return np.sort(order[new])  # lexsort is stable: the first of a group is its earliest
-
-
-def _area(mesh: Mesh) -> float:
-    points, triangles = mesh
-    a, b, c = (points[column] for column in triangles.T)
-    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
 # ---- solids, each around its own centre, long axis along z ----------------------------------------------------------
@@ -134,23 +124,7 @@ _ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upp
 
 def _turned(radii: Array, heights: Array) -> Mesh:
     """The solid that an outline makes when it turns about z; its first and last point lie on the axis."""
-    angles = 2 * np.pi * np.arange(SIDES) / SIDES
-    rings = np.stack(
-        [
-            np.multiply.outer(radii[1:-1], np.cos(angles)),
-            np.multiply.outer(radii[1:-1], np.sin(angles)),
-            np.repeat(heights[1:-1, None], SIDES, axis=1),
-        ],
-        axis=-1,
-    )
-    points = np.concatenate([[[0, 0, heights[0]]], rings.reshape(-1, 3), [[0, 0, heights[-1]]]])
-    here = np.arange(SIDES)
-    after, last = (here + 1) % SIDES, len(points) - 1
-    top = last - SIDES
-    triangles = [np.stack([np.zeros_like(here), 1 + after, 1 + here], axis=1)]
-    for ring in range(len(radii) - 3):
-        low, high = 1 + ring * SIDES, 1 + (ring + 1) * SIDES
-        triangles += [np.stack([low + here, low + after, high + after], axis=1)]
-        triangles += [np.stack([low + here, high + after, high + here], axis=1)]
-    triangles += [np.stack([top + here, top + after, np.full_like(here, last)], axis=1)]
-    return points, np.concatenate(triangles).astype(np.int32)
+    from trimesh.creation import revolve  # here: it takes its time
+
+    solid = revolve(np.stack([radii, heights], axis=1), sections=SIDES)
+    return np.array(solid.vertices), solid.faces.astype(np.int32)

@@ -6,12 +6,10 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
 
 from maniport.bodies.arm import Arm
 from maniport.bodies.arms import Arms
-from maniport.bodies.chain import RIGHT, Chain
-from maniport.bodies.embedded import read_embedded
+from maniport.bodies.chain import RIGHT, Chain, read_embedded
 from maniport.bodies.human import PERSONS, human_arm
 from maniport.bodies.readers.document import XACRO, parsed
 from maniport.bodies.readers.mjcf import Mjcf
@@ -20,9 +18,8 @@ from maniport.bodies.readers.packages import Named, find_named, known_names
 from maniport.bodies.readers.tip import Limb, one_side
 from maniport.bodies.readers.urdf import Urdf
 from maniport.bodies.restriction import restrict
-from maniport.bounds import ROBOT_BYTES, existing_file
-from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.wording import argument
+from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
+from maniport.input_limits import ROBOT_BYTES, existing_file
 
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
@@ -50,9 +47,6 @@ chain to that frame or, without one, to the tip that suits the joints; `load_arm
 ROBOTS: dict[str, Callable[[], Chain]] = {"panda": lambda: read_embedded("panda")}
 """Robots that come with this package; human arms are in `maniport.bodies.human.PERSONS`."""
 
-_HAND = "panda_hand"
-"""Body of the packaged Panda that carries the fingers; it is not mounted where the chain ends before it."""
-
 
 def load_arm(
     name_or_path: str | os.PathLike[str],
@@ -70,13 +64,10 @@ def load_arm(
     Parameters
     ----------
     name_or_path : str or path
-        - ``"panda"``: Franka Emika Panda with its hand, tip between the fingers, ``panda_hand_tcp``. With the
-          frame ``panda_link8`` it ends at the flange, without the hand. Its joint limits are those of the URDF of
-          example-robot-data; other sources carry others.
-        - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.bodies.myoarm` and `maniport.bodies.rhuman`, which
-          scale them to a person.
-        - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF. Meshes are
-          needed for `Arm.surfaces` only.
+        - ``"panda"``: Franka Emika Panda with its hand, tip between the fingers, ``panda_hand_tcp``. With the frame
+          ``panda_link8`` it ends at the flange, without the hand.
+        - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.bodies.myoarm` and `maniport.bodies.rhuman`.
+        - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF.
         - A robot of an installed package, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data, airo-models
           or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms, the name
           says which, and the arm begins at the body that both hang on.
@@ -85,8 +76,8 @@ def load_arm(
         Name of the tip frame, a body (link) or a site. By default the end of the longest limb: the body that carries
         its gripper or hand, else the outermost body.
     joints : sequence of str, optional
-        Names of the joints that move; the others on the chain are locked at zero, or at the limit next to zero where
-        their limits exclude zero. By default all joints on the chain move.
+        Names of the joints that move; by default all on the chain. The others are held at zero, or at the limit next to
+        zero.
     mesh_folders : sequence of str or path
         Folders from which a file may take meshes besides its own folder, the one above that, its package, packages
         near it and those of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
@@ -97,7 +88,7 @@ def load_arm(
     side : {"right", "left"}, optional
         Which arm of a person, the right one by default.
     height : float, optional
-        A person's body height [m], which the segments are fractions of; see `maniport.bodies.anthropometry`.
+        A person's body height [m], which the segments are fractions of; see `maniport.bodies.human`.
 
     Returns
     -------
@@ -107,43 +98,36 @@ def load_arm(
 
     Raises
     ------
-    UnknownNameError
-        When there is no robot, frame or joint of that name; the message lists those there are, nearest first.
-    MissingPackageError
-        When the robot comes with a package that is not installed; the message says how to.
+    UnknownNameError, MissingPackageError
+        When there is no robot, frame or joint of that name, or its package is not installed.
     FileFormatError
         When the file is missing, unreadable or inconsistent.
     InvalidInputError
-        When the robot has no movable joint, a joint is held beyond its limits, several frames could be the end
-        effector, or `side` or `height` is given for a robot.
+        When an argument is wrong, the robot has no movable joint, or several frames could be the end effector.
 
     Examples
     --------
-    >>> load_arm("panda", frame="panda_hand", joints=["panda_joint2", "panda_joint4"]).dof
-    2
     >>> load_arm("panda", base="panda_link1", lock={"panda_joint3": 0.5}).joint_names
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
-    _require_name(name_or_path)
+    if isinstance(name_or_path, Arms):
+        raise InvalidInputError("one arm is asked for; found a pair: transfer_both moves it, .left and .right are one")
+    if not isinstance(name_or_path, (str, os.PathLike)):
+        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     folders = _as_folders(mesh_folders)
     chain = _named(name_or_path, side, height)
     if chain is None:
         chain = _read(name_or_path, frame, joints, base, folders)
     chain = restrict(chain, frame, joints, base, lock)
-    if name_or_path in ROBOTS and not chain.holds(_HAND):
-        chain = replace(chain, others=None)
-    _require_limits(chain, os.fspath(name_or_path))
+    if name_or_path in ROBOTS and not chain.holds("panda_hand"):
+        chain = replace(chain, others=None)  # the hand is not mounted where the chain ends before it
+    for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
+        if not low > -inf or not high < inf:
+            raise FileFormatError(
+                f"{os.fspath(name_or_path)}: the slide {name!r} has no limits; write them into the file, or leave the "
+                f"joint out with {argument('joints')} or {argument('lock')}"
+            )
     return Arm(replace(chain, source=os.fspath(name_or_path)))
-
-
-def _require_name(name_or_path: Any) -> None:
-    """Raise unless it may name a robot."""
-    if isinstance(name_or_path, Arms):
-        raise InvalidInputError(
-            "one arm is asked for; found a pair: transfer_both moves it, and .left and .right are one"
-        )
-    if not isinstance(name_or_path, (str, os.PathLike)):
-        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
 
 
 def _named(name_or_path: str | os.PathLike[str], side: str | None, height: float | None) -> Chain | None:
@@ -155,15 +139,6 @@ def _named(name_or_path: str | os.PathLike[str], side: str | None, height: float
             robot = repr(os.fspath(name_or_path))
             raise InvalidInputError(f"{argument(name)} is for persons ({', '.join(PERSONS)}); {robot} is a robot")
     return ROBOTS[name_or_path]() if isinstance(name_or_path, str) and name_or_path in ROBOTS else None
-
-
-def _require_limits(chain: Chain, text: str) -> None:
-    for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
-        if not low > -inf or not high < inf:
-            raise FileFormatError(
-                f"{text}: the slide {name!r} has no limits; write them into the file, or leave the joint out with "
-                f"{argument('joints')} or {argument('lock')}"
-            )
 
 
 def read_arm(

@@ -2,16 +2,21 @@
 
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from maniport.bodies.readers.xacro_files import expanded
-from maniport.bounds import NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
+from maniport.bodies.readers import xacro_child
 from maniport.errors import FileFormatError
+from maniport.input_limits import MEGABYTE, NESTING, ROBOT_BYTES, TAGS, read_whole, require_at_most
+from maniport.optional import xacrodoc
 
 XACRO = ".xacro"
+LONGEST_XACRO = 30.0
+"""Macros that are expanded for longer than this never end [s]."""
 
 _PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
 _DECLARED = re.compile(r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
@@ -22,7 +27,7 @@ def parsed(path: Path) -> tuple[str, ElementTree.Element]:
     """Text and root of an XML file; `FileFormatError` when it cannot be read as one, or holds more than is read."""
     try:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
-        text = expanded(path) if path.suffix.lower() == XACRO else content
+        text = _expanded(path) if path.suffix.lower() == XACRO else content
         require_at_most(text.count("<"), TAGS, "tags", path)
         root = _root(text)
     except UnicodeDecodeError as error:
@@ -57,8 +62,6 @@ def _depth(root: ElementTree.Element) -> int:
 
 LARGEST = 1e9
 """No number of a robot is larger, whatever it measures."""
-SHORTEST = 1e-9
-"""No quaternion is shorter."""
 
 
 def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:
@@ -75,5 +78,27 @@ def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts:
                     f"{path}: <{element.tag}> needs {name} with {counts[name]} numbers, each below {LARGEST:g}; found "
                     f"{text[:80]!r}"
                 )
-            if name == "quat" and math.hypot(*numbers) < SHORTEST:
+            if name == "quat" and math.hypot(*numbers) < 1e-9:
                 raise FileFormatError(f"{path}: <{element.tag}> has quat {text[:80]!r}, which is no rotation")
+
+
+def _expanded(path: Path) -> str:
+    """The URDF that a xacro file stands for, with the defaults of its arguments."""
+    xacrodoc()
+    child = [sys.executable, "-P", xacro_child.__file__, str(path), str(ROBOT_BYTES), str(2048 * MEGABYTE)]
+    try:
+        done = subprocess.run(child, stdin=subprocess.DEVNULL, capture_output=True, timeout=LONGEST_XACRO, check=False)
+    except subprocess.TimeoutExpired:
+        raise FileFormatError(f"{path}: xacro cannot expand it: it takes more than {LONGEST_XACRO:g} s") from None
+    text = done.stdout.decode(errors="replace")
+    if done.returncode != 0:
+        reason = " ".join(text.split()) or f"it ended with {done.returncode}"
+        if (package := re.search(r"Package not found: (\S+)", reason)) is not None:
+            reason = (
+                f"there is no package {package[1]!r} above its folder or in ROS_PACKAGE_PATH; --mesh-folder on the "
+                "command line adds a folder of packages"
+            )
+        raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")
+    if len(text) > ROBOT_BYTES:
+        raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
+    return text

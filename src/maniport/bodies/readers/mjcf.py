@@ -1,24 +1,29 @@
-"""MJCF: checks, joint equalities, several joints on one body, and ranges.
+"""MJCF: checks, joint equalities, several joints on one body, ranges, and what the bodies look like.
 
 Pinocchio 4 converts the ranges of slides from degrees and shifts those of joints with a `ref`, so that they are read
-here.
+here. It says where shapes are, but reads a copy in which each mesh is one triangle: its native reader does not bear
+damaged files.
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from xml.etree import ElementTree
 
+import coal
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull, QhullError
 
-from maniport.bodies.chain import Shape
-from maniport.bodies.looks.mesh_places import Places
-from maniport.bodies.readers.document import require_numbers
-from maniport.bodies.readers.mjcf_shapes import read_mjcf_shapes
-from maniport.bodies.readers.mjcf_tree import WORLD, kinematics, whole
+from maniport.atomic_io import temporary_beside
+from maniport.bodies.chain import Mesh, Shape
+from maniport.bodies.looks.mesh_files import scaled
+from maniport.bodies.looks.mesh_places import Places, is_file
+from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
+from maniport.bodies.readers.document import LARGEST, require_numbers
+from maniport.bodies.readers.mjcf_tree import WORLD, kinematics, one_tree, whole
 from maniport.bodies.readers.model import Follower, RobotXML
 from maniport.errors import FileFormatError
 
@@ -143,4 +148,101 @@ class Mjcf(RobotXML):
 
     def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
         """What Pinocchio finds to show; of a body's shapes those that touch nothing, if it has such, else all."""
-        return read_mjcf_shapes(self.root, links, places)
+        meshes = _named_meshes(self.root, places.path.parent)
+        model, shown, solid = _geometries(self.root, places.path)
+        touching = {thing.name for thing in solid.geometryObjects}
+        dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
+        for thing in shown.geometryObjects:
+            frame = model.frames[thing.parentFrame]
+            if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
+                placement = (frame.placement.inverse() * thing.placement).homogeneous
+                for points, triangles in _meshes(thing, places, meshes):
+                    yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
+
+
+def _named_meshes(root: ElementTree.Element, folder: Path) -> dict[str, Path | ElementTree.Element]:
+    """Meshes by what stands in for them: a file, or an element that holds points itself."""
+    options = {name: value for compiler in root.findall("compiler") for name, value in compiler.items()}
+    folder = folder / options.get("meshdir", options.get("assetdir", ""))
+    bare = options.get("strippath") == "true"
+    found: dict[str, Path | ElementTree.Element] = {}
+    for i, mesh in enumerate(root.iterfind("asset/mesh")):
+        name = mesh.get("file", "")
+        found[f"{i}.stl"] = folder / (Path(name).name if bare else name) if name else mesh
+    return found
+
+
+def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
+    """Points and triangles that an MJCF holds itself; the hull of the points where it has no triangles."""
+    try:
+        points = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)
+        rows = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.int32).reshape(-1, 3)
+        if not np.all(np.abs(points) < LARGEST) or not np.all((rows >= 0) & (rows < len(points))):
+            raise ValueError("numbers beyond reason")
+        return points, rows if len(rows) else ConvexHull(points).simplices.astype(np.int32)
+    except (ValueError, OverflowError, QhullError) as error:
+        reason = str(error).splitlines()[0]
+        raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} make no solid: {reason}") from None
+
+
+def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
+    """The model, and what of it is to be seen and what touches, each mesh a triangle."""
+    root = one_tree(root)
+    corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
+    triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
+    for compiler in root.findall("compiler"):
+        for option in ("meshdir", "assetdir", "strippath"):
+            compiler.attrib.pop(option, None)
+    with temporary_beside(Path(gettempdir()) / "maniport", folder=True) as folder:
+        for i, mesh in enumerate(root.iterfind("asset/mesh")):
+            mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
+            mesh.set("file", f"{i}.stl")
+            for own in ("vertex", "face", "normal", "texcoord", "builtin", "params"):
+                mesh.attrib.pop(own, None)
+            (folder / f"{i}.stl").write_bytes(triangle)
+        file = folder / "robot.xml"
+        ElementTree.ElementTree(root).write(file, encoding="utf-8")
+        try:
+            model = pin.buildModelFromMJCF(str(file))
+            shown, solid = (pin.buildGeomFromMJCF(model, str(file), kind) for kind in (pin.VISUAL, pin.COLLISION))
+        except (ValueError, RuntimeError, IndexError) as error:
+            reason = " ".join(str(error).split("message:")[-1].split())
+            raise FileFormatError(f"{path}: its shapes cannot be read: {reason}") from None
+    return model, shown, solid
+
+
+def _meshes(
+    thing: pin.GeometryObject, places: Places, meshes: Mapping[str, Path | ElementTree.Element]
+) -> Iterator[Mesh]:
+    """The mesh of one of Coal's shapes; none for planes, which have no end."""
+    shape = thing.geometry
+    if isinstance(shape, coal.Box):
+        yield box(2 * shape.halfSide)
+    elif isinstance(shape, coal.Sphere):
+        yield ellipsoid((shape.radius,) * 3)
+    elif isinstance(shape, coal.Ellipsoid):
+        yield ellipsoid(shape.radii)
+    elif isinstance(shape, coal.Cylinder):
+        yield cylinder(shape.radius, 2 * shape.halfLength)
+    elif isinstance(shape, coal.Capsule):
+        yield capsule(shape.radius, 2 * shape.halfLength)
+    elif isinstance(shape, coal.BVHModelBase):
+        mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
+        if isinstance(mesh, Path):
+            yield scaled(places.mesh(_found(mesh, meshes, places)), scale)
+        else:
+            yield scaled(_own_mesh(places.path, mesh), scale)
+    elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
+        raise FileFormatError(f"{places.path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
+
+
+def _found(file: Path, meshes: Mapping[str, Path | ElementTree.Element], places: Places) -> Path:
+    """The file of a mesh; an error that counts those that are missing."""
+    if not is_file(file):
+        there = {other for other in meshes.values() if isinstance(other, Path)}
+        missing = sum(not is_file(other) for other in there)
+        raise FileFormatError(
+            f"{places.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)"
+        )
+    places.require_allowed(file, str(file))
+    return file

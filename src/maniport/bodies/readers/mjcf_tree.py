@@ -5,15 +5,14 @@ when it cannot move.
 """
 
 import copy
-import itertools
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 from maniport.bodies.readers.document import parsed
-from maniport.bounds import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 
 _SUFFIXES = (".xml", ".mjcf")
 WORLD = "world"
@@ -83,15 +82,11 @@ def _name(root: ElementTree.Element) -> None:
         for what, parts in (("joint", joints), ("body", parent.findall("body"))):
             for k, part in enumerate(parts, start=1):
                 if part.get("name") is None:
-                    name = next(name for name in _alike(f"{above}_{what}{k}") if name not in taken)
+                    name = f"{above}_{what}{k}"
+                    while name in taken:
+                        name += "_2"
                     part.set("name", name)
                     taken.add(name)
-
-
-def _alike(name: str) -> Iterator[str]:
-    """A name, then others like it."""
-    yield name
-    yield from (f"{name}_{count}" for count in itertools.count(2))
 
 
 def one_tree(root: ElementTree.Element) -> ElementTree.Element:

@@ -15,16 +15,10 @@ from maniport.bodies.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shap
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.readers.document import parsed
 from maniport.bodies.readers.off_chain import bodies_off_chain
-from maniport.bodies.readers.tip import Limb, Limbs, named_frames
-from maniport.bounds import LINKS, SHAPES, TRIANGLES, require_at_most
+from maniport.bodies.readers.tip import Limb, Limbs, body_above, named_frames
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array
-
-_HUGE_ANGLE = 20 * np.pi
-_HUGE_LENGTH = 100.0
-_HUGE_SPEED = 1e6
-"""Beyond these, numbers in a file mean "no limit" [rad, m, rad/s or m/s]."""
+from maniport.input_limits import LINKS, SHAPES, TRIANGLES, require_at_most
+from maniport.validation import MAX_POSITION, Array
 
 
 @dataclass(frozen=True)
@@ -50,10 +44,8 @@ class RobotXML:
     root: ElementTree.Element
 
     name: ClassVar[str]
-    tag: ClassVar[str]
-    """The root element of such a file."""
-    bounded: ClassVar[tuple[str, str]]
-    """What links and joints are called."""
+    tag: ClassVar[str]  # the root element of such a file
+    bounded: ClassVar[tuple[str, str]]  # what links and joints are called
 
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
@@ -112,8 +104,8 @@ def read_shapes(
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
         require_at_most(len(shapes), SHAPES, "shapes", path)
-        if not np.all(np.abs(shape.mesh[0]) < FARTHEST):  # false for nan, too
-            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {FARTHEST:g} m")
+        if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
+            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m")
     return shapes
 
 
@@ -210,14 +202,9 @@ class _Reader:
 
     def _mounted(self, frame: int, mounts: dict[int, tuple[int, Array]]) -> Frame:
         count, rest = mounts[self._joint(frame)]
-        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous, self._parent_body(frame))
-
-    def _parent_body(self, frame: int) -> str | None:
-        """The body that a frame is attached to."""
-        above = self.model.frames[frame].parentFrame
-        while above and self.model.frames[above].type != pin.FrameType.BODY:
-            above = self.model.frames[above].parentFrame
-        return str(self.model.frames[above].name) if above else None
+        above = body_above(self.model, frame)
+        parent = str(self.model.frames[above].name) if above else None
+        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous, parent)
 
     def _split(self, j: int) -> list[Joint]:
         """The one-degree-of-freedom joints of a joint of the model; none for joints with more."""
@@ -251,7 +238,7 @@ class _Reader:
             bounds = float(self.model.lowerPositionLimit[q]), float(self.model.upperPositionLimit[q])
         elif bounds is None:  # a continuous joint is stored as cosine and sine
             bounds = -np.inf, np.inf
-        huge = _HUGE_LENGTH if kind == PRISMATIC else _HUGE_ANGLE
+        huge = 100.0 if kind == PRISMATIC else 20 * np.pi  # what is larger means "no limit" [m or rad]
         if bounds[0] >= bounds[1] and any(bounds):
             self.closed[name] = bounds
         if not (-huge < bounds[0] < bounds[1] < huge):
@@ -259,7 +246,7 @@ class _Reader:
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
         speed = float(self.model.velocityLimit[joint.idx_v])
         self.bounds[name] = bounds
-        self.speeds[name] = speed if 0 < speed < _HUGE_SPEED else np.inf
+        self.speeds[name] = speed if 0 < speed < 1e6 else np.inf
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # an axis of no length is told by the joint
             direction = axis / np.linalg.norm(axis)
         return Joint(name, kind, direction, placement)
@@ -298,8 +285,5 @@ class _Reader:
             factor, name = factor * follower.factor, follower.leader
         if name in coordinates:
             return name, factor, offset
-        return (
-            None,
-            0.0,
-            factor * float(np.clip(0.0, *self.bounds[name])) + offset,
-        )  # a joint beside the chain is locked
+        rest = float(np.clip(0.0, *self.bounds[name]))  # a joint beside the chain is held
+        return None, 0.0, factor * rest + offset

@@ -1,19 +1,12 @@
 """Bodies of a robot that are not on the chain to the end effector: fingers, legs, a head, the other arm."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
 
 from maniport.bodies.chain import PRISMATIC, Body, Joint
 from maniport.validation import Array
-
-_STEP = 0.4
-"""Largest step of a finger joint between two poses of a swept finger [rad]: arcs are cut by 2 % of their radius."""
-
-_MOST_POSES = 512
-"""Largest number of poses of one finger link; beyond it steps become larger."""
 
 
 def bodies_off_chain(
@@ -47,30 +40,28 @@ def _poses(
     resolve: Callable[[str], tuple[str | None, float, float]],
     bounds: Mapping[str, tuple[float, float]],
 ) -> Array:
-    """Poses of the last joint of a path relative to the mount of the first, shape (k, 4, 4)."""
+    """Poses of the last joint of a path relative to the mount of the first, shape (k, 4, 4); k is at most 512."""
     rules = {part.name: resolve(part.name) for j in path for part in parts[j]}
     slides = {
         leader: all(part.kind == PRISMATIC for j in path for part in parts[j] if rules[part.name][0] == leader)
         for leader, _, _ in rules.values() if leader is not None
     }  # fmt: skip
     spans = {leader: np.ptp(bounds[leader]) for leader in slides}
-    counts = {
-        leader: 1 if not np.isfinite(span) else 2 if slides[leader] else 2 + int(span / _STEP)
+    counts = {  # steps of 0.4 rad cut arcs by 2 % of their radius
+        leader: 1 if not np.isfinite(span) else 2 if slides[leader] else 2 + int(span / 0.4)
         for leader, span in spans.items()
     }
-    while np.prod(list(counts.values())) > _MOST_POSES:
+    while np.prod(list(counts.values())) > 512:
         most = max(counts, key=lambda leader: counts[leader])
         counts[most] -= 1
     grids = [np.linspace(*bounds[leader], n) if n > 1 else np.zeros(1) for leader, n in counts.items()]
-    poses = []
-    for values in product(*grids):
-        at, pose = dict(zip(counts, values, strict=True)), np.eye(4)
-        for j in path:
-            if not parts[j]:
-                pose = pose @ model.jointPlacements[j].homogeneous
-            for part in parts[j]:
-                leader, factor, offset = rules[part.name]
-                position = offset if leader is None else factor * float(at[leader]) + offset
-                pose = pose @ part.placement @ part.motion(position)
-        poses.append(pose)
-    return np.array(poses)
+    at = dict(zip(counts, (grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")), strict=True))
+    poses = np.broadcast_to(np.eye(4), (int(np.prod([len(grid) for grid in grids])), 4, 4))
+    for j in path:
+        if not parts[j]:
+            poses = poses @ model.jointPlacements[j].homogeneous
+        for part in parts[j]:
+            leader, factor, offset = rules[part.name]
+            positions = np.full(len(poses), offset) if leader is None else factor * at[leader] + offset
+            poses = poses @ part.placement @ part.motion(positions)
+    return np.asarray(poses)

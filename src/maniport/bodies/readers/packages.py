@@ -5,12 +5,14 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr
 from dataclasses import dataclass, field
+from functools import partial
+from io import StringIO
 from pathlib import Path
 from types import ModuleType
 
 from maniport.bodies.chain import SIDES
-from maniport.bodies.readers.xacro_files import silent
 from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
 from maniport.optional import xacrodoc
 
@@ -19,28 +21,14 @@ CATALOGUE = "robot_descriptions"
 
 @dataclass(frozen=True)
 class Package:
-    """A package of robots.
+    """A package of robots."""
 
-    Attributes
-    ----------
-    install : str
-        What installs it.
-    folders : callable
-        Gives the folders in which its robots may lie.
-    pattern : str
-        Of the robots' files, below one of these.
-    arms, pairs : tuple of str
-        Names of its arms, and of its robots with two of them.
-    files : mapping of str to str
-        For each name that is not that of the file, the file's, without its suffix.
-    """
-
-    install: str
-    folders: Callable[[], Iterator[Path]]
-    pattern: str
-    arms: tuple[str, ...]
-    pairs: tuple[str, ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
+    install: str  # what installs it
+    folders: Callable[[], Iterator[Path]]  # gives the folders in which its robots may lie
+    pattern: str  # of the robots' files, below one of these
+    arms: tuple[str, ...]  # names of its arms
+    pairs: tuple[str, ...] = ()  # names of its robots with two of them
+    files: Mapping[str, str] = field(default_factory=dict)  # stems of files that are not called as the robot
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -56,15 +44,11 @@ class Package:
         return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
 
 
-def _of_module(name: str, *below: str) -> Callable[[], Iterator[Path]]:
+def _of_module(name: str, below: str) -> Iterator[Path]:
     """Folders of a module that may be installed."""
-
-    def folders() -> Iterator[Path]:
-        spec = importlib.util.find_spec(name)
-        for place in (spec.submodule_search_locations or ()) if spec is not None else ():
-            yield Path(place, *below)
-
-    return folders
+    spec = importlib.util.find_spec(name)
+    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+        yield Path(place, below)
 
 
 def _shared() -> Iterator[Path]:
@@ -90,11 +74,11 @@ PACKAGES = {
         },
     ),
     "airo-models": Package(
-        "pip install airo-models", _of_module("airo_models", "arms"), "*/*.urdf", ("ur3e", "ur5e")
+        "pip install airo-models", partial(_of_module, "airo_models", "arms"), "*/*.urdf", ("ur3e", "ur5e")
     ),
     "robosuite": Package(
         "pip install --no-deps robosuite",
-        _of_module("robosuite", "models", "assets", "robots"),
+        partial(_of_module, "robosuite", "models/assets/robots"),
         "*/robot.xml",
         ("iiwa", "jaco", "kinova3", "panda", "sawyer", "spot_arm", "ur5e", "xarm7"),
         ("baxter", "gr1", "tiago"),
@@ -207,7 +191,7 @@ def _expanded(name: str, module: ModuleType) -> str:
     """The URDF of a xacro file, which robot_descriptions expands with the arguments that it keeps for it."""
     xacrodoc()
     try:
-        with silent():
+        with redirect_stderr(StringIO()):  # where xacro says what it finds old-fashioned
             return str(importlib.import_module(f"{CATALOGUE}._xacro").get_urdf_path(module))
     except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
         reason = " ".join(str(error).split())

@@ -12,11 +12,9 @@ from maniport.bodies.chain import LEFT, RIGHT, check_names, pose
 from maniport.bodies.human import PERSONS
 from maniport.bodies.readers import load_arm, robot_limbs
 from maniport.bodies.readers.tip import one_side
-from maniport.bodies.restriction import standing
-from maniport.errors import InvalidInputError, UnknownNameError, unknown_name
-from maniport.places import FARTHEST
-from maniport.validation import Array, as_finite, as_numbers, as_rotation
-from maniport.wording import argument, typed
+from maniport.bodies.restriction import check_lock, standing
+from maniport.errors import InvalidInputError, UnknownNameError, argument, typed, unknown_name
+from maniport.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
 Robot = str | os.PathLike[str]
 _ORDER = LEFT, RIGHT
@@ -33,6 +31,8 @@ def load_arms(
 ) -> Arms:
     """Load two arms as one body: two limbs of a robot, or two robots side by side. Left comes first everywhere.
 
+    Errors are those of `maniport.load_arm`, and `InvalidInputError` where there are no two arms.
+
     Parameters
     ----------
     robot : str or path, or two of them
@@ -44,8 +44,7 @@ def load_arms(
         the two limbs that are called left and right.
     bases : two of array_like, optional
         Where the bases of two robots stand in the world, in which everything is expressed: x, y, z [m] and perhaps the
-        yaw [rad], or a pose of shape (4, 4); x points forward, y to the left. Two robots without bases stand in the
-        origin.
+        yaw [rad], or a pose of shape (4, 4); x points forward, y to the left. By default in the origin.
     joints : sequence of str, optional
         Names of the joints that move, of both arms; the others are held as by `maniport.load_arm`.
     lock : mapping of str to float, optional
@@ -57,19 +56,6 @@ def load_arms(
     Returns
     -------
     Arms
-
-    Raises
-    ------
-    UnknownNameError, MissingPackageError, FileFormatError
-        As `maniport.load_arm` does.
-    InvalidInputError
-        When the robot has no two arms, the frames end no two limbs, bases are none or the same, or a person is asked
-        for.
-
-    See Also
-    --------
-    Arms : what is loaded.
-    maniport.pipeline.transfer_both : lets them do what a person's arms do.
 
     Examples
     --------
@@ -145,7 +131,7 @@ def _base(value: Any, side: str) -> Array:
     if array.shape == (4, 4):
         where = np.eye(4)
         where[:3, :3] = as_rotation(array[:3, :3], name)
-        where[:3, 3] = as_numbers(array[:3, 3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
+        where[:3, 3] = as_numbers(array[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
         if np.any(array[3] != (0.0, 0.0, 0.0, 1.0)):
             raise InvalidInputError(f"{name} must be a pose whose last row is 0, 0, 0, 1; found {array[3]}")
         return where
@@ -153,7 +139,7 @@ def _base(value: Any, side: str) -> Array:
         raise InvalidInputError(
             f"{name} must be x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
         )
-    as_numbers(array[:3], name, 3, minimum=-FARTHEST, maximum=FARTHEST)
+    as_numbers(array[:3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
     x, y, z, yaw = (*array.tolist(), 0.0)[:4]
     return pose((x, y, z), (0.0, 0.0, yaw))
 
@@ -161,32 +147,26 @@ def _base(value: Any, side: str) -> Array:
 def _theirs(arms: Sequence[Arm], joints: Any, lock: Any, one: bool) -> list[tuple[list[str] | None, dict[str, float]]]:
     """Which joints of each arm move, and which are held where."""
     wanted = None if joints is None else check_names(joints, "joints")
-    if lock is not None and not (isinstance(lock, Mapping) and all(isinstance(name, str) for name in lock)):
-        raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
-    held = [
-        {name: own for own in arm.joint_names for name in ((own,) if one else (own, f"{side}_{own}"))}
+    held = check_lock(lock, None)
+    titles = [  # what each arm's joints may be called
+        {title: name for name in arm.joint_names for title in ((name,) if one else (name, f"{side}_{name}"))}
         for side, arm in zip(_ORDER, arms, strict=True)
     ]
-    known = held[0] | held[1]
-    for name in (*(wanted or ()), *(lock or {})):
-        if name not in known:
-            raise unknown_name("joint", name, known, f"on the arms of {arms[0].name!r}")
-    for side, own in zip(_ORDER, held, strict=True):
-        fixed = lock or {}
-        for name, its in ((name, f"{side}_{name}") for name in own if name in fixed):
-            if fixed.get(its, fixed[name]) != fixed[name]:
+    for name in (*(wanted or ()), *held):
+        if name not in titles[0] | titles[1]:
+            raise unknown_name("joint", name, titles[0] | titles[1], f"on the arms of {arms[0].name!r}")
+    found = []
+    for side, own in zip(_ORDER, titles, strict=True):
+        fixed: dict[str, float] = {}
+        for title in (title for title in own if title in held):
+            if fixed.setdefault(own[title], held[title]) != held[title]:
                 raise InvalidInputError(
-                    f"lock: {its!r} is one of those that {name!r} names; found {fixed[its]!r} for the one, "
-                    f"{fixed[name]!r} for the other"
+                    f"lock: {own[title]!r} on the {side} is named twice, at {held[title]!r} and {fixed[own[title]]!r}"
                 )
         if wanted is not None and own.keys().isdisjoint(wanted):
             raise InvalidInputError(
                 f"joints: none of {', '.join(wanted)} moves the {side} arm, which has {', '.join(own)}"
             )
-    return [
-        (
-            None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own)),
-            {own[name]: value for name, value in (lock or {}).items() if name in own},
-        )
-        for own in held
-    ]
+        moving = None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own))
+        found.append((moving, fixed))
+    return found

@@ -6,37 +6,19 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
-from maniport.errors import InvalidInputError, nearest_first, unknown_name
-from maniport.wording import argument
+from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
 
-_TOOL_NAMES = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
-
-_SITE_NAMES = ("pinch_site", "pinch", "attachment_site")
-"""Sites at the end effector of arms in MuJoCo Menagerie: between the fingers before the flange."""
-
-_FINGERS = {"gripper", "finger", "thumb", "jaw", "claw", "knuckle"}
 _SIDES = ("left", "right", "l", "r")
-_IDLE_WORDS = {"joint", "link", *_SIDES}
 _WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 
 @dataclass(frozen=True)
 class Limb:
-    """A way from the base of a robot to one of its ends, fingers left out.
+    """A chain from the base of a robot to one of its ends, fingers left out."""
 
-    Attributes
-    ----------
-    tip : str
-        The site that marks the end effector; without one the body that carries the gripper, else the outermost body.
-    joints : tuple of str
-        Those with one axis on the way, from the base on.
-    fork : str or None
-        The last body that the limb shares with another one of the longest; None where no joint leads there.
-    """
-
-    tip: str
-    joints: tuple[str, ...]
-    fork: str | None
+    tip: str  # the end effector's site, else the body that carries the gripper, else the outermost body
+    joints: tuple[str, ...]  # those with one axis, from the base on
+    fork: str | None  # the last body shared with another of the longest limbs; None where no joint leads there
 
 
 def named_frames(model: pin.Model) -> dict[str, int]:
@@ -48,6 +30,14 @@ def named_frames(model: pin.Model) -> dict[str, int]:
             if frame.type == kind:
                 names.setdefault(frame.name, index)
     return names
+
+
+def body_above(model: pin.Model, frame: int) -> int:
+    """Index of the body that a frame is attached to; 0 where there is none."""
+    above = model.frames[frame].parentFrame
+    while above and model.frames[above].type != pin.FrameType.BODY:
+        above = model.frames[above].parentFrame
+    return int(above)
 
 
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
@@ -65,16 +55,8 @@ class Limbs:
     Fingers are what moves beyond a hand: a body with fewer joints in a row beyond it than before it, and beyond it
     several branches, a joint that others follow which do not hang on it, or one joint that is called a gripper.
 
-    Parameters
-    ----------
-    model : pinocchio.Model
-        The robot.
-    names : mapping of int to sequence of str
-        For each joint of the model, the names of the one-degree-of-freedom joints that it holds.
-    leaders : mapping of str to str
-        Joints that follow others, and whom.
-    wanted : collection of str
-        Joints that shall move, fingers or not.
+    `names` has the one-degree-of-freedom joints that each joint of the model holds, `leaders` those that others follow,
+    and `wanted` joints that shall move, fingers or not.
     """
 
     def __init__(
@@ -134,14 +116,15 @@ class Limbs:
             for name, index in frames.items()
             if self.model.frames[index].type == pin.FrameType.OP_FRAME and self.model.frames[index].parentJoint == joint
         ]
-        if marked := _with_usual_name(sites, _SITE_NAMES):
+        if marked := _with_usual_name(sites, ("pinch_site", "pinch", "attachment_site")):
             return marked
         carriers = {self._carrier(child) for child in self._below[joint]}
         if carriers:
             return self._common(carriers)
         leaves = self._leaves(joint)
         every = [str(self.model.frames[leaf].name) for leaf in leaves]
-        return _with_usual_name(every, _TOOL_NAMES) or self._common(leaves)
+        usual = ("tool0", "tcp", "tool", "tool_center_point", "ee_link", "ee", "end_effector", "flange")
+        return _with_usual_name(every, usual) or self._common(leaves)
 
     def _path(self, end: int) -> list[int]:
         return [j for j in self.model.supports[end] if j and self.names[j]]
@@ -189,19 +172,13 @@ class Limbs:
 
     def _carrier(self, joint: int) -> int:
         """The body that a joint is attached to."""
-        return self._body_above(self.model.getFrameId(self.model.names[joint], pin.FrameType.JOINT))
-
-    def _body_above(self, frame: int) -> int:
-        above = self.model.frames[frame].parentFrame
-        while above and self.model.frames[above].type != pin.FrameType.BODY:
-            above = self.model.frames[above].parentFrame
-        return int(above)
+        return body_above(self.model, self.model.getFrameId(self.model.names[joint], pin.FrameType.JOINT))
 
     def _leaves(self, joint: int) -> list[int]:
         """Bodies on a joint that carry no further body on the same joint."""
         frames = self.model.frames
         bodies = [i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY and f.parentJoint == joint]
-        inner = {self._body_above(i) for i in bodies}
+        inner = {body_above(self.model, i) for i in bodies}
         return [i for i in bodies if i not in inner]
 
     def _common(self, bodies: Collection[int]) -> str:
@@ -210,7 +187,7 @@ class Limbs:
         for body in bodies:
             way = [body]
             while way[-1]:
-                way.append(self._body_above(way[-1]))
+                way.append(body_above(self.model, way[-1]))
             ways.append(way)
         shared = next(body for body in ways[0] if all(body in way for way in ways))
         return str(self.model.frames[shared].name)
@@ -225,8 +202,8 @@ def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None
 def _is_finger(name: str) -> bool:
     """Whether a joint is called as the one that closes a gripper: ``gripper_left_joint``, ``jointGripper``."""
     words = [word.lower() for word in _WORDS.findall(name)]
-    said = [word for word in words if word not in _IDLE_WORDS]
-    return bool(said) and said[-1] in _FINGERS
+    said = [word for word in words if word not in ("joint", "link", *_SIDES)]
+    return bool(said) and said[-1] in ("gripper", "finger", "thumb", "jaw", "claw", "knuckle")
 
 
 def _sidedness(names: Iterable[str], side: str) -> int:

@@ -14,12 +14,10 @@ from maniport.bodies.looks.mesh_files import scaled
 from maniport.bodies.looks.mesh_places import Places
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid
 from maniport.bodies.readers.model import Follower, RobotXML
-from maniport.bounds import NESTING
 from maniport.errors import FileFormatError
+from maniport.input_limits import NESTING
 
 _Find = Callable[[str], Path | None]
-_VISUAL, _COLLISION = "visual", "collision"
-_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
 class Urdf(RobotXML):
@@ -57,8 +55,9 @@ class Urdf(RobotXML):
         children = set()
         for joint in self.root.findall("joint"):
             name, kind, above = joint.get("name", ""), joint.get("type"), None
-            if kind not in _JOINTS:
-                return f"joint {name!r} has type {kind!r}; allowed are {', '.join(_JOINTS)}"
+            kinds = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+            if kind not in kinds:
+                return f"joint {name!r} has type {kind!r}; allowed are {', '.join(kinds)}"
             for end in ("parent", "child"):
                 element = joint.find(end)
                 link = None if element is None else element.get("link")
@@ -81,19 +80,19 @@ class Urdf(RobotXML):
         """The shapes under <visual>, or those under <collision> of links without <visual>, or with a missing mesh."""
         drawn = [link for link in self.root.findall("link") if link.get("name") in links]
         find = cache(places.find)
-        kinds = {link: _VISUAL if all(map(find, _mesh_names(link, _VISUAL))) else _COLLISION for link in drawn}
+        kinds = {link: "visual" if all(map(find, _mesh_names(link, "visual"))) else "collision" for link in drawn}
         for link, kind in kinds.items():
-            if kind == _COLLISION and not (link.findall(kind) and all(map(find, _mesh_names(link, kind)))):
+            if kind == "collision" and not (link.findall(kind) and all(map(find, _mesh_names(link, kind)))):
                 raise _missing(places, find, link, drawn)
         for link, kind in kinds.items():
-            for part in link.findall(kind) or link.findall(_COLLISION):
+            for part in link.findall(kind) or link.findall("collision"):
                 points, triangles = _urdf_mesh(places, find, link, part)
                 origin = part.find("origin")
                 if origin is not None:
                     xyz, rpy = (_numbers(self.path, _name(link), origin, n, 3, "0 0 0") for n in ("xyz", "rpy"))
                     placement = pose(xyz, rpy)
                     points = points @ placement[:3, :3].T + placement[:3, 3]
-                yield Shape(_name(link), (points, triangles), stand_in=kind == _COLLISION)
+                yield Shape(_name(link), (points, triangles), stand_in=kind == "collision")
 
 
 def _fault_of_tree(root: str, below: Mapping[str | None, Sequence[str | None]], count: int) -> str:
@@ -119,8 +118,8 @@ def _mesh_names(link: Element, part: str) -> list[str]:
 
 def _missing(places: Places, find: _Find, link: Element, drawn: Sequence[Element]) -> FileFormatError:
     """The error that names the first missing mesh of a link, and counts those of all links that are drawn."""
-    names = dict.fromkeys(name for each in drawn for name in _mesh_names(each, _VISUAL))
-    first = next(name for name in _mesh_names(link, _VISUAL) if find(name) is None)
+    names = dict.fromkeys(name for each in drawn for name in _mesh_names(each, "visual"))
+    first = next(name for name in _mesh_names(link, "visual") if find(name) is None)
     return FileFormatError(
         f"{places.path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes are); "
         f"looked {places.rule(first)}"
@@ -156,7 +155,7 @@ def _urdf_mesh(places: Places, find: _Find, owner: Element, part: Element) -> Me
 def _rounded(link: Element, part: Element) -> bool:
     """Whether a cylinder has round ends: where <collision_checking> names it as a capsule, as Pinocchio reads it."""
     names = [capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")]
-    return part.tag == _COLLISION and part.get("name") in names
+    return part.tag == "collision" and part.get("name") in names
 
 
 def _numbers(path: Path, link: str, element: Element, name: str, count: int, default: str | None = None) -> list[float]:

@@ -6,16 +6,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from maniport.bounds import as_path
 from maniport.defaults import RECORDINGS
 from maniport.demonstrations.conventions import UNITS, known_unit
 from maniport.demonstrations.doubts import require_believable
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.kinds import kind_of
 from maniport.demonstrations.recording import UP_AXES, Recording
-from maniport.errors import unknown_name
+from maniport.errors import spoken, unknown_name
+from maniport.input_limits import as_path
 from maniport.validation import as_choice, as_number
-from maniport.wording import spoken
 
 Reader = Callable[[Path, Given], Recording]
 

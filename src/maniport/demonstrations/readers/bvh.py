@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import PLACES, POINTS, require_at_most
 from maniport.demonstrations.dialects import END
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.text import rows_from, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import PLACES, POINTS, require_at_most
 from maniport.validation import Array
 
 IMPOSSIBLE_SPEED = 5.0

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.bounds import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
 BLOCK = 512

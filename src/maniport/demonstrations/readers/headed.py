@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import POINTS, require_at_most
 from maniport.demonstrations.conventions import known_unit
 from maniport.demonstrations.readers.text import Row, fields_of, most_used, rows_from
 from maniport.errors import FileFormatError
+from maniport.input_limits import POINTS, require_at_most
 
 UNUSED = ""
 """Name of a column that is not read."""

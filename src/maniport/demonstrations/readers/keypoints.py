@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bounds import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.demonstrations.given import Given, drop_unsure
 from maniport.demonstrations.readers.orders import HUMAN36M, MEDIAPIPE, NAMES, wobble
 from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
 MOST = PLACES // 10

@@ -3,11 +3,11 @@
 import os
 from pathlib import Path
 
-from maniport.bounds import RECORDING_BYTES, existing_file
 from maniport.demonstrations.readers.c3d_file import MARK
 from maniport.demonstrations.readers.headed import BEGINNINGS
 from maniport.demonstrations.readers.text import decoded
 from maniport.errors import FileFormatError
+from maniport.input_limits import RECORDING_BYTES, existing_file
 
 HEAD = 4096
 """Bytes that are looked at."""

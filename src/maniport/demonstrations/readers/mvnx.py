@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from maniport.bounds import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.validation import Array
 
 Parser: TypeAlias = "ElementTree.XMLPullParser[Any]"

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bounds import PLACES, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.skeletons import SKELETONS, UP, recognised
 from maniport.demonstrations.readers.text import decoded
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import PLACES, SETTINGS_BYTES, read_whole, require_at_most
 
 BESIDE = (".names.txt", ".names.json")
 """Endings of a file of names, in the place of the recording's own."""

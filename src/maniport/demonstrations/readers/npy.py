@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from maniport.bounds import RECORDING_BYTES, existing_file
 from maniport.demonstrations.given import Given
 from maniport.demonstrations.readers.named import named_positions
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
 from maniport.files import read_npy
+from maniport.input_limits import RECORDING_BYTES, existing_file
 
 
 def read(file: Path, given: Given) -> Recording:

@@ -3,7 +3,7 @@
 The body model, which may not be passed on, would give each person's own joints. The directions of upper arm, forearm
 and hand, which is all that `fit_arm` looks at, follow from the rotations and the T-pose alone: arms along x, y up, z
 forward, in which the joints of the model's mean body lie within a few degrees of straight lines. Lengths are those of a
-person of 1.75 m: those of the arm as in `maniport.bodies.anthropometry`, those of the trunk by the fractions of height
+person of 1.75 m: those of the arm as in `maniport.bodies.human`, those of the trunk by the fractions of height
 of Drillis and Contini (1966), as in D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th edition,
 2009, figure 4.1. Layout of the files: https://amass.is.tue.mpg.de.
 """
@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.bodies.anthropometry import FRACTIONS
-from maniport.bounds import FRAMES, require_at_most
+from maniport.bodies.human import FRACTIONS
 from maniport.demonstrations.given import LARGEST_ANGLE, Given
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, require_at_most
 from maniport.validation import Array
 
 HEIGHT = 1.75

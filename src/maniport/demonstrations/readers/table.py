@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import NAME, PLACES, POINTS, require_at_most
 from maniport.demonstrations.given import Given, drop_unsure
 from maniport.demonstrations.readers.headed import Headed, headed
 from maniport.demonstrations.readers.text import Row, fields_of, number_table, text_lines
 from maniport.demonstrations.recording import Recording
 from maniport.errors import FileFormatError
+from maniport.input_limits import NAME, PLACES, POINTS, require_at_most
 from maniport.validation import Array
 
 _COLUMN = re.compile(r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bounds import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
 from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
 _ENDS = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")

@@ -6,8 +6,8 @@ import socket
 from contextlib import suppress
 from typing import Any, BinaryIO, NamedTuple
 
-from maniport.bounds import FRAME_BYTES
 from maniport.errors import InvalidInputError, OutputError
+from maniport.input_limits import FRAME_BYTES
 from maniport.ports import LAST_PORT, LOOPBACK, bound
 from maniport.validation import as_count
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from maniport.bounds import FRAME_BYTES
-from maniport.demonstrations.recording import FARTHEST
+from maniport.demonstrations.recording import MAX_POSITION
 from maniport.errors import InvalidInputError, unknown_name
+from maniport.input_limits import FRAME_BYTES
 from maniport.validation import LATEST, Array
 from maniport.version import __version__
 
@@ -131,7 +131,7 @@ def _put(rows: Array, row: int, place: Any, name: str | int) -> None:
         raise InvalidInputError(
             f"{where} must be three numbers such as [0.1, 0.2, 0.3], or null; found {_shown(place)}"
         )
-    rows[row] = [_number(one, where, FARTHEST) for one in place]
+    rows[row] = [_number(one, where, MAX_POSITION) for one in place]
 
 
 def _number(found: Any, where: str, most: float) -> float:

@@ -1,23 +1,22 @@
 """Fast operations on batches of small symmetric matrices, unchecked; private to maniport.
 
-`loops` has the compiled loops and `threads` divides large batches among threads. The same bits come from any batch and
-any number of threads.
+`loops` has the compiled loops; large batches are divided among threads. The same bits come from any batch and any
+number of threads.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
+from numba import config
 from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels.loops import compose_loop, congruence_loop, distance_loop, eigh_loop, hessian_loop
-from maniport.spd.kernels.threads import in_parts
+from maniport.spd.kernels.loops import WIDTH, compose_loop, congruence_loop, distance_loop, eigh_loop, hessian_loop
 from maniport.validation import Array
-
-T = TypeVar("T")
 
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
 """Range of the eigenvalues that an exponential or power may produce."""
@@ -26,30 +25,12 @@ ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes
 
 
 class Moments(NamedTuple):
-    """Terms of a step toward the Fréchet mean, from whitened points Y_i with weights w_i.
+    """Terms of a step toward the Fréchet mean, from whitened points Y_i with weights w_i."""
 
-    Attributes
-    ----------
-    cost : float
-        ½ Σ w d²(Y, I).
-    rounding : float
-        Σ w size / λ_min(Y), which grows with the rounding of the gradient.
-    gradient : ndarray, shape (d, d)
-        Σ w log Y, the negative Riemannian gradient of the cost.
-    hessian : ndarray, shape (d (d + 1) / 2, d (d + 1) / 2), or None
-        Of the cost, in the Mandel basis.
-    """
-
-    cost: float
-    rounding: float
-    gradient: Array
-    hessian: Array | None
-
-    def plus(self, other: "Moments") -> "Moments":
-        """Add those of other points."""
-        hessian = None if self.hessian is None or other.hessian is None else self.hessian + other.hessian
-        sums = self.cost + other.cost, self.rounding + other.rounding, self.gradient + other.gradient
-        return Moments(*sums, hessian)
+    cost: float  # ½ Σ w d²(Y, I)
+    rounding: float  # Σ w size / λ_min(Y), which grows with the rounding of the gradient
+    gradient: Array  # (d, d): Σ w log Y, the negative Riemannian gradient of the cost
+    hessian: Array | None  # of the cost, in the Mandel basis
 
 
 class Pair(NamedTuple):
@@ -65,20 +46,7 @@ class Pair(NamedTuple):
 
 
 def eigh(matrices: Array) -> tuple[Array, Array]:
-    """Compute eigenvalues and eigenvectors of symmetric matrices.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (..., d, d)
-        Symmetric, finite, unchecked. Only the upper triangle is read.
-
-    Returns
-    -------
-    values : ndarray, shape (..., d)
-        Ascending.
-    vectors : ndarray, shape (..., d, d)
-        Orthonormal columns, in the order of the values.
-    """
+    """Ascending eigenvalues and orthonormal eigenvectors (columns) of symmetric matrices (..., d, d)."""
     flat = _flat(matrices)
     values, vectors = np.empty(flat.shape[:-1]), np.empty(flat.shape)
     _run(lambda part: eigh_loop(flat[part], values[part], vectors[part]), *flat.shape[:2])
@@ -92,7 +60,7 @@ def compose(values: Array, vectors: Array) -> Array:
     flat_values = _writable(_over(values, (*batch, n))).reshape(-1, n)
     flat = _writable(_over(vectors, (*batch, d, n))).reshape(-1, d, n)
     results = np.empty((len(flat), d, d))
-    _run(lambda part: compose_loop(flat_values[part], flat[part], results[part]), *flat.shape[:2])
+    _run(lambda part: compose_loop(flat_values[part], flat[part], results[part]), *results.shape[:2])
     return results.reshape(*batch, d, d)
 
 
@@ -108,9 +76,8 @@ def distances(a: Array, b: Array) -> Array:
     """Affine-invariant distances sqrt(Σ log² λ_i(A⁻¹B)) of SPD matrices, shapes (..., d, d); shape (...)."""
     d = a.shape[-1]
     batch, flat_a, flat_b = _pairs(a, b)
-    count = math.prod(batch)
-    results = np.empty(count)
-    _run(lambda part: distance_loop(_rows(flat_a, part), _rows(flat_b, part), results[part]), count, d)
+    results = np.empty(math.prod(batch))
+    _run(lambda part: distance_loop(_rows(flat_a, part), _rows(flat_b, part), results[part]), len(results), d)
     results = results.reshape(batch)
     if np.any(rough := np.isnan(results)):
         pair = (np.broadcast_to(points, (*batch, d, d))[rough] for points in (a, b))
@@ -123,54 +90,46 @@ def distances(a: Array, b: Array) -> Array:
 
 def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:
     """Build R (L X Lᵀ)^s Rᵀ: recentre, dilate, rotate and move."""
-    flat, first, last = _flat(points), _flat(left), _flat(right)
-    results = np.empty(flat.shape)
-
-    def work(part: slice) -> None:
-        moved, values = np.empty(flat[part].shape), np.empty(flat[part].shape[:-1])
-        congruence_loop(first, flat[part], moved)
-        eigh_loop(moved, values, moved)
-        if not np.all(values[:, 0] > 0.0):
-            raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentred")
-        with np.errstate(over="ignore", under="ignore"):
-            raised = values**exponent
-        require_in_range(raised, name)
-        compose_loop(raised, last @ moved, results[part])
-
-    _run(work, *flat.shape[:2])
-    return results.reshape(points.shape)
+    values, vectors = eigh(congruence(left, points))
+    if not np.all(values[..., 0] > 0.0):
+        raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentred")
+    with np.errstate(over="ignore", under="ignore"):
+        raised = values**exponent
+    require_in_range(raised, name)
+    return compose(raised, right @ vectors)
 
 
 def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curved: bool) -> Moments | None:
-    """Cost, gradient and (when `curved`) Hessian of the Fréchet mean, over points whitened to W X W."""
-    flat, inner, d = _flat(points), _flat(whitening), points.shape[-1]
-    weights = _writable(weights)
+    """Cost, gradient and (when `curved`) Hessian of the Fréchet mean, over points (n, d, d) whitened to W X W."""
+    values, vectors = eigh(congruence(whitening, points))
+    if not np.all(values[:, 0] > 0.0):
+        return None
+    logs = np.log(values)
+    cost, rounding = 0.5 * float(weights @ np.sum(logs**2, axis=-1)), float(weights @ (sizes / values[:, 0]))
+    gradient = compose(weights[:, None] * logs, vectors).sum(axis=0)
+    if not curved:
+        return Moments(cost, rounding, gradient, None)
+    size = len(mandel_indices(points.shape[-1])[0])
+    hessian = np.zeros((size, size))
+    hessian_loop(values, logs, vectors, _writable(weights), hessian)
+    return Moments(cost, rounding, gradient, hessian)
 
-    def work(part: slice) -> Moments | None:
-        vectors, values, w = np.empty(flat[part].shape), np.empty(flat[part].shape[:-1]), weights[part]
-        congruence_loop(inner, flat[part], vectors)
-        eigh_loop(vectors, values, vectors)
-        if not np.all(values[:, 0] > 0.0):
-            return None
-        logs = np.log(values)
-        cost, rounding = 0.5 * float(w @ np.sum(logs**2, axis=-1)), float(w @ (sizes[part] / values[:, 0]))
-        weighted = np.empty(vectors.shape)
-        compose_loop(w[:, None] * logs, vectors, weighted)
-        gradient = weighted.sum(axis=0)
-        if not curved:
-            return Moments(cost, rounding, gradient, None)
-        m = d * (d + 1) // 2
-        rows = np.empty((len(w), m, m))
-        hessian_loop(values, logs, vectors, w, rows)
-        rows = rows.reshape(-1, m)
-        return Moments(cost, rounding, gradient, rows.T @ rows)
 
-    total: Moments | None = None
-    for one in _run(work, *flat.shape[:2]):
-        if one is None:
-            return None
-        total = one if total is None else total.plus(one)
-    return total
+def in_parts(work: Callable[[int, int], None], count: int, d: int) -> None:
+    """Call work(first, last) on parts of a batch of `count` d×d matrices, by several threads where that pays."""
+    size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
+    starts = range(0, count, size)
+    threads = min(int(config.NUMBA_NUM_THREADS), len(starts) // 8)
+
+    def take(several: Sequence[int]) -> None:
+        for first in several:
+            work(first, min(first + size, count))
+
+    if threads < 2:
+        take(starts)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(take, [starts[i::threads] for i in range(threads)]))
 
 
 def require_in_range(eigenvalues: Array, name: str) -> None:
@@ -220,9 +179,9 @@ def mandel_basis(d: int) -> Array:
     return basis
 
 
-def _run(work: Callable[[slice], T], count: int, d: int) -> list[T]:
+def _run(work: Callable[[slice], None], count: int, d: int) -> None:
     """Call work(part) on slices of a flat batch, see `in_parts`."""
-    return in_parts(lambda first, last: work(slice(first, last)), count, d)
+    in_parts(lambda first, last: work(slice(first, last)), count, d)
 
 
 def _pairs(a: Array, b: Array) -> tuple[tuple[int, ...], Array, Array]:

@@ -13,13 +13,10 @@ from maniport.jit import kernel, part
 
 WIDTH = 64
 """Matrices of a block: with 32 a decomposition takes 15 % longer, with more, 6×6 matrices leave the fastest cache."""
-MAX_SWEEPS = 40
 EPS2 = float(np.finfo(np.float64).eps) ** 2
+"""Square of the relative size of off-diagonal entries that count as zero."""
 APART = 1e-9
 """Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them."""
-NEAR = 1e-3
-"""Half the log ratio of two eigenvalues below which x coth x is taken from its series."""
-ROOT_HALF = 0.5**0.5
 
 
 @part
@@ -30,7 +27,7 @@ def diagonalize(a, v, turns):  # type: ignore[no-untyped-def]  # Numba infers th
         for j in range(n):
             for w in range(v.shape[2]):
                 v[i, j, w] = 1.0 if i == j else 0.0
-    for _ in range(MAX_SWEEPS):
+    for _ in range(40):
         turned = 0
         for p in range(n - 1):
             for q in range(p + 1, n):
@@ -131,26 +128,32 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def hessian_loop(values, logs, vectors, weights, rows):  # type: ignore[no-untyped-def]
-    """Write matrices R (count, m, m) whose RᵀR are the terms of the Hessian of half the squared distance to I."""
+def hessian_loop(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
+    """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
     count, n = values.shape
+    tangent = np.empty(len(hessian))
     for row in range(count):
-        v, pair = vectors[row], 0
+        v = vectors[row]
         for p in range(n):
             for q in range(p, n):
-                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0
-                if abs(x) < NEAR:
+                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
+                if abs(x) < 1e-3:
                     stretch += x * x / 3.0
                 else:
                     stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
-                scale = np.sqrt(weights[row] * stretch * (1.0 if p == q else 2.0))
                 entry = n
                 for i in range(n):
-                    rows[row, pair, i] = scale * v[i, p] * v[i, q]
+                    tangent[i] = v[i, p] * v[i, q]
                     for j in range(i + 1, n):
-                        rows[row, pair, entry] = scale * ROOT_HALF * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
+                        tangent[entry] = np.sqrt(0.5) * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
                         entry += 1
-                pair += 1
+                scale = weights[row] * stretch * (1.0 if p == q else 2.0)
+                for i in range(len(tangent)):
+                    for j in range(i + 1):
+                        hessian[i, j] += scale * tangent[i] * tangent[j]
+    for i in range(len(hessian)):
+        for j in range(i):
+            hessian[j, i] = hessian[i, j]
 
 
 @kernel

@@ -13,8 +13,8 @@ from maniport.studies.paper import human_robot, known_truth, trajectories
 from maniport.studies.paper.outcome import Draw, fit_quietly
 from maniport.studies.paper.tables import OURS, TOY, TRAJECTORIES, our_adapter, paper_table
 from maniport.telling import figures
-from maniport.telling.page import Line, Motion, Panel, ellipsoid_panels
-from maniport.telling.page.motions import body_of
+from maniport.telling.page import Line, Motion, Panel
+from maniport.telling.page.motions import body_of, ellipsoid_panels
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array

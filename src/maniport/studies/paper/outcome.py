@@ -25,64 +25,31 @@ FORMS = tuple(form.name for form in fields(RMSE))
 
 @dataclass(frozen=True)
 class Draw:
-    """What one fit gets and is measured on.
-
-    Attributes
-    ----------
-    seed : int
-    teacher, student : ndarray, shapes (n, d, d) and (m, d, d)
-        Domains.
-    evaluation : mapping of str to (ndarray, ndarray), shapes (k, d, d)
-        By name: the teacher's ellipsoids and the student's that they should become.
-    regularized : bool
-        Whether the latter need no regularization: they are positive-definite, and compared as they are.
-    """
+    """The data of one fit and its evaluation."""
 
     seed: int
-    teacher: Array
-    student: Array
-    evaluation: Mapping[str, tuple[Array, Array]]
-    regularized: bool = False
+    teacher: Array  # (n, d, d), a domain
+    student: Array  # (m, d, d), a domain
+    evaluation: Mapping[str, tuple[Array, Array]]  # by name: ellipsoids (k, d, d) of the teacher, and the truth
+    regularized: bool = False  # whether the truth needs no regularization
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One method, fitted to every draw in one way, and its errors.
+    """One method, fitted to every draw in one way, and its errors."""
 
-    Attributes
-    ----------
-    row : PaperRow or None
-        Where the paper prints it; None for what the paper does not have.
-    data, samples, method : str
-        What was fitted to what, in the paper's words where it has any.
-    settings : str
-        How the adapter was fitted and measured: one of `PAPER`, `AUTHORS` and `OURS` in `tables.py`.
-    adapter : str
-        These settings in full.
-    errors : mapping of str to tuple of RMSE
-        By evaluation set, one for each draw.
-    iterations, seconds : float
-        Of the fit; mean and median over draws.
-    draws, seed : int
-        How many, and the seed of the first; the next ones follow.
-    warned : int
-        Draws in which the library warned.
-    warnings : tuple of type
-        Which warnings these were.
-    """
-
-    row: PaperRow | None
+    row: PaperRow | None  # of the paper, where it prints it
     data: str
     samples: str
-    method: str
-    settings: str
-    adapter: str
-    errors: Mapping[str, Sequence[RMSE]]
-    iterations: float
-    seconds: float
+    method: str  # these three in the words of the paper, where it has any
+    settings: str  # of the fit: `PAPER`, `AUTHORS` or `OURS`
+    adapter: str  # the settings in full
+    errors: Mapping[str, Sequence[RMSE]]  # by evaluation set, one for each draw
+    iterations: float  # mean over draws
+    seconds: float  # of a fit, median over draws
     draws: int
-    seed: int
-    warned: int
+    seed: int  # of the first draw; the next ones follow
+    warned: int  # draws in which the library warned
     warnings: tuple[type[Warning], ...] = ()
 
     def lines(self) -> list[dict[str, Any]]:
@@ -114,23 +81,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment of the paper, run again.
-
-    Attributes
-    ----------
-    name, title : str
-    notes : tuple of str
-        What was done, in sentences.
-    outcomes : tuple of Outcome
-    facts : mapping of str to float
-        Further numbers, with their units in the names.
-    """
+    """One experiment of the paper, run again."""
 
     name: str
     title: str
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what was done, in sentences
     outcomes: tuple[Outcome, ...]
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)  # further numbers, with their units in the names
 
     @property
     def found(self) -> str:

@@ -12,8 +12,8 @@ from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.comparison import COMPARED, HEADS, comparison_sections
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import OURS
-from maniport.telling.facts import Fact, Facts, Section, Table, told, warning
-from maniport.telling.of_run import software
+from maniport.telling.metrics import Metric, Report, Section, Table, describe, warning
+from maniport.telling.runs import software
 
 WHAT = "data", "samples", "method", "evaluation"
 """Names of what is measured on what, which is the same in the paper and in each of our settings."""
@@ -24,16 +24,10 @@ WARNED: dict[type[Warning], str] = {
 }
 """What the library warns of."""
 
-CAPTION = (
-    "Root mean squared affine-invariant distance to the truth. ÷ c: divided by the mean distance of the mapped "
-    "ellipsoids to their mean, as the paper's text has it. ÷ c²: by their mean squared distance, as the authors' "
-    "program has it. Mean ± standard deviation over draws; iterations are means."
-)
-
 LEGEND = (
     "RMSE: root mean squared affine-invariant distance to the truth. ÷ c: divided by the mean distance of the mapped "
-    "ellipsoids to their mean, the paper's form. ÷ c²: divided by their mean squared distance, as the authors' code "
-    "does. Over several draws: mean ± standard deviation; iterations are means, times medians."
+    "ellipsoids to their mean, as in the paper's text. ÷ c²: by their mean squared distance, as in the authors' "
+    "program. Over several draws: mean ± standard deviation; iterations are means, times medians."
 )
 
 
@@ -48,32 +42,22 @@ def as_csv(experiment: Experiment) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Reproduction(ShownInNotebooks):
-    """The paper's experiments, run again.
-
-    Attributes
-    ----------
-    experiments : tuple of Experiment
-    seed : int
-    seconds : float
-        That all of it took.
-    methods : Comparison, optional
-        Methods beside one another, where that was asked for.
-    """
+    """The paper's experiments, run again."""
 
     experiments: tuple[Experiment, ...]
     seed: int
-    seconds: float
-    methods: Comparison | None = None
+    seconds: float  # of all experiments
+    methods: Comparison | None = None  # of several methods, where that was asked for
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.experiments)
         return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
 
 
-@told.register
-def reproduction_facts(reproduction: Reproduction) -> Facts:
+@describe.register
+def reproduction_facts(reproduction: Reproduction) -> Report:
     """Tell what the paper printed and what came out, a section for each experiment."""
-    return Facts(
+    return Report(
         "The paper's experiments, run again",
         "Human-to-robot manipulability transfer by Riemannian ICP: what the paper prints, its settings run again, and "
         "maniport's defaults.",
@@ -83,8 +67,8 @@ def reproduction_facts(reproduction: Reproduction) -> Facts:
             Section(
                 "What was done",
                 (
-                    Fact("Paper", "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)"),
-                    Fact("Time", f"{reproduction.seconds:.0f} s", "That all experiments took.",
+                    Metric("Paper", "Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588)"),
+                    Metric("Time", f"{reproduction.seconds:.0f} s", "That all experiments took.",
                          "duration", round(reproduction.seconds, 1), "s"),
                     *software(reproduction.seed),
                 ),
@@ -97,14 +81,14 @@ def reproduction_facts(reproduction: Reproduction) -> Facts:
 def experiment_section(experiment: Experiment) -> Section:
     """Tell of one experiment: the paper's rows with our numbers below each, and rows that the paper does not have."""
     lines = experiment.lines()
-    facts = [Fact(_capital(name), _number(value), key=name, value=value) for name, value in experiment.facts.items()]
+    facts = [Metric(_capital(name), _number(value), key=name, value=value) for name, value in experiment.facts.items()]
     printed, further = ([line for line in lines if (line["table"] is None) is other] for other in (False, True))
-    tables = [_pivot(printed, CAPTION, "rows", lines)]
+    tables = [_pivot(printed, LEGEND, "rows", lines)]
     if further:
         tables.append(_pivot(further, f"Rows that the paper does not have, {HEADS['per_dispersion']}:"))
     return Section(
         experiment.title,
-        (*_warnings(experiment), *facts, Fact("", "", key="found", value=experiment.found)),
+        (*_warnings(experiment), *facts, Metric("", "", key="found", value=experiment.found)),
         tuple(tables),
         experiment.name,
         "\n".join(experiment.notes),
@@ -137,7 +121,7 @@ def _forms(line: dict[str, Any]) -> tuple[str, ...]:
     return COMPARED if line["table"] is not None and line["settings"] != OURS else COMPARED[:1]
 
 
-def _warnings(experiment: Experiment) -> list[Fact]:
+def _warnings(experiment: Experiment) -> list[Metric]:
     told = []
     for settings in dict.fromkeys(one.settings for one in experiment.outcomes):
         alike = [one for one in experiment.outcomes if one.settings == settings]
@@ -149,10 +133,10 @@ def _warnings(experiment: Experiment) -> list[Fact]:
     return told
 
 
-def experiment_facts(experiment: Experiment, figures: Iterable[str] = ()) -> Facts:
+def experiment_facts(experiment: Experiment, figures: Iterable[str] = ()) -> Report:
     """Tell of one experiment alone, with every number, the settings in full, and figures by their names."""
     shown = (f"![{name}]({name}.png)\nFor a paper: [{name}.svg]({name}.svg)" for name in figures)
-    return Facts(
+    return Report(
         experiment.title,
         "",
         (

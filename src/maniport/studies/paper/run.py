@@ -5,8 +5,8 @@ import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from maniport.atomic_io import folder_written_whole, require_free
 from maniport.errors import InvalidInputError
-from maniport.files import folder_written_whole, require_free
 from maniport.steps import Progress
 from maniport.studies.methods import compare_methods
 from maniport.studies.paper import report
@@ -14,7 +14,7 @@ from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
 from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
 from maniport.studies.paper.report import Reproduction
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from maniport.telling.renderings import files_of, write_facts
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count

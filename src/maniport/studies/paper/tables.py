@@ -28,11 +28,7 @@ PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
 """Everything that the paper's text says about steps 1, 2 and 4; no mounting is known."""
 
 PAPER_SEARCH = Search(n_starts=8, margin=0.0, compete=False, max_iter=100, tol=1e-8)
-"""And about ICP: several starts of which the cheapest wins, at most 100 iterations. Start and weights differ by row.
-
-The search itself is ours: exact gradient and curvature, and rival starts that are aligned with the frames of the clouds
-instead of random ones.
-"""
+"""The same about ICP: the cheapest of several starts, at most 100 iterations. Start and weights differ by row."""
 
 TRAJECTORIES, RANDOM = "trajectories", "random"
 IDENTITY, TRANSPORT = "identity", "parallel-transport"
@@ -40,42 +36,18 @@ IDENTITY, TRANSPORT = "identity", "parallel-transport"
 
 @dataclass(frozen=True)
 class PaperRow:
-    """One row of a table of the paper.
+    """One row of a table of the paper."""
 
-    Attributes
-    ----------
-    table : str
-        Roman number of the table.
-    row : int
-        Counted from the top, beginning with 1.
-    data : str
-        What the maps are fitted to: trajectories or random samples.
-    samples : int
-        How many of each domain.
-    method : str
-        As printed.
-    rmse : mapping of str to float
-        By evaluation set; divided by the dispersion of the mapped set (eq. 19).
-    start : str
-        Where ICP starts, in the words of `maniport.RiemannianICP`.
-    exponent : float, optional
-        k of the weights w^k; None for parallel transport without ICP.
-    most_singular : int, optional
-        How many of the samples are matched, when not all.
-    iterations : int, optional
-        Until convergence, where printed.
-    """
-
-    table: str
-    row: int
-    data: str
-    samples: int
-    method: str
-    rmse: Mapping[str, float]
-    start: str
-    exponent: float | None
-    most_singular: int | None
-    iterations: int | None
+    table: str  # Roman number
+    row: int  # counted from the top, beginning with 1
+    data: str  # the domains of the fit: trajectories or random samples
+    samples: int  # of each domain
+    method: str  # as printed
+    rmse: Mapping[str, float]  # by evaluation set; divided by the dispersion of the mapped set (eq. 19)
+    start: str  # of ICP, see `maniport.RiemannianICP`
+    exponent: float | None  # k of the weights w^k; None for parallel transport without ICP
+    most_singular: int | None  # samples that are matched, when not all
+    iterations: int | None  # until convergence, where printed
 
     @property
     def label(self) -> str:

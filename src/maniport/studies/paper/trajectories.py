@@ -23,25 +23,13 @@ from maniport.validation import Array
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Base of the vertical two-joint arm, the student; the teacher's is the identity. A quarter turn about y."""
 
-TWO_DOF_POINTS = 20
-TWO_DOF_RESTING = tuple(range(-180, 180, 36))
-"""Ten angles around the circle [deg], zero among them, at which one joint rests; chosen."""
-
-HUMAN_POINTS = 50
-"""Configurations of each human trajectory: eight of them make the paper's 400."""
-SIDE_ELEVATIONS = (90, 110, 120, 150)
-UP_PLANES = (0, 30, 45, 90)
 PLANE, UPWARD = (-90, 130), (79, 180)
 """Plane of elevation from start to end of a sideways motion, and elevation of an upward one [deg]."""
 
 ROBOT_SHOULDER = np.array([0.0, 0.0, 0.333])
 """Where the axes of the Panda's first three joints meet, in its base frame [m]."""
-ROBOT_REACH = 0.815
-"""Distance of the Panda's flange from its shoulder while the human arm is extended [m]; its farthest is 0.858 m."""
 READY = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 """The Panda's usual ready position [rad], from which the search for its trajectories begins."""
-PULL, SMOOTHING = 1e-3, 0.1
-"""Weights of the ready position [m/rad] and of second differences [m/rad] beside the hand's position error."""
 
 
 def two_dof_arms() -> tuple[Arm, Arm]:
@@ -52,8 +40,8 @@ def two_dof_arms() -> tuple[Arm, Arm]:
 
 def two_dof_training() -> Array:
     """Twenty trajectories of 20 configurations, shape (20, 20, 2) [rad]: one joint rests, the other turns by 180°."""
-    sweeps = [sweep for angle in TWO_DOF_RESTING for sweep in (_half_turn(0, angle), _half_turn(1, angle))]
-    return np.stack(sweeps)
+    resting = range(-180, 180, 36)  # ten angles around the circle [deg], zero among them; chosen
+    return np.stack([_half_turn(moving, angle) for angle in resting for moving in (0, 1)])
 
 
 def two_dof_evaluation() -> dict[str, Array]:
@@ -68,8 +56,8 @@ def human_arm() -> Arm:
 
 def human_training() -> dict[str, Array]:
     """Four sideways and four upward motions of the extended arm, each of shape (50, 7) [rad]."""
-    side = {f"side_{angle}": _human(plane=PLANE, elevation=angle) for angle in SIDE_ELEVATIONS}
-    return side | {f"up_{angle}": _human(plane=angle, elevation=UPWARD) for angle in UP_PLANES}
+    side = {f"side_{angle}": _human(plane=PLANE, elevation=angle) for angle in (90, 110, 120, 150)}
+    return side | {f"up_{angle}": _human(plane=angle, elevation=UPWARD) for angle in (0, 30, 45, 90)}
 
 
 def human_evaluation() -> dict[str, Array]:
@@ -99,15 +87,21 @@ def robot_evaluation() -> dict[str, Array]:
     return {name: robot_path(path) for name, path in human_evaluation().items()}
 
 
-def robot_targets(path: ArrayLike) -> Array:
-    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame."""
+def robot_targets(path: ArrayLike, reach: float = 0.815) -> Array:
+    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame.
+
+    While the human arm is extended, the flange is `reach` from the shoulder; its farthest is 0.858 m.
+    """
     arm = human_arm()
     extended = float(np.linalg.norm(arm.forward(np.zeros(arm.dof))[:3, 3]))
-    return np.asarray(ROBOT_SHOULDER + ROBOT_REACH / extended * arm.forward(path)[:, :3, 3])
+    return np.asarray(ROBOT_SHOULDER + reach / extended * arm.forward(path)[:, :3, 3])
 
 
-def robot_path(path: ArrayLike) -> Array:
-    """Joint path of the Panda whose flange follows the scaled hand path of the human arm, shape (n, 7) [rad]."""
+def robot_path(path: ArrayLike, pull: float = 1e-3, smoothing: float = 0.1) -> Array:
+    """Joint path of the Panda whose flange follows the scaled hand path of the human arm, shape (n, 7) [rad].
+
+    The weights [m/rad] are those of the ready position and of second differences, relative to the position error.
+    """
     arm, targets = robot_arm(), robot_targets(path)
 
     def residual(q: Array) -> tuple[Array, Array]:
@@ -121,9 +115,9 @@ def robot_path(path: ArrayLike) -> Array:
     start = np.tile(READY, (len(targets), 1))
     start[:, 0] = np.clip(facing, arm.lower[0], arm.upper[0])
     neutral = start.mean(axis=0)
-    smoothing = np.full(start.shape, SMOOTHING)
-    smoothing[[0, -1]] = 0.0
-    return solve_path(residual, start, arm.lower, arm.upper, smoothing, np.full(arm.dof, PULL), neutral)
+    weights = np.full(start.shape, smoothing)
+    weights[[0, -1]] = 0.0
+    return solve_path(residual, start, arm.lower, arm.upper, weights, np.full(arm.dof, pull), neutral)
 
 
 def every(points: Array, samples: int) -> Array:
@@ -133,8 +127,8 @@ def every(points: Array, samples: int) -> Array:
 
 def _half_turn(moving: int, resting: float) -> Array:
     """Turn one joint from 0° to 180° while the other rests [deg]; shape (20, 2) [rad]."""
-    path = np.full((TWO_DOF_POINTS, 2), np.radians(resting))
-    path[:, moving] = np.linspace(0.0, np.pi, TWO_DOF_POINTS)
+    path = np.full((20, 2), np.radians(resting))
+    path[:, moving] = np.linspace(0.0, np.pi, 20)
     return path
 
 
@@ -145,8 +139,8 @@ def _human(
     elbow: float | tuple[float, float] = 0,
 ) -> Array:
     """Joint path of the human arm from angles [deg] that rest or go from start to end; shape (50, 7) [rad]."""
-    path = np.zeros((HUMAN_POINTS, 7))
+    path = np.zeros((50, 7))  # eight make the paper's 400
     for joint, angle in enumerate((plane, elevation, axial, elbow)):
         ends = angle if isinstance(angle, tuple) else (angle, angle)
-        path[:, joint] = np.radians(np.linspace(*ends, HUMAN_POINTS))
+        path[:, joint] = np.radians(np.linspace(*ends, len(path)))
     return path

@@ -1,199 +1,139 @@
-"""A page that can be sent: what was done, what came out, and the motion itself, to look at without a network.
+"""A page with the report of a result, its motion and its curves, as one HTML file that loads nothing.
 
-It takes facts, and values and arrays to look at (`maniport.telling.page.content`), and gives one HTML file. The
-scripts and the style sheet in ``assets`` are part of the file; they draw with WebGL and SVG and load nothing.
+Jinja templates in ``templates`` lay out a `Report`; scripts in ``assets`` draw a `Motion` with WebGL and SVG. Nothing
+is computed here.
 """
 
 import base64
 import hashlib
 import os
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
-from html import escape
 from importlib.resources import files
+from typing import Any
 
+import jinja2
+from markupsafe import Markup, escape
+
+from maniport.atomic_io import written_whole
 from maniport.errors import InvalidInputError
-from maniport.files import written_whole
-from maniport.telling.facts import Facts
-from maniport.telling.page import elements
-from maniport.telling.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part, Picture
-from maniport.telling.page.encoding import MAX_FRAMES, as_json
-from maniport.telling.page.profiles import domain_map, ellipsoid_panels
-from maniport.telling.page.states import STATES
+from maniport.telling.metrics import TIME, Report
+from maniport.telling.page.content import (
+    STATES,
+    Body,
+    Cloud,
+    DomainMap,
+    Line,
+    Motion,
+    Panel,
+    Part,
+    Picture,
+    as_json,
+)
 from maniport.telling.roles import ROLES
 from maniport.version import __version__
 
 __all__ = [
-    "Body",
-    "Cloud",
-    "DomainMap",
-    "Line",
-    "Motion",
-    "Panel",
-    "Part",
-    "Picture",
-    "as_html",
-    "domain_map",
-    "ellipsoid_panels",
-    "write_page",
-]
-
-SCRIPTS = (
-    "geometry.js", "surface.js", "scene.js", "exports.js", "curves.js", "strips.js", "states.js", "map.js", "player.js",
-    "page.js", "print.js",
-)  # fmt: skip
-
-FOLDED = "Method and data"
-"""Title above folded sections."""
-
-MAP = "Domains and profiles"
-"""Title of the map of a motion."""
-
-KEYS = " Keys: space plays, ← and → step."
+    "Body", "Cloud", "DomainMap", "Line", "Motion", "Panel", "Part", "Picture", "as_html", "document", "write_page",
+]  # fmt: skip
 
 LARGEST = 6_000_000
-"""A page stays below this size [bytes]."""
-
-
-@dataclass(frozen=True)
-class Fitting:
-    """How much of its content a page holds."""
-
-    frames: int
-    surfaces: bool = True
-    pictures: bool = True
-
-
-SMALLER = (
-    Fitting(MAX_FRAMES),
-    Fitting(MAX_FRAMES // 2),
-    Fitting(MAX_FRAMES // 4),
-    Fitting(MAX_FRAMES // 4, surfaces=False),
-    Fitting(MAX_FRAMES // 4, surfaces=False, pictures=False),
-)
-"""What is tried in turn, until a page is small enough."""
-
+"""Upper bound of the size of a page [bytes]."""
 
 Shown = Mapping[str, Sequence[Motion | Picture]]
-"""What there is to look at, by the key (or the title) of the section that it belongs to."""
+"""Motions and pictures by the key (or the title) of the section that they belong to."""
 
 
-def write_page(path: str | os.PathLike[str], facts: Facts, shown: Shown | None = None) -> None:
-    """Write facts, with what there is to look at, to an HTML file, whole or not at all."""
-    text = as_html(facts, shown)
+def write_page(path: str | os.PathLike[str], report: Report, shown: Shown | None = None) -> None:
+    """Write a report, with motions and pictures, to an HTML file, whole or not at all."""
+    text = as_html(report, shown)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def as_html(facts: Facts, shown: Shown | None = None) -> str:
-    """Return the page as text; the same content gives the same text."""
-    places = {section.key or section.title for section in facts.sections}
-    if unknown := sorted(set(shown or ()) - places):
-        raise InvalidInputError(f"shown must name sections, {sorted(places)}; found {unknown}")
-    for fitting in SMALLER:
-        text = _page(facts, shown or {}, fitting)
+def as_html(report: Report, shown: Shown | None = None) -> str:
+    """Return the page as text, with fewer times and without surfaces where it would be too large otherwise."""
+    names = {section.key or section.title for section in report.sections}
+    if unknown := sorted(set(shown or ()) - names):
+        raise InvalidInputError(f"shown must name sections, {sorted(names)}; found {unknown}")
+    for frames, surfaces in ((1500, True), (750, True), (375, True), (375, False)):
+        text = _page(report, shown or {}, frames, surfaces)
         if (size := len(text.encode())) < LARGEST:
             return text
     raise InvalidInputError(
-        f"a page must stay below {LARGEST / 1e6:g} MB; found {size / 1e6:.1f} MB without surfaces and pictures: "
-        f"give fewer motions, panels or tables"
+        f"a page must stay below {LARGEST / 1e6:g} MB; found {size / 1e6:.1f} MB without surfaces: "
+        f"give fewer motions, pictures, panels or tables"
     )
-
-
-def _page(facts: Facts, shown: Shown, fitting: Fitting) -> str:
-    motions: list[Motion] = []
-    places: list[tuple[str, str]] = []
-    notes = "" if facts.verdict is None else elements.warnings(facts, folded=True)
-    sections = []
-    for k, section in enumerate(facts.sections):
-        place, parts = f"section-{k}", shown.get(section.key or section.title, ())
-        if section.folded and FOLDED not in dict(places):
-            places.append((FOLDED, "folded"))
-            sections.append(f'<h2 id="folded">{FOLDED}</h2>')
-        places += [(section.title, place)] if k and section.title and not section.folded else []
-        for number, part in enumerate((one for one in parts if isinstance(one, Motion)), len(motions)):
-            places += _groups(part, number)
-        before = len(motions)
-        above, below = _shown(parts, motions, fitting, notes)
-        notes = notes if len(motions) == before else ""
-        sections.append(elements.section(section, place, above, below))
-    body = "\n".join([elements.header(facts, places), "<main>", *filter(None, [notes]), *sections, "</main>"])
-    if not motions:  # there is no moment to go to
-        body = re.sub(r'<a href="#t=[^"]*">(.*?)</a>', r"\1", body)
-    data = "\n".join(
-        f'<script type="application/json" id="motion-{k}">'
-        f"{as_json(motion, fitting.frames, surfaces=fitting.surfaces)}</script>"
-        for k, motion in enumerate(motions)
-    )
-    return document(facts.title, body, _script(), data=data, end=KEYS if motions else "")
 
 
 def document(title: str, body: str, script: str, style: str = "", data: str = "", end: str = "") -> str:
     """Return an HTML file that loads nothing, in the style of all pages."""
     style = _colors() + _asset("page.css") + style
-    policy = f"default-src 'none'; img-src data:; script-src {_hash(script)}; style-src {_hash(style)}; base-uri 'none'"
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}; form-action 'none'">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="generator" content="maniport {__version__}">
-<link rel="icon" href="data:,">
-<title>{escape(title)}</title>
-<style>{style}</style>
-</head>
-<body>
-{body}
-<footer>maniport {__version__}. This file works without a network.{end}</footer>
-{data}
-<script>{script}</script>
-</body>
-</html>
-"""
+    hashes = {"script_hash": _hash(script), "style_hash": _hash(style)}
+    values = {"title": title, "body": body, "script": script, "style": style, "data": data, "end": end}
+    return _templates().get_template("document.html").render(**values, **hashes, version=__version__)
 
 
-def _groups(motion: Motion, number: int) -> list[tuple[str, str]]:
-    """Name the groups of a motion's panels, and its map, with the places that its scripts give them."""
-    titles = [*motion.panels, *([MAP] if motion.map is not None else [])]
-    short = {title.partition(" of ")[0]: f"motion-{number}-{k}" for k, title in reversed([*enumerate(titles)])}
+def _page(report: Report, shown: Shown, frames: int, surfaces: bool) -> str:
+    places: list[dict[str, Any]] = []
+    data: list[str] = []
+    menu: list[tuple[str, str]] = []
+    for k, section in enumerate(report.sections):
+        content, motions = shown.get(section.key or section.title, ()), []
+        if section.folded and ("Method and data", "folded") not in menu:
+            menu.append(("Method and data", "folded"))
+        if k and section.title and not section.folded:
+            menu.append((section.title, f"section-{k}"))
+        for motion in (one for one in content if isinstance(one, Motion)):
+            name = f"motion-{len(data)}"
+            note = _note(motion, frames, surfaces)
+            motions.append({"id": name, "note": note, "first": not data and report.summary, "rows": motion.rows})
+            menu += _groups(motion, name)
+            encoded = as_json(motion, frames, surfaces=surfaces)
+            data.append(f'<script type="application/json" id="{name}">{encoded}</script>')
+        pictures = [one for one in content if isinstance(one, Picture)]
+        places.append({"id": f"section-{k}", "section": section, "motions": motions, "pictures": pictures})
+    counts = [(len(report.warnings), "warning"), (len(report.notes), "note")]
+    remarks = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in counts if n)
+    folded = next((place["id"] for place in places if place["section"].folded), "")
+    body = (
+        _templates()
+        .get_template("report.html")
+        .render(report=report, places=places, menu=menu, motions=len(data), remark_count=remarks, first_folded=folded)
+    )
+    end = " Keys: space plays, ← and → step." if data else ""
+    return document(report.title, body, _script(), data="\n".join(data), end=end)
+
+
+def _groups(motion: Motion, name: str) -> list[tuple[str, str]]:
+    """Name the groups of a motion's panels, and its map, with the ids that the scripts give them."""
+    titles = [*motion.panels, *(["Domains and profiles"] if motion.map is not None else [])]
+    short = {title.partition(" of ")[0]: f"{name}-{k}" for k, title in reversed([*enumerate(titles)])}
     return list(reversed(short.items()))
 
 
-def _shown(parts: Sequence[Motion | Picture], motions: list[Motion], fitting: Fitting, notes: str) -> tuple[str, str]:
-    """Write what there is to look at: what stands at the head of a section, and what at its end."""
-    above, below = [], []
-    for part in parts:
-        if isinstance(part, Motion):
-            said = _note(part, fitting)
-            note = f'<p class="meaning">{escape(said)}</p>' if said else ""
-            above.append(f'<div class="motion" data-source="motion-{len(motions)}">{note}{notes}</div>')
-            motions.append(part)
-            notes = ""
-    pictures = [part for part in parts if isinstance(part, Picture)]
-    fallback = "\n".join(elements.picture(one) for one in pictures if one.still and fitting.pictures)
-    if above:
-        missing = "The moving pictures and curves need scripts, which are part of this file."
-        above.append(f'<noscript><p class="failure">{missing}</p><div class="pictures">{fallback}</div></noscript>')
-    lasting = [one for one in pictures if not one.still]
-    if lasting and fitting.pictures:
-        below.append('<div class="pictures">' + "\n".join(map(elements.picture, lasting)) + "</div>")
-    elif lasting:
-        below.append('<p class="meaning">This file would be too large with its pictures; they are left out.</p>')
-    return "\n".join(above), "\n".join(below)
-
-
-def _note(motion: Motion, fitting: Fitting) -> str:
-    """Say what a motion shows, and what is left out of it here."""
+def _note(motion: Motion, frames: int, surfaces: bool) -> str:
+    """Describe a motion and what is omitted from it."""
     sentences = [motion.note] if motion.note else []
-    if len(motion.time) > fitting.frames:
-        sentences.append(f"{fitting.frames} of {len(motion.time)} moments are shown.")
-    if not fitting.surfaces and any(body.parts for body in motion.bodies):
+    if len(motion.time) > frames:
+        sentences.append(f"{frames} of {len(motion.time)} times are included.")
+    if not surfaces and any(body.parts for body in motion.bodies):
         sentences.append("Drawn as skeletons: with surfaces this file would be too large.")
     return " ".join(sentences)
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    loader = jinja2.FunctionLoader(lambda name: files(__package__).joinpath("templates", name).read_text("utf-8"))
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"linked": _linked, "base64": lambda data: base64.b64encode(data).decode("ascii")}
+    return environment
+
+
+def _linked(text: str, motions: int) -> Markup:
+    """Escape a text; its times become links where the page has a motion."""
+    safe = str(escape(text))
+    return Markup(TIME.sub(r'<a href="#t=\1">\g<0></a>', safe) if motions else safe)
 
 
 @cache
@@ -201,8 +141,15 @@ def _asset(name: str) -> str:
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
+@cache
+def _script() -> str:
+    """Return all scripts in one scope."""
+    names = ["geometry", "surface", "scene", "exports", "curves", "strips", "states", "map", "player", "page", "print"]
+    return '(() => {\n"use strict";\n' + "\n".join(_asset(f"{name}.js") for name in names) + "})();\n"
+
+
 def _colors() -> str:
-    """Style of roles: their colours, for light and for dark ground, and how one of them is hidden."""
+    """Return the style of roles and states on a light and on a dark background."""
     light, dark = (
         "".join(f"--{role.name}:{getattr(role, ground)};" for role in ROLES.values())
         + "".join(f"--state{k}:{colors[number]};" for k, colors in enumerate(STATES.values()))
@@ -216,12 +163,6 @@ def _colors() -> str:
     return f":root{{{light}}}{night}{rules}\n"
 
 
-@cache
-def _script() -> str:
-    """All scripts in one scope of their own."""
-    return '(() => {\n"use strict";\n' + "\n".join(_asset(name) for name in SCRIPTS) + "})();\n"
-
-
 def _hash(text: str) -> str:
-    """Name a script or a style sheet for the page's security policy, which lets no other run."""
+    """Name a script or a style sheet for the security policy of the page, which allows no other."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

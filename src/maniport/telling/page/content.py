@@ -1,137 +1,77 @@
-"""What a page shows, as plain values and arrays."""
+"""Content of a page as values and arrays, and its encoding for the scripts of the page."""
 
+import base64
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
-from maniport.telling.course import as_skeletons
-from maniport.telling.page.states import STATES
+from maniport.subsample import evenly_spaced
 from maniport.telling.roles import ROLES
-from maniport.validation import (
-    Array,
-    as_choice,
-    as_finite,
-    as_number,
-    as_positive_semidefinite,
-    as_times,
-    require_shape,
-)
+from maniport.telling.series import is_gap
+from maniport.tracking.follow import status
+from maniport.validation import Array, as_choice, as_times
 
-RIGID = 1e-6
-"""How far a pose may be from a rotation and a last row of 0 0 0 1."""
+STATES = {
+    status.FOLLOWED: ("#D9E0E6", "#3A4652"),
+    status.NEARLY_FOLLOWED: ("#B5DDF5", "#30607C"),
+    status.ELLIPSOID: ("#56B4E9", "#4A94BF"),
+    status.JOINT_LIMIT: ("#E69F00", "#D99A14"),
+    status.VELOCITY_LIMIT: ("#CC79A7", "#CC79A7"),
+    status.PATH: ("#000000", "#E8EDF2"),
+    status.HELD: ("#8C2F1B", "#E2705B"),
+}
+"""States of a waypoint from good to bad, with their colors on a light and on a dark background."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The surface of a link.
+    """The surface of a link."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (m, 3)
-        In its own frame [m].
-    triangles : ndarray of int, shape (k, 3)
-        Rows of `points`; which side is the outer one does not matter.
-    poses : ndarray, shape (n, 4, 4)
-        Of its frame in the base frame of the body [m], one for each time.
-    """
-
-    points: Array
-    triangles: NDArray[np.integer]
-    poses: Array
-
-    def __post_init__(self) -> None:
-        points = as_finite(self.points, "points")
-        require_shape(points, "points", ("m", 3))
-        corners = np.asarray(self.triangles)
-        if corners.dtype.kind not in "iu" or corners.ndim != 2 or corners.shape[-1] != 3 or not len(corners):
-            raise InvalidInputError(
-                f"triangles must be whole numbers, shape (k, 3) with k ≥ 1; found {corners.dtype}, {corners.shape}"
-            )
-        if corners.min() < 0 or corners.max() >= len(points):
-            raise InvalidInputError(
-                f"triangles must name points from 0 to {len(points) - 1}; found {corners.min()} to {corners.max()}"
-            )
-        _require_rigid(as_finite(self.poses, "poses"))
+    points: Array  # (m, 3) in the frame of the link [m]
+    triangles: NDArray[np.integer]  # (k, 3) rows of `points`
+    poses: Array  # (n, 4, 4) of the link in the base frame [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """An arm that moves, with ellipsoids at its hand.
-
-    Attributes
-    ----------
-    name : str
-    skeleton : ndarray, shape (n, k, 3)
-        Corners of its polyline from base to hand [m].
-    ellipsoids : mapping of str to ndarray, shape (n, 3, 3)
-        By role; semi-axes in the unit of the motion.
-    path : ndarray, shape (n, 3), or None
-        Target positions of its tip [m].
-    parts : tuple of Part
-        Surfaces that are drawn instead of the skeleton; readers can go back to it.
-    turn : ndarray, shape (3, 3), or None
-        Rotation from the frame of the other bodies to this one's, by which the camera turns, so that alike looks alike.
-        None: they have one frame.
-    figure : ndarray, shape (k, 7), or None
-        What stands beside it, such as a trunk: rods from one point to another and their radii [m].
-    beside : tuple of Body
-        Others in its picture and its frame, such as the other arm.
-    """
+    """A moving arm with ellipsoids at its end effector."""
 
     name: str
-    skeleton: Array
-    ellipsoids: Mapping[str, Array] = field(default_factory=dict)
-    path: Array | None = None
-    parts: tuple[Part, ...] = ()
-    turn: Array | None = None
-    figure: Array | None = None
-    beside: "tuple[Body, ...]" = ()
+    skeleton: Array  # (n, k, 3) corners of the polyline from base to end effector [m]
+    ellipsoids: Mapping[str, Array] = field(default_factory=dict)  # (n, 3, 3) by role, in the unit of the motion
+    path: Array | None = None  # (n, 3) target positions of the end effector [m]
+    parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
+    turn: Array | None = None  # (3, 3) rotation of the camera from the frame of the other bodies
+    figure: Array | None = None  # (k, 7) rods of a trunk: start, end, radius [m]
+    beside: "tuple[Body, ...]" = ()  # further arms in the same picture and frame
 
     @property
     def all(self) -> "tuple[Body, ...]":
-        """All that is in its picture, itself first."""
+        """All arms of the picture, itself first."""
         return self, *self.beside
 
     def __post_init__(self) -> None:
-        corners = as_skeletons(self.skeleton, "skeleton")
-        if self.turn is not None:
-            pose = np.eye(4)
-            pose[:3, :3] = as_finite(self.turn, "turn")
-            _require_rigid(pose[None])
-        if self.figure is not None:
-            require_shape(as_finite(self.figure, "figure"), "figure", ("k", 7))
-        for role, matrices in self.ellipsoids.items():
+        for role in self.ellipsoids:
             as_choice(role, "role", tuple(ROLES))
-            found = as_positive_semidefinite(matrices, f"ellipsoids[{role!r}]", 3)
-            require_shape(found, f"ellipsoids[{role!r}]", (len(corners), 3, 3))
-        if self.path is not None:
-            require_shape(as_finite(self.path, "path"), "path", (len(corners), 3))
-        for k, part in enumerate(self.parts):
-            _require_length(part.poses, f"poses of parts[{k}] of {self.name!r}", len(corners))
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG picture, and what it shows for those who cannot see it; a `still` stands for a motion without scripts."""
+    """A PNG picture with a description."""
 
     png: bytes
     description: str
-    still: bool = False
-
-    def __post_init__(self) -> None:
-        if not self.png.startswith(b"\x89PNG\r\n\x1a\n"):
-            raise InvalidInputError(f"png must hold a PNG file; found bytes that begin with {self.png[:8]!r}")
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Values over time; nan where there are none.
-
-    `style` 0 to 2 is full, dashed, dotted; a `wide` line is pale and lies below what may coincide with it.
-    """
+    """Values over time, nan where there are none; `style` 0 to 2: solid, dashed, dotted; `wide` lines are pale."""
 
     name: str
     values: Array
@@ -141,40 +81,20 @@ class Line:
 
     def __post_init__(self) -> None:
         as_choice(self.role, "role", tuple(ROLES))
-        if self.style not in (0, 1, 2):
-            raise InvalidInputError(f"style must be 0, 1 or 2; found {self.style!r}")
-        values = np.asarray(self.values)
-        if values.ndim != 1 or values.dtype.kind != "f" or np.isinf(values).any():
-            raise InvalidInputError(f"values of the line {self.name!r} must be floats, shape (n,), nan where missing")
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Lines with one axis.
-
-    Attributes
-    ----------
-    title, unit : str
-    lines : tuple of Line
-    meaning : str
-        One sentence.
-    logarithmic : bool
-    limits : (float, float) or None
-        Bounds that the values keep to; the panel shades what is beyond.
-    span : (float, float) or None
-        Ends of the axis; by default those of the values.
-    strip : bool
-        Whether it is a strip until somebody opens it.
-    """
+    """Lines with a common axis."""
 
     title: str
     unit: str
     lines: tuple[Line, ...]
-    meaning: str = ""
+    meaning: str = ""  # one sentence
     logarithmic: bool = False
-    limits: tuple[float, float] | None = None
-    span: tuple[float, float] | None = None
-    strip: bool = False
+    limits: tuple[float, float] | None = None  # values outside are shaded
+    span: tuple[float, float] | None = None  # ends of the axis; None: those of the values
+    strip: bool = False  # drawn as a strip until it is opened
 
     def __post_init__(self) -> None:
         if not self.lines:
@@ -183,40 +103,18 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Ellipsoids in the plane of two diffusion coordinates.
-
-    Attributes
-    ----------
-    name, role : str
-    coordinates : ndarray, shape (n, 2)
-    ellipsoids : ndarray, shape (n, d, d)
-        Shown one at a time where d is 2 or 3.
-    outline : tuple of ndarray, shape (m, 2)
-        Closed lines around most of them.
-    gap : ndarray, shape (n,), or None
-        Their distances from what the robot can make, which colour a line.
-    """
+    """Ellipsoids on a map."""
 
     name: str
     role: str
-    coordinates: Array
-    ellipsoids: Array
-    outline: tuple[Array, ...] = ()
-    gap: Array | None = None
-
-    def __post_init__(self) -> None:
-        as_choice(self.role, "role", tuple(ROLES))
-        points = as_positive_semidefinite(self.ellipsoids, f"ellipsoids of the cloud {self.name!r}")
-        require_shape(as_finite(self.coordinates, "coordinates"), "coordinates", (len(points), 2))
-        for line in self.outline:
-            require_shape(as_finite(line, "outline"), "outline", ("m", 2))
-        if self.gap is not None:
-            require_shape(as_finite(self.gap, "gap"), "gap", (len(points),))
+    coordinates: Array  # (n, 2)
+    ellipsoids: Array  # (n, d, d)
+    gap: Array | None = None  # (n,) distances to the feasible set, which color a line
 
 
 @dataclass(frozen=True, eq=False)
 class DomainMap:
-    """Domains as clouds, and profiles as lines whose points belong to the times of a motion."""
+    """Domains as clouds, and profiles as lines with a point for each time of a motion."""
 
     domains: tuple[Cloud, ...]
     profiles: tuple[Cloud, ...] = ()
@@ -225,74 +123,141 @@ class DomainMap:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Something that moves and is played: arms, curves and a map under one clock.
+    """Arms, curves and a map with one clock."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Ascending [s].
-    bodies : tuple of Body
-        Side by side, of one scale.
-    panels : mapping of str to tuple of Panel
-        By what they are about.
-    map : DomainMap or None
-    unit : str
-        Of semi-axes.
-    size : float
-        Length at which a semi-axis of one `unit` is drawn [m].
-    clocks : mapping of str to ndarray, shape (n,)
-        Other times to show, by name [s].
-    legend : mapping of str to str
-        What the ellipsoid of each role is.
-    note : str
-        Stands below the picture.
-    states : tuple of str
-        How it goes at each time, a word of `maniport.telling.page.states.STATES`; none: nothing is known of it.
-    opening : float or None
-        The time that is shown first [s]; None: the start.
-    """
-
-    time: Array
-    bodies: tuple[Body, ...]
-    panels: Mapping[str, tuple[Panel, ...]] = field(default_factory=dict)
+    time: Array  # (n,) ascending [s]
+    bodies: tuple[Body, ...]  # side by side, with one scale
+    panels: Mapping[str, tuple[Panel, ...]] = field(default_factory=dict)  # by topic
     map: DomainMap | None = None
-    unit: str = ""
-    size: float = 0.25
-    clocks: Mapping[str, Array] = field(default_factory=dict)
-    legend: Mapping[str, str] = field(default_factory=dict)
+    unit: str = ""  # of semi-axes
+    size: float = 0.25  # length of a semi-axis of one `unit` [m]
+    clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
+    legend: Mapping[str, str] = field(default_factory=dict)  # descriptions of ellipsoids by role
     note: str = ""
-    states: tuple[str, ...] = ()
-    opening: float | None = None
+    states: tuple[str, ...] = ()  # a key of STATES for each time
+    opening: float | None = None  # time that is displayed first [s]
 
     def __post_init__(self) -> None:
         count = len(as_times(self.time))
-        for state in dict.fromkeys(self.states):
-            as_choice(state, "state", tuple(STATES))
-        if self.states and len(self.states) != count:
-            raise InvalidInputError(f"states must have {count} entries, one for each time; found {len(self.states)}")
-        as_number(self.size, "size", above=0.0)
-        for body in (one for shown in self.bodies for one in shown.all):
-            _require_length(body.skeleton, f"the skeleton of {body.name!r}", count)
-        for line in (line for panels in self.panels.values() for panel in panels for line in panel.lines):
-            _require_length(np.asarray(line.values), f"the line {line.name!r}", count)
-        for profile in self.map.profiles if self.map else ():
-            _require_length(profile.coordinates, f"the profile {profile.name!r}", count)
+        arrays = {f"the skeleton of {one.name!r}": one.skeleton for body in self.bodies for one in body.all}
+        arrays |= {f"the line {line.name!r} of {panel.title!r}": line.values
+                   for panels in self.panels.values() for panel in panels for line in panel.lines}  # fmt: skip
+        arrays |= {f"the profile {one.name!r}": one.coordinates for one in (self.map.profiles if self.map else ())}
+        for name, array in arrays.items():
+            if len(array) != count:
+                raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Panel, line, minimum, median and maximum of every curve, for pages without scripts."""
+        rows = []
+        for panel in (panel for panels in self.panels.values() for panel in panels):
+            for line in panel.lines:
+                values = line.values[np.isfinite(line.values)]
+                cells = ["–"] * 3
+                if len(values):
+                    cells = [f"{value:.3g} {panel.unit}" for value in np.percentile(values, [0, 50, 100])]
+                rows.append((panel.title, line.name, *cells))
+        return rows
 
 
-def _require_length(array: Array, name: str, count: int) -> None:
-    """Refuse an array that has not one entry for each time."""
-    if len(array) != count:
-        raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
+def as_json(motion: Motion, frames: int, *, surfaces: bool = True) -> str:
+    """Encode a motion for a ``<script>`` element with data, thinned to at most `frames` times."""
+    kept = evenly_spaced(len(motion.time), frames)
+    time, names = motion.time[kept], list(STATES)
+    states = [names.index(motion.states[k]) for k in kept] if motion.states else []
+    data = {
+        "start": float(time[0]),
+        "time": packed(time - time[0]),
+        "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
+        "unit": motion.unit,
+        "size": float(motion.size),
+        "clocks": {name: packed(times[kept]) for name, times in motion.clocks.items()},
+        "legend": dict(motion.legend),
+        "bodies": [_body(body, kept, surfaces) for body in motion.bodies],
+        "panels": {name: [_panel(panel, kept) for panel in panels] for name, panels in motion.panels.items()},
+        "map": None if motion.map is None else _map(motion.map, kept),
+        "states": {"names": names, "values": packed(states, "u16")} if states else None,
+        "opening": 0.0 if motion.opening is None else float(motion.opening - time[0]),
+    }
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c")  # nothing in the data may end the element
 
 
-def _require_rigid(poses: Array) -> None:
-    require_shape(poses, "poses", ("n", 4, 4))
-    turns = poses[:, :3, :3]
-    gap = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    gap = np.maximum(gap, np.abs(poses[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1))
-    bad = np.flatnonzero((gap > RIGID) | (np.linalg.det(turns) < 0))
-    if len(bad):
-        raise InvalidInputError(
-            f"poses must be rotations and positions, [[R, p], [0, 1]] with R Rᵀ = I to {RIGID:g} and det R = 1; "
-            f"found one that is not at index {bad[0]} ({len(bad)} such entries)"
-        )
+def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
+    """Encode an array as its shape and, in base64, its numbers in little-endian order."""
+    values = np.ascontiguousarray(array, dtype={"f32": "<f4", "u16": "<u2", "u32": "<u4"}[form])
+    return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
+
+
+def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
+    beside = {"beside": [_body(one, kept, surfaces) for one in body.beside]} if body.beside else {}
+    return {
+        "name": body.name,
+        "skeleton": packed(body.skeleton[kept]),
+        "ellipsoids": {role: packed(_upper(matrices[kept])) for role, matrices in body.ellipsoids.items()},
+        "path": None if body.path is None else packed(body.path[kept]),
+        "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
+        "turn": None if body.turn is None else np.asarray(body.turn, dtype=float).ravel().tolist(),
+        "figure": None if body.figure is None else np.asarray(body.figure, dtype=float).round(4).tolist(),
+        **beside,
+    }
+
+
+def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
+    """Encode a surface with each point once, so that the script finds triangles that meet."""
+    corners = np.asarray(part.points, dtype="<f4")[part.triangles].reshape(-1, 3)
+    points, places = np.unique(corners, axis=0, return_inverse=True)
+    form = "u16" if len(points) <= 2**16 else "u32"
+    return {
+        "points": packed(points),
+        "triangles": packed(places.reshape(-1, 3), form),
+        "poses": packed(_seven(part.poses[kept])),
+    }
+
+
+def _seven(poses: Array) -> Array:
+    """Positions and unit quaternions x y z w of poses (n, 4, 4), shape (n, 7); (1, 7) where nothing moves."""
+    if np.abs(poses - poses[0]).max() < 1e-9:
+        poses = poses[:1]
+    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    back = np.einsum("ni,ni->n", turns[:-1], turns[1:]) < 0
+    turns[1:] *= np.cumprod(np.where(back, -1.0, 1.0))[:, None]
+    return np.concatenate([poses[:, :3, 3], turns], axis=1)
+
+
+def _panel(panel: Panel, kept: NDArray[np.intp]) -> dict[str, Any]:
+    plain = {
+        name: getattr(panel, name) for name in ("title", "unit", "meaning", "logarithmic", "limits", "span", "strip")
+    }
+    lines = [{"name": line.name, "role": line.role, "style": line.style, "wide": line.wide,
+              "values": packed(np.asarray(line.values)[kept])} for line in panel.lines]  # fmt: skip
+    return {**plain, "lines": lines}
+
+
+def _map(chart: DomainMap, kept: NDArray[np.intp]) -> dict[str, Any]:
+    return {
+        "domains": [_cloud(cloud, np.arange(len(cloud.coordinates))) for cloud in chart.domains],
+        "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
+        "note": chart.note,
+    }
+
+
+def _cloud(cloud: Cloud, kept: NDArray[np.intp]) -> dict[str, Any]:
+    d = cloud.ellipsoids.shape[-1]
+    matrices = np.zeros((len(kept), 3, 3))
+    if d <= 3:  # ellipses become flat ellipsoids
+        matrices[:, :d, :d] = cloud.ellipsoids[kept]
+    return {
+        "name": cloud.name,
+        "role": cloud.role,
+        "coordinates": packed(cloud.coordinates[kept]),
+        "ellipsoids": packed(_upper(matrices)) if d <= 3 else None,
+        "gap": None if cloud.gap is None else packed(cloud.gap[kept]),
+    }
+
+
+def _upper(matrices: Array) -> Array:
+    """Entries xx, xy, xz, yy, yz, zz of symmetric matrices (n, 3, 3), shape (n, 6)."""
+    rows, columns = np.triu_indices(3)
+    return matrices[:, rows, columns]

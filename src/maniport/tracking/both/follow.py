@@ -16,7 +16,7 @@ from maniport.tracking.both.planner import as_arms, two
 from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult, in_words
-from maniport.tracking.limits.collision import RememberingLimit
+from maniport.tracking.limits import RememberingLimit
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.schedule import Schedule
 from maniport.validation import Array
@@ -24,19 +24,14 @@ from maniport.validation import Array
 
 @dataclass(frozen=True, repr=False)
 class TrackedArms(JointMotion):
-    """A motion of both arms as one joint trajectory, and how well each follows.
+    """A motion of both arms as one joint trajectory, and how well each follows; made by `track_arms`.
 
     Attributes
     ----------
     left, right : TrackResult
-        The same motion as each arm's own.
+        The same motion of each arm.
     held : ndarray, shape (m,)
-        At which control steps no answer was found and the arms were brought to rest, bool.
-
-    See Also
-    --------
-    track_arms : makes it.
-    TrackResult : what there is of each arm.
+        At which control steps the quadratic program failed and the arms were brought to rest, bool.
     """
 
     left: TrackResult
@@ -66,9 +61,9 @@ def track_arms(
     progress: Progress | None = None,
     **control: Any,
 ) -> TrackedArms:
-    """Move two arms so that the velocity ellipsoids of each follow target ones, and its tip a target path.
+    """Move two arms so that the velocity ellipsoids of each follow target ones, and its end effector a target path.
 
-    As `maniport.tracking.track` for one arm, from the first posture of the reference on.
+    As `maniport.tracking.track` for one arm, from the first configuration of the reference on.
 
     Parameters
     ----------
@@ -78,15 +73,15 @@ def track_arms(
     time : array_like, shape (n,)
         Increasing [s].
     reference : array_like, shape (n, dof)
-        Joint positions of both to stay near [rad or m], such as those that `plan_arms` finds.
+        Joint positions of both to stay near [rad or m], such as those of `plan_arms`.
     paths : two of array_like, shape (n, 3), optional
-        Target positions of the tips in that frame [m].
+        Target positions of the end effectors in that frame [m].
     rotations : two of array_like, shape (n, 3, 3), optional
-        How the tips shall be turned.
+        Target orientations.
     spec, damping, progress
         As in `maniport.tracking.track`.
     collisions : Collisions or bool, optional
-        What the arms are kept apart from, by a `CollisionLimit`; True: from themselves and one another.
+        Collision model for a `CollisionLimit`; True: of the arms with themselves and one another.
     **control
         As in `maniport.tracking.track`, for the joints of both.
 
@@ -96,11 +91,6 @@ def track_arms(
         When an argument has a wrong shape or value, or the reference begins beyond the limits.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
-
-    See Also
-    --------
-    TrackedArms : what comes out.
-    plan_arms : makes a reference.
     """
     settings, pair = Control(**control), as_arms(arms)
     apart = as_collisions(collisions, pair)

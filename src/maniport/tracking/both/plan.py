@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from maniport.bodies import VELOCITY, Arms, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.steps import Part, Progress, Step, between, pieces
-from maniport.thinning import evenly
-from maniport.tracking.both.mirror import Image
+from maniport.steps import Progress, Step, between, pieces
+from maniport.subsample import evenly_spaced
 from maniport.tracking.both.planned_arms import PlannedArms
 from maniport.tracking.both.planner import ArmsPlanner, as_arms, two
 from maniport.tracking.both.targets import PLACED, RELATIVE, BothTargets, floors_of
@@ -22,17 +21,19 @@ from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import in_words
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import EXACT_WEIGHT, Damping, Objective
-from maniport.tracking.plan.approach import with_approach
-from maniport.tracking.plan.control import PlanControl
-from maniport.tracking.plan.plan import FLOOR_POINTS, Course, Request, floor_below, joints_at, judged
-from maniport.tracking.plan.refinement import CLEAR
-from maniport.tracking.plan.retiming import Timed
-from maniport.tracking.plan.room import Room
-from maniport.tracking.search.node_floor import floor_between
+from maniport.tracking.plan.home_motion import with_approach
+from maniport.tracking.plan.plan_control import PlanControl
+from maniport.tracking.plan.plan_motion import (
+    POINTWISE_POINTS,
+    PlanRequest,
+    TimedPath,
+    evaluated,
+    pointwise_improved,
+)
+from maniport.tracking.plan.planned_motion import Room
+from maniport.tracking.plan.time_parameterization import Timed
+from maniport.tracking.search.pointwise import interpolated_distance
 from maniport.validation import Array, as_choice, as_generator
-
-AS_CLEAR = 1e-4
-"""An image comes as near to what is around it where it comes nearer by no more than this [m]."""
 
 
 def plan_arms(
@@ -51,13 +52,11 @@ def plan_arms(
     progress: Progress | None = None,
     **control: Any,
 ) -> PlannedArms:
-    """Plan a motion of two arms whose velocity ellipsoids come near to target ones, with their tips on paths.
+    """Plan a motion of two arms whose velocity ellipsoids come near to target ones, with their end effectors on paths.
 
     Each arm is planned as by `plan_motion`, as if joints that move both were its alone. Where there are such joints, or
     the arms come within 15 mm of one another, the postures are then refined for both at once, apart from one another;
-    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one. Where the arms are
-    images of one another in the plane of x and z, and so is what they are asked for, one is planned and the other moves
-    as its image, unless something is in its way alone or both would collide.
+    else they stay those of each arm alone. One time is found for both, as by `plan_motion` for one.
 
     Parameters
     ----------
@@ -65,22 +64,22 @@ def plan_arms(
     profiles : two of array_like, shape (n, d, d)
         Target velocity ellipsoids of the left and of the right arm in their common frame, without damping, n ≥ 2.
     time : array_like, shape (n,)
-        The person's, increasing [s].
+        Demonstrated times, increasing [s].
     paths : two of array_like, shape (n, 3), optional
-        Target positions of the tips in that frame [m].
+        Target positions of the end effectors in that frame [m].
     spec, damping, random_state, progress
         As in `plan_motion`, for each arm.
     rotations : two of array_like, shape (n, 3, 3), optional
-        How the tips shall be turned, as in `plan_motion`.
+        Target orientations, as in `plan_motion`.
     tips : {"placed", "relative"}
-        Whether both tips are on their paths, or have the same way between them as these, and go where the arms make the
-        ellipsoids better; the arms of the result then have no paths.
+        Whether the end effectors follow their paths, or only keep the vector between them; the arms of the result then
+        have no paths.
     planner : ArmsPlanner, optional
-        One that was made for these arms, ellipsoids and limits. Default: a new one.
+        A planner of these arms, ellipsoids and limits. Default: a new one.
     node_floors : two of array_like, shape (n,), optional
-        Where they are known already. Default: they are searched for.
+        The pointwise optima, where they are known. Default: they are searched.
     **control
-        As in `plan_motion`; limits, collisions and the home posture are for the joints of both arms.
+        As in `plan_motion`; limits, collisions and the home configuration are for the joints of both arms.
 
     Raises
     ------
@@ -88,10 +87,6 @@ def plan_arms(
         When an argument has a wrong shape or value.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
-
-    See Also
-    --------
-    PlannedArms : what comes out.
     """
     settings, generator, pair = PlanControl(**control), as_generator(random_state), as_arms(arms)
     if planner is not None:
@@ -104,13 +99,16 @@ def plan_arms(
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
-    image = Image.of(planner.limits, requests[0].asked, requests[1].asked, spec)
-    courses, image = _courses(planner, requests, image, generator, between(step, 0.2, 0.7))
-    timed, joined = together(planner, requests, courses, image, relative, generator, between(step, 0.7, 0.9))
-    timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[2]])
+    parts = pieces(between(step, 0.2, 0.7), 1.0, 1.0)
+    courses = [
+        request.planned(own, deepcopy(generator), part)
+        for request, own, part in zip(requests, planner.each, parts, strict=True)
+    ]
+    timed, joined = together(planner, requests, courses, relative, generator, between(step, 0.7, 0.9))
+    timed = replace(timed, at=timed.at[requests[0].finer(planner.limits)[3]])
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
-    step.end(requests[0].lasting(timed))
+    step.end(requests[0].duration_text(timed))
     step = Step(progress, "measure the motion of both arms")
     result = _judged(planner, requests, courses, timed, joined, relative)
     step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
@@ -127,7 +125,7 @@ def _relative(tips: str, paths: Sequence[ArrayLike] | None) -> bool:
 
 def _requests(
     pair: Arms, settings: PlanControl, time: ArrayLike, spec: EllipsoidSpec, damping: Damping, given: dict[str, Any]
-) -> list[Request]:
+) -> list[PlanRequest]:
     """What is asked of each arm, checked."""
     requests = []
     columns = [two(value, name) for name, value in given.items()]
@@ -136,36 +134,24 @@ def _requests(
     ):
         objective = Objective.of(arm, meant, damping, EXACT_WEIGHT, positive=True)
         objective = objective.keeping(settings.keep, settings.orientation_weight)
-        requests.append(Request.of(settings, objective, profile, time, path, None, turned, floor))
+        requests.append(PlanRequest.of(settings, objective, profile, time, path, None, turned, floor))
     if (requests[0].asked.positions is None) != (requests[1].asked.positions is None):
         raise InvalidInputError("paths must be of both arms or of none")
     return requests
 
 
-def _courses(
-    planner: ArmsPlanner, requests: list[Request], image: Image | None, generator: np.random.Generator, tell: Part
-) -> tuple[list[Course], Image | None]:
-    """The motion of each arm by itself, and the image, where nothing that the right arm avoids less is in its way."""
-    tells = pieces(tell, 1.0, 1.0)
-    right = requests[1].course(planner.each[1], deepcopy(generator), tells[1])
-    if image is not None:
-        left = image.signs * right.q
-        clear = [
-            np.inf if own.collisions is None else own.collisions.clearance(q).min()
-            for own, q in zip(planner.each, (left, right.q), strict=True)
-        ]
-        if clear[0] >= min(clear[1], CLEAR) - AS_CLEAR:
-            return [replace(right, q=left), right], image
-    return [requests[0].course(planner.each[0], deepcopy(generator), tells[0]), right], None
-
-
 def _judged(
-    planner: ArmsPlanner, requests: list[Request], courses: list[Course], timed: Timed, joined: bool, relative: bool
+    planner: ArmsPlanner,
+    requests: list[PlanRequest],
+    courses: list[TimedPath],
+    timed: Timed,
+    joined: bool,
+    relative: bool,
 ) -> PlannedArms:
     """What became of it."""
     arms, sides, way, beside = planner.arms, [], None, None
     if relative:
-        requests, courses, way, beside = _released(planner, requests, courses, joints_at(timed))
+        requests, courses, way, beside = _released(planner, requests, courses, timed.waypoints())
     for request, course, own, columns in zip(requests, courses, planner.each, arms.columns, strict=True):
         mine = replace(
             timed,
@@ -174,15 +160,15 @@ def _judged(
             accelerations=timed.accelerations[:, columns],
             deviation=timed.deviation[columns],
         )
-        floor = course.floor
-        if joined and request.floor is None:
-            floor = floor_below(request.targets(own.limits), joints_at(mine), floor)
-        sides.append(judged(request, mine, own.limits, own.collisions, floor))
+        pointwise = course.pointwise
+        if joined and request.pointwise is None:
+            pointwise = pointwise_improved(request.targets(own.limits), mine.waypoints(), pointwise)
+        sides.append(evaluated(request, mine, own.limits, own.collisions, pointwise))
     motion = JointMotion(
         arms.joint_names,
         arms.joint_units,
         timed.at,
-        joints_at(timed),
+        timed.waypoints(),
         timed.time,
         timed.positions,
         timed.velocities,
@@ -203,24 +189,25 @@ def _judged(
 
 
 def _released(
-    planner: ArmsPlanner, requests: list[Request], courses: list[Course], q: Array
-) -> tuple[list[Request], list[Course], Array, Array]:
+    planner: ArmsPlanner, requests: list[PlanRequest], courses: list[TimedPath], q: Array
+) -> tuple[list[PlanRequest], list[TimedPath], Array, Array]:
     """What was asked for without paths, floors of both in sum, the way from tip to tip."""
     left, right = (one.targets(own.limits) for one, own in zip(requests, planner.each, strict=True))
     both = BothTargets.relative(planner.arms, (left, right))
     assert both.way is not None
-    rows = evenly(len(both), FLOOR_POINTS)
+    rows = evenly_spaced(len(both), POINTWISE_POINTS)
     unturned = (replace(both.each[0][rows], rotations=None), replace(both.each[1][rows], rotations=None))
     lowest = replace(both[rows], each=unturned)
     floors = [
-        floor_between(rows, one, len(both)) for one in floors_of(lowest, [one.bank for one in planner.each], [q[rows]])
+        interpolated_distance(rows, one, len(both))
+        for one in floors_of(lowest, [one.bank for one in planner.each], [q[rows]])
     ]
     return (
         [
-            replace(one, asked=replace(one.asked, positions=None), floor=floor)
+            replace(one, asked=replace(one.asked, positions=None), pointwise=floor)
             for one, floor in zip(requests, floors, strict=True)
         ],
-        [replace(one, floor=floor) for one, floor in zip(courses, floors, strict=True)],
+        [replace(one, pointwise=floor) for one, floor in zip(courses, floors, strict=True)],
         both.way,
         np.linalg.norm(both.beside(q), axis=1),
     )

@@ -9,38 +9,30 @@ from maniport.bodies import Arms
 from maniport.files import save_arrays
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
-from maniport.tracking.plan.planned_motion import PlannedMotion, over_floor
-from maniport.tracking.plan.room import Room
+from maniport.tracking.plan.planned_motion import PlannedMotion, Room, over_floor
 from maniport.validation import Array
 
 
 @dataclass(frozen=True, repr=False)
 class PlannedArms(JointMotion):
-    """A motion of both arms, from rest to rest within the robot's limits, as one joint trajectory.
+    """A planned motion of both arms, from rest to rest within the limits, as one joint trajectory.
 
     Attributes
     ----------
     arms : Arms
         With the margin of their limits; ``joint_names`` are theirs.
     left, right : PlannedMotion
-        The same motion as each arm's own: its joints, ellipsoids, path and node floor. Its ``room`` is that of the
-        arm alone.
+        The same motion of each arm; its ``room`` is that of the arm alone.
     limits : MotionLimits
     limit_use : LimitUse
-        How much of them is used at most, and when.
+        Largest shares of the limits.
     room : Room
-        How near the motion comes to a collision of an arm with itself, with the other one, or with what is around.
+        Collisions and clearance of the pair.
     together : bool
-        Whether the postures were refined for both arms at once, since they share joints or come near one another; else
-        they are those of each arm alone.
+        Whether both arms were optimized at once, since they share joints or come near one another.
     way, beside_way : ndarray, shapes (n, 3) and (n,), or None
-        Where the right tip shall be from the left one, along the common axes, and how far it is beside that [m], where
-        that alone is kept of the paths.
-
-    See Also
-    --------
-    plan_arms : makes it.
-    PlannedMotion : what there is of each arm.
+        Target vector from the left to the right end effector in the common axes, and the distance from it [m], with
+        ``tips="relative"``.
     """
 
     arms: Arms
@@ -71,9 +63,9 @@ class PlannedArms(JointMotion):
     def save_joints(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file without pickled objects.
 
-        For the joints of both what `maniport.tracking.TrackResult.save_joints` writes for one arm; ``manipulability``,
-        ``distance``, ``status`` and, where there are paths, ``position_error`` of each arm behind ``left_`` and
-        ``right_``; ``way`` and ``beside_way`` where they are known.
+        For the joints of both the arrays of `maniport.tracking.TrackResult.save_joints`; ``manipulability``,
+        ``distance``, ``status`` and ``position_error`` of each arm with the prefix ``left_`` or ``right_``; ``way`` and
+        ``beside_way`` where they are known.
 
         Raises
         ------

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.bodies import Arms, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.tracking.fitting import require_alike
+from maniport.tracking.arm_model import require_alike
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import as_generator
@@ -18,7 +18,7 @@ from maniport.validation import as_generator
 
 @dataclass(frozen=True)
 class ArmsPlanner:
-    """Two arms, within limits and apart from one another and from obstacles, that plan motions together.
+    """Two arms with their limits and collision model, for any number of plans.
 
     Attributes
     ----------
@@ -27,14 +27,9 @@ class ArmsPlanner:
     spec : EllipsoidSpec
         Which ellipsoids, of each arm.
     each : (Planner, Planner)
-        What plans each arm by itself, with all joints that move it.
+        Planners of each arm, with all joints that move it.
     collisions : Collisions, optional
-        Of the pair: each arm with itself, with the other one, and with what stands around them.
-
-    See Also
-    --------
-    Planner : for one arm.
-    plan_arms : makes one for a single motion.
+        Of the pair: each arm with itself, the other one, and obstacles.
     """
 
     limits: MotionLimits

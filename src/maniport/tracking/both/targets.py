@@ -9,7 +9,7 @@ import numpy as np
 from maniport.bodies import Arms
 from maniport.tracking.kernels import add_residual
 from maniport.tracking.objective import Targets
-from maniport.tracking.search.node_floor import STARTS, floor_searched
+from maniport.tracking.search.pointwise import STARTS, search_pointwise
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
 
@@ -21,19 +21,12 @@ PLACED, RELATIVE = "placed", "relative"
 class BothTargets:
     """Targets of a left and of a right arm, in the joints of the pair: the cost is the sum of theirs.
 
-    Attributes
-    ----------
-    arm : Arms
-    each : (Targets, Targets)
-        Of ``arm.left`` and ``arm.right``, one row for each point.
-    way : ndarray, shape (n, 3), or None
-        Where the right tip shall be from the left one, along the common axes [m]; |w (p_right − p_left − way)|² is
-        added with the weight w of places.
+    With `way`, |w (p_right − p_left − way)|² is added, with the weight w of the position error.
     """
 
     arm: Arms
     each: tuple[Targets, Targets]
-    way: Array | None = None
+    way: Array | None = None  # (n, 3), target vector from the left to the right end effector [m]
 
     @classmethod
     def relative(cls, arm: Arms, each: tuple[Targets, Targets]) -> "BothTargets":
@@ -60,12 +53,6 @@ class BothTargets:
     def position_weight(self) -> float:
         """What a metre counts for that a tip is beside its place, or the way between them beside what it shall be."""
         return self.each[0].objective.position_weight
-
-    def cost(self, q: Array) -> Array:
-        """Squared residuals at q (n, dof), shape (n,)."""
-        left, right = (one.cost(part) for one, part in zip(self.each, self.arm.split(q), strict=True))
-        between = 0.0 if self.way is None else np.sum((self.position_weight * self.beside(q)) ** 2, axis=1)
-        return np.asarray(left + right + between)
 
     def distance(self, q: Array) -> Array:
         """Root of the sum of both arms' squared distances (n,)."""
@@ -111,4 +98,4 @@ def floors_of(targets: BothTargets, banks: Sequence[StartBank], known: Sequence[
     starts = np.empty((len(targets), STARTS, targets.arm.dof))
     for one, bank, columns in zip(targets.each, banks, targets.arm.columns, strict=True):
         starts[..., columns] = bank.starts_for(one, STARTS)
-    return targets.distances(floor_searched(targets, starts, known).joint_positions)
+    return targets.distances(search_pointwise(targets, starts, known).joint_positions)

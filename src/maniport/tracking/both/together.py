@@ -1,110 +1,97 @@
 """One motion of both arms, from what each does alone: refined in slow time, then timed."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from maniport.steps import Part
-from maniport.tracking.both.mirror import Apart, Image
-from maniport.tracking.both.parting import parted
 from maniport.tracking.both.planner import ArmsPlanner
 from maniport.tracking.both.targets import BothTargets
-from maniport.tracking.effort import as_effort
 from maniport.tracking.motion_limits import MotionLimits
-from maniport.tracking.plan.control import PlanControl
-from maniport.tracking.plan.pace import SHARE_OF_SPEED, near_enough, paced
-from maniport.tracking.plan.plan import Course, Request, slowness
-from maniport.tracking.plan.planner import QUICKEST, ROUGH_WEIGHTS, SLOW
-from maniport.tracking.plan.refinement import CLEAR, Asked, KeptApart, PosturesOnPaths, motion_cost, refine
-from maniport.tracking.plan.retiming import Timed, retime
+from maniport.tracking.objective import Targets
+from maniport.tracking.plan.optimizer import (
+    CLEARANCE,
+    CLEARANCE_WEIGHT,
+    POSITION_WEIGHTS,
+    CollisionModel,
+    PathCost,
+    TrajectoryCost,
+    optimize,
+    optimize_to_tolerance,
+)
+from maniport.tracking.plan.plan_motion import PlanRequest, TimedPath
+from maniport.tracking.plan.planner import coarse_terms, interpolated, smoothness_share, stages_of, time_parameterized
+from maniport.tracking.plan.roadmap import JOINT_MOTION_WEIGHT, shortest_path
+from maniport.tracking.plan.time_parameterization import Timed, retime
 from maniport.validation import Array
-
-SHARE = 0.1
-"""Of the usual smoothness of motions in slow time."""
-AWAY = (1.0, 3.0, np.inf)
-"""How many times farther than allowed tips may be from their paths, in turn, until nothing collides."""
 
 
 def together(
     planner: ArmsPlanner,
-    requests: list[Request],
-    courses: list[Course],
-    image: Image | None,
+    requests: list[PlanRequest],
+    courses: list[TimedPath],
     relative: bool,
     random: np.random.Generator,
     tell: Part,
 ) -> tuple[Timed, bool]:
     """One motion of both, and whether it was refined as one."""
-    settings, limits, apart = requests[0].settings, planner.limits, planner.collisions
+    request, limits, apart = requests[0], planner.limits, planner.collisions
     ways = [one.q for one in courses]
-    (left, since, _), (right, *_) = (one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True))
+    (left, slow, fastest, _), (right, *_) = (
+        one.finer(own.limits) for one, own in zip(requests, planner.each, strict=True)
+    )
 
     def others() -> list[Array]:
         """What else may be begun with, where all else collides."""
         if planner.arms.shared or apart is None or left.positions is None:
             return []
-        return parted(planner, (left, right), slowness(settings) * since, ways, random)
+        return parted(planner, (left, right), slow, ways, random)
 
-    if relative:  # images stay images by themselves
+    if relative:
         tell(0.1)
         between = BothTargets.relative(planner.arms, (left, right))
-        return _refined(limits, between, apart, since, _starts(planner, ways), settings, others), True
-    if image is None:
-        starts = _starts(planner, ways)
-    else:
-        alone = image.within(planner.each[1].limits)
-        starts = [image.pair(np.clip(ways[1], alone.lower, alone.upper))]
-    near = apart is not None and apart.between.known and bool(np.any(apart.between.clearance(starts[0]) < CLEAR))
+        return _refined(limits, between, apart, (slow, fastest), _starts(planner, ways), request, others), True
+    starts = _starts(planner, ways)
+    near = apart is not None and apart.between.known and bool(np.any(apart.between.clearance(starts[0]) < CLEARANCE))
     if not (planner.arms.shared or near):
-        fineness = as_effort(settings.effort).fineness
-        return retime(limits, since / settings.tempo, starts[0], rate=settings.rate, fineness=fineness), False
+        return retime(limits, fastest, starts[0], rate=request.settings.rate), False
     tell(0.1)
-    if image is None:
-        both = BothTargets(planner.arms, (left, right))
-        return _refined(limits, both, apart, since, starts, settings, others), True
-    targets = requests[1].finer(alone)[0]
-    own = None if apart is None else Apart(image, apart)
-    only = [q[:, planner.arms.columns[1]] for q in starts]
-    timed = image.both(_refined(alone, targets, own, since, only, settings))
-    if apart is not None and apart.collides(timed.positions).any():  # one of them has to make way
-        return together(planner, requests, courses, None, relative, random, tell)
-    return timed, True
+    both = BothTargets(planner.arms, (left, right))
+    return _refined(limits, both, apart, (slow, fastest), starts, request, others), True
 
 
 def _refined(
     limits: MotionLimits,
-    targets: PosturesOnPaths,
-    apart: KeptApart | None,
-    since: Array,
+    targets: PathCost,
+    apart: CollisionModel | None,
+    times: tuple[Array, Array],
     starts: list[Array],
-    settings: PlanControl,
+    request: PlanRequest,
     others: Callable[[], list[Array]] = list,
 ) -> Timed:
-    """Refine the best of some motions and time it; where it collides, of others, too, and then with tips off paths."""
-    slow, effort = slowness(settings) * since, as_effort(settings.effort)
-    most = np.minimum(SHARE_OF_SPEED * limits.velocity, [QUICKEST[unit] for unit in limits.arm.joint_units])
-    asked = Asked(SLOW.times(SHARE), velocity=most, collisions=apart, enough=effort.enough)
+    """Optimize the best of some starts and time it; where it collides, of others, too, then with more tolerance."""
+    (slow, fastest), settings = times, request.settings
+    terms = coarse_terms(limits, apart, smoothness_share(slow), request.effort)
     begun: list[Array] = []
-    for farther, more in _tries(starts, others):
-        begun += [refine(targets, slow, q, asked, ROUGH_WEIGHTS[:1]) for q in more]
-        best = min(begun, key=lambda q: motion_cost(targets, slow, q, asked))
-        tolerance = farther * settings.tip_tolerance
-        q = near_enough(targets, slow, best, asked, tolerance).q
-        timed = paced(
-            limits, apart, targets, since / settings.tempo, q, tolerance, settings.rate, effort.fineness
-        ).timed
+    for relaxation, more in _tries(starts, others):
+        begun += [optimize(targets, slow, q, terms, POSITION_WEIGHTS[0]) for q in more]
+        best = min(begun, key=lambda q: TrajectoryCost(targets.arm, targets, slow, terms).evaluate(q)[0])
+        tolerance = relaxation * settings.tip_tolerance
+        q, _ = optimize_to_tolerance(targets, slow, best, terms, tolerance)
+        _, timed = time_parameterized(limits, apart, targets, fastest, q, tolerance, settings.rate, request.effort)
         if apart is None or not apart.collides(timed.positions).any():
             break
     return timed
 
 
 def _tries(starts: list[Array], others: Callable[[], list[Array]]) -> Iterator[tuple[float, list[Array]]]:
-    """How many times farther than allowed tips may be from their paths, and from what else to begin, in turn."""
-    yield AWAY[0], starts
+    """Factors of the position tolerance and further starts, in turn, until nothing collides."""
+    yield 1.0, starts
     if more := others():
-        yield AWAY[0], more
-    for farther in AWAY[1:]:
-        yield farther, []
+        yield 1.0, more
+    for relaxation in (3.0, np.inf):
+        yield relaxation, []
 
 
 def _starts(planner: ArmsPlanner, courses: list[Array]) -> list[Array]:
@@ -125,3 +112,39 @@ def _starts(planner: ArmsPlanner, courses: list[Array]) -> list[Array]:
         found.append(q.copy())
         found[-1][:, shared] = share * of_left + (1.0 - share) * of_right
     return found
+
+
+def parted(
+    planner: ArmsPlanner, each: Sequence[Targets], time: Array, courses: Sequence[Array], random: np.random.Generator
+) -> list[Array]:
+    """Motions of both (n, dof) in which one arm makes way for the other, and then the other for it."""
+    found = []
+    for first in (1, 0):
+        ways = list(courses)
+        for side in (first, 1 - first):
+            ways[side] = _beside(planner, side, each[side], time, ways[1 - side], random)
+        found.append(planner.arms.joined(*ways))
+    return found
+
+
+def _beside(
+    planner: ArmsPlanner, side: int, targets: Targets, time: Array, other: Array, random: np.random.Generator
+) -> Array:
+    """The best way of an arm through nodes, each of which costs by how near it is to the other arm at that moment."""
+    own, columns, apart = planner.each[side], planner.arms.columns, planner.collisions
+    assert apart is not None
+    rows = stages_of(time, 0.55)
+    nodes = own.atlas.nodes(targets[rows], 150, random)
+    both = np.empty((len(nodes.q), planner.arms.dof))
+    both[:, columns[side]] = nodes.q
+    both[:, columns[1 - side]] = np.repeat(other[rows], np.diff(nodes.first), axis=0)
+    cost = nodes.cost.copy()
+    near, distance, _ = apart.between.gradient(both, CLEARANCE)
+    np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
+    if own.collisions is not None:
+        cost += 1e4 * own.collisions.collides(nodes.q)
+    nodes = replace(nodes, cost=cost)
+    way = nodes.q[
+        shortest_path(nodes, time[rows], own.largest_changes(time[rows]), smoothness_share(time) * JOINT_MOTION_WEIGHT)
+    ]
+    return interpolated(time[rows], way, time)

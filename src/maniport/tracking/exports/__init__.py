@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from maniport.bodies import Arm, Arms
-from maniport.bounds import as_path
 from maniport.errors import InvalidInputError
+from maniport.input_limits import as_path
 from maniport.optional import mcap_writer, parquet_writer, rerun
 from maniport.tracking.exports.messages import write_mcap, write_ros2
 from maniport.tracking.exports.tables import write_mujoco, write_parquet

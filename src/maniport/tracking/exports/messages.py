@@ -6,7 +6,7 @@ import os
 import numpy as np
 import yaml
 
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
 from maniport.optional import mcap_writer
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.validation import Array

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from maniport.atomic_io import written_whole
 from maniport.bodies import Arm, Arms, EllipsoidSpec
-from maniport.files import save_arrays, written_whole
+from maniport.files import save_arrays
 from maniport.optional import parquet_writer, pyarrow
 from maniport.tracking.arm_model import prefixes
 from maniport.tracking.follow.joint_motion import JointMotion

@@ -17,56 +17,40 @@ from maniport.steps import Part, nobody
 from maniport.tracking.arm_model import robot_model, tip_frames
 from maniport.tracking.follow.stepper import Stepper, Tip
 from maniport.tracking.limits import BrakingLimit
-from maniport.tracking.objective import FOLLOWING_WEIGHT, Objective
-from maniport.tracking.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.tracking.objective import FOLLOWING_WEIGHT, ORIENTATION_WEIGHT, POINTING, Objective, axis_weights
 from maniport.tracking.schedule import Schedule, as_limits, speed_limits
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
-from maniport.tracking.tasks.task import as_gain, as_lm_damping
+from maniport.tracking.tasks.frame_tasks import as_gain, as_lm_damping
 from maniport.validation import Array, as_choice, as_number
-
-REACH_SAMPLES = 64
-BRAKING_TIME = 0.1
-"""Time constant with which a joint comes to rest at a position limit [s]; limits of acceleration see to it else."""
-LM_DAMPING = 3.0
-"""Of the ellipsoid task: with 10 twelve short motions of a Panda are 1 % farther from their targets in the median."""
-TOLD_EACH = 100
-"""Every so many control steps the fraction done is told."""
 
 
 @dataclass(frozen=True)
 class Control:
-    """How a motion is controlled; every value is checked at once.
+    """Settings of the tracker.
 
     Attributes
     ----------
     rate : float
-        Control steps a second, at least one for each time [Hz].
+        Control steps per second, at least one for each time [Hz].
     interpolation : {"cubic", "linear"}
-        Between the times, splines (of logarithms for ellipsoids), or geodesics and straight lines, which make the arm
-        jerk at each time.
+        Between the times: splines (of logarithms for ellipsoids), or geodesics and straight lines.
     velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
-        [rad/s], [rad/s²], or in metres. Default: the arm's own velocity limits where it knows them (the result's
-        summary names the joints that have none), and no limits of acceleration.
+        [rad/s], [rad/s²], or in metres. Default: the arm's own velocity limits, and no limits of acceleration.
     gain : float
         Of the ellipsoid task, in (0, 1].
     lm_damping : float
-        Of the ellipsoid task, not negative.
+        Levenberg-Marquardt damping of the ellipsoid task, not negative.
     position_cost : float
-        What a metre beside the path counts for, in units of distance between ellipsoids.
+        Weight of the position error beside the distance between ellipsoids [1/m].
     keep, orientation_weight
         As in `maniport.tracking.PlanControl`.
     tasks, limits : sequence of pink.tasks.Task, and of pink.limits.Limit
-        Joined to those that follow ellipsoid and path, in every control step. They are for the arm's own model,
-        ``maniport.tracking.robot_model(arm)``; targets of theirs are set by whoever makes them.
+        Further tasks and limits for the arm's model, ``maniport.tracking.robot_model(arm)``; their owner sets targets.
 
     Raises
     ------
     InvalidInputError
         When a value is out of its range, or is no object of Pink.
-
-    See Also
-    --------
-    track : takes its attributes as arguments.
     """
 
     rate: float = 100.0
@@ -74,7 +58,7 @@ class Control:
     velocity_limits: ArrayLike | None = None
     acceleration_limits: ArrayLike | None = None
     gain: float = 1.0
-    lm_damping: float = LM_DAMPING
+    lm_damping: float = 3.0
     position_cost: float = FOLLOWING_WEIGHT
     keep: str = POINTING
     orientation_weight: float = ORIENTATION_WEIGHT
@@ -98,7 +82,7 @@ class Control:
 
 
 class Follower:
-    """An arm, or a pair of them, with the tasks and limits that it follows a schedule with.
+    """An arm, or a pair of arms, with the tasks and limits with which it follows a schedule.
 
     Parameters
     ----------
@@ -106,7 +90,7 @@ class Follower:
         With ellipsoids of velocity.
     control : Control
     pair : Arms, optional
-        Of which the objectives are.
+        The pair of arms of the objectives.
 
     Raises
     ------
@@ -194,19 +178,19 @@ class Follower:
                 joints[i] = np.clip(joints[i - 1] + change, self.arm.lower, self.arm.upper)
                 bounds.last_step = joints[i] - joints[i - 1]
                 stepper.configuration.update(joints[i])
-                if i % TOLD_EACH == 0:
+                if i % 100 == 0:
                     tell(i / len(joints))
         return joints, held
 
     def _limits(self, bounds: BrakingLimit, dt: float) -> list[Limit]:
         if np.all(np.isinf(self.acceleration_limits)):
             return [
-                ConfigurationLimit(self.model, min(0.5, dt / BRAKING_TIME)),
+                ConfigurationLimit(self.model, min(0.5, dt / 0.1)),
                 VelocityLimit(self.model, self.velocity_limits),
             ]
         return [bounds]
 
 
 def _reach(arm: Arm) -> float:
-    """How far from the base an arm's tip comes at samples [m]."""
-    return float(np.linalg.norm(arm.forward(arm.sample(REACH_SAMPLES, 0))[:, :3, 3], axis=1).max())
+    """Largest distance from the base to the end effector at samples [m]."""
+    return float(np.linalg.norm(arm.forward(arm.sample(64, 0))[:, :3, 3], axis=1).max())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.files import written_whole
+from maniport.atomic_io import written_whole
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array
 
@@ -63,10 +63,8 @@ class JointMotion(ShownInNotebooks):
     def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the control steps as text: a header, then a line for each, with seconds from 0.
 
-        After the time come the positions of all joints (``NAME_rad`` or ``NAME_m``), then their velocities
-        (``NAME_rad/s``), then their accelerations (``NAME_rad/s2``). Positions have so many decimals that third
-        differences at 1000 Hz are true to 0.01 rad/s³. A name that a spreadsheet would take for a formula is written
-        behind an apostrophe.
+        After the time come the positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``)
+        and their accelerations (``NAME_rad/s2``). Names that a spreadsheet would take for a formula get an apostrophe.
 
         Raises
         ------

@@ -20,8 +20,7 @@ from maniport.tracking.arm_model import frame_id
 from maniport.tracking.objective import Objective
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
-from maniport.tracking.tasks.orientation_task import OrientationTask
-from maniport.tracking.tasks.position_task import PositionTask
+from maniport.tracking.tasks.frame_tasks import OrientationTask, PositionTask
 from maniport.validation import Array
 
 if TYPE_CHECKING:
@@ -29,12 +28,7 @@ if TYPE_CHECKING:
 
 SOLVER = "daqp"
 POSTURE_COST = 1e-2
-"""Cost of a radian away from the start: what holds joints that nothing else does."""
-REFERENCE_COST = 0.3
-"""The same of a radian away from a plan."""
-LEAST_DAMPING = 1e-12
-NEGLIGIBLE = 1e-3
-"""Distances off the path of this size are no sign that it is out of reach [m]."""
+"""Cost of a radian from the start, for joints that nothing else holds."""
 
 
 class NearTask(PostureTask):  # type: ignore[misc]  # Pink is untyped
@@ -51,17 +45,17 @@ class NearTask(PostureTask):  # type: ignore[misc]  # Pink is untyped
 
 @dataclass(frozen=True)
 class Tip:
-    """A tip that follows: its frame in the model, its ellipsoid task, what following costs its arm, and its reach [m].
+    """An end effector that follows.
 
-    A stretched arm that cannot reach its path would swing at full speed about the nearest point, since to first order
-    all directions but the right one are open. What it lacks are the second derivatives of the position, no larger than
-    levers are long, times the distance off the path: damping of that size makes up for them.
+    An arm that cannot reach its path would swing at full speed about the nearest point, since to first order all
+    directions but one are open. The second derivatives of the position are at most the reach, so that a damping of
+    that times the position error makes up for them.
     """
 
-    frame: str
+    frame: str  # in the model
     task: ManipulabilityEllipsoidTask
     objective: Objective
-    reach: float
+    reach: float  # [m]
 
 
 class Aim:
@@ -97,25 +91,19 @@ class Aim:
 
 
 class Stepper:
-    """Tasks and limits of an arm, or of several, on their way; whoever asks for changes moves the configuration.
+    """Tasks and limits of one or several arms, one control step after the other; the caller moves the configuration.
 
     Parameters
     ----------
     follower : Follower
-        The arm, its tips and the user's own tasks and limits.
+        The arm, its end effectors and the user's own tasks and limits.
     start : ndarray, shape (dof,)
-        Where it begins, and stays near where nothing else is asked for.
+        First configuration, which the arm stays near where nothing else is asked for.
     limits : list of pink.limits.Limit
-        Of the motion.
-    asked : Schedule, or one for each tip
-        Has what will be asked for: positions, rotations and postures, or not. Postures are of all joints, in the first.
+    asked : Schedule, or one for each end effector
+        Says which targets there will be. Reference configurations are of all joints, in the first.
     reference_cost : float
-        Cost of a radian away from those postures.
-
-    Attributes
-    ----------
-    configuration : pink.Configuration
-        Where the arm is.
+        Cost of a radian from those configurations.
     """
 
     def __init__(
@@ -124,7 +112,7 @@ class Stepper:
         start: Array,
         limits: list[Limit],
         asked: Schedule | tuple[Schedule, ...],
-        reference_cost: float = REFERENCE_COST,
+        reference_cost: float = 0.3,
     ):
         control, each = follower.control, asked if isinstance(asked, tuple) else (asked,)
         self._limits = [*limits, *control.limits]
@@ -154,7 +142,7 @@ class Stepper:
 
     def velocity(self, dt: float) -> Array | None:
         """Joint velocities that serve the tasks best in a step of dt [s]; None where the QP has no solution."""
-        damping = LEAST_DAMPING + self._damping
+        damping = 1e-12 + self._damping
         try:
             problem = pink.build_ik(self.configuration, self._tasks, dt, damping=damping, limits=self._limits)
             change = qpsolvers.solve_problem(problem, solver=SOLVER).x
@@ -172,4 +160,4 @@ class Stepper:
         """Distance of the tip from where it was to be by now [m], less where it is negligible."""
         way = self.configuration.data.oMf[frame].translation - target
         away = math.sqrt(way @ way)
-        return away * away / (away + NEGLIGIBLE)
+        return away * away / (away + 1e-3)  # 1 mm is no sign that the path is out of reach

@@ -28,42 +28,34 @@ class TrackResult(JointMotion):
     ----------
     joint_names, joint_units, time, joint_positions, control_*
         As in `JointMotion`; the times are those of the target ellipsoids.
-    arm : str
-        Name of the arm.
-    frame : str
-        Name of its tip.
+    arm, frame : str
+        Names of the arm and of its end effector.
     joint_velocities : ndarray, shape (n, dof)
         At the times of the target ellipsoids [rad/s] or [m/s].
     target, achieved : ndarray, shape (n, d, d)
-        Ellipsoids that were asked for and those that the arm makes, both without damping.
+        Target and achieved ellipsoids, both without damping.
     spec : EllipsoidSpec
         Which ellipsoids.
     damping : Regularization
         Its ε is added to the eigenvalues of both before they are compared.
     distance : ndarray, shape (n,)
-        Affine-invariant distance of target and achieved ellipsoids with the damping. Distances with different damping
-        are not comparable.
+        Affine-invariant distances with the damping; not comparable between different dampings.
     path : ndarray, shape (n, 3), or None
-        Target positions of the tip in the base frame [m].
+        Target positions of the end effector in the base frame [m].
     position_error : ndarray, shape (n,), or None
-        Distance of the tip from them [m].
+        Distances from them [m].
     orientation_error : ndarray, shape (n,), or None
-        Largest angle between an axis of the tip that counts and where it was to point [rad]; None where none does.
+        Largest angle between an axis of the end effector that counts and its target [rad].
     tip_tolerance : float
-        How far beside its path the tip counts as on it [m].
+        Position error up to which a point counts as on the path [m].
     status : tuple of str
         For each time the worst since the time before, one of `maniport.tracking.follow.status.STATUSES`.
     held : ndarray, shape (m,)
-        At which control steps no answer was found and the arm was brought to rest, bool.
+        At which control steps the quadratic program failed and the arm was brought to rest, bool.
     velocity_limits : ndarray, shape (dof,)
-        Those that were kept; infinite where none is known.
+        Infinite where none is known.
     position_limit_hits, velocity_limit_hits : dict of str to int
         Number of control steps at a limit, by joint; joints without hits are left out.
-
-    See Also
-    --------
-    PlannedMotion : that of a plan.
-    export_motion : formats of others.
     """
 
     arm: str
@@ -102,16 +94,9 @@ class TrackResult(JointMotion):
         control_accelerations: Array | None = None,
         tip_tolerance: float = ENOUGH_METRES,
     ) -> "TrackResult":
-        """Judge a joint trajectory; arguments are those of the attributes and are not checked.
+        """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
 
-        Parameters
-        ----------
-        damping : float, Regularization or None
-            As in `maniport.tracking.track`.
-        velocity_limits : ndarray, shape (dof,), optional
-            Those of the arm by default.
-        control_velocities, control_accelerations : ndarray, shape (m, dof), optional
-            Differences of the positions by default.
+        Velocities and accelerations are differences of the positions by default, velocity limits those of the arm.
         """
         speeds = speed_limits(arm, velocity_limits)
         stopped = np.zeros(len(control_time), bool) if held is None else held

@@ -1,11 +1,8 @@
-"""An arm follows a profile of ellipsoids, and a path where there is one.
+"""An arm follows a profile of ellipsoids, and a path where there is one, step by step.
 
-A loop over control steps: in each, Pink's inverse kinematics weighs a `ManipulabilityEllipsoidTask`, a `PositionTask`,
-a weak pull to the starting posture and what tasks the user adds, within limits of position, velocity and acceleration.
-The tip goes before the ellipsoid, as the costs have it.
-
-On one core of a shared 2-core machine the loop ran at 6 kHz for the Panda with path and limits, BLAS restricted to one
-thread while it runs (by threadpoolctl).
+In each control step Pink's inverse kinematics weighs a `ManipulabilityEllipsoidTask`, a `PositionTask`, a weak pull to
+the starting posture and the user's tasks, within limits of position, velocity and acceleration. The position has
+priority by its cost.
 """
 
 from dataclasses import replace
@@ -24,15 +21,12 @@ from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.track_result import TrackResult, in_words
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Damping, Objective
-from maniport.tracking.plan.atlas import Atlas
-from maniport.tracking.plan.plan import plan_motion
+from maniport.tracking.plan.plan_motion import plan_motion
 from maniport.tracking.plan.planner import Planner
+from maniport.tracking.plan.reachability_map import Atlas
 from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
-
-NEAR = 1e-3
-"""How near to its path a motion is planned of which the tracker takes the first configuration [m]."""
 
 
 def track(
@@ -52,10 +46,10 @@ def track(
     progress: Progress | None = None,
     **control: Any,
 ) -> TrackResult:
-    """Move an arm so that its velocity ellipsoids follow target ones, and its tip a target path.
+    """Move an arm so that its velocity ellipsoids follow target ones, and its end effector a target path.
 
-    A profile or path that the arm cannot follow is no error: the result says where and by how much. Where a step has
-    no answer, the arm is brought to rest and tries again. How it works: `maniport.tracking.follow.tracker`.
+    A profile or path that the arm cannot follow is no error: the result says where and by how much. Where the quadratic
+    program of a step has no solution, the arm is brought to rest and tries again.
 
     Parameters
     ----------
@@ -66,27 +60,27 @@ def track(
     time : array_like, shape (n,)
         Increasing [s].
     path : array_like, shape (n, 3), optional
-        Target positions of the tip in the base frame [m].
+        Target positions of the end effector in the base frame [m].
     start : array_like, shape (dof,), optional
         First configuration. Default: the first of the reference, else that of a planned motion.
     reference : array_like, shape (n, dof), optional
-        Joint positions to stay near [rad or m], such as a plan's, in what the path and the ellipsoids leave open.
+        Joint positions to stay near, such as a plan's, where path and ellipsoids leave freedom [rad or m].
     spec : EllipsoidSpec
         Which ellipsoids, of velocity.
     damping : float or Regularization
-        Added to the eigenvalues of all ellipsoids before they are compared; more than nothing, since an arm passes
-        singular postures. A number is relative to the arm's mean eigenvalue: `maniport.tracking.objective.as_damping`.
+        Added to the eigenvalues of all ellipsoids before they are compared; above zero, since arms pass singular
+        configurations. A number is relative to the arm's mean eigenvalue: `maniport.tracking.objective.as_damping`.
     weights : array_like, shape (n, m, m), optional
-        How much each direction of the ellipsoids counts, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
+        Weights of the directions of the ellipsoids, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
     rotations : array_like, shape (n, 3, 3), optional
-        How the tip shall be turned in the base frame; see `keep` and `orientation_weight`.
+        Target orientations of the end effector in the base frame; see `keep` and `orientation_weight`.
     bank : StartBank, optional
-        To find the start with, made for this arm and these ellipsoids. Default: one of 16 384 samples (0.1 s).
+        Seed configurations to find the start with. Default: 16 384 new samples (0.1 s).
     random_state, progress : optional
-        Seed of the bank; called with the name of a step and the fraction done.
+        Random seed; called with the name of a step and the fraction done.
     **control
-        How: rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, keep,
-        orientation_weight, and tasks and limits of Pink's own; see `maniport.tracking.Control`.
+        rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, keep,
+        orientation_weight, tasks and limits; see `maniport.tracking.Control`.
 
     Raises
     ------
@@ -95,10 +89,6 @@ def track(
         joints or coupled ones, or the bank was made for another arm.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
-
-    See Also
-    --------
-    TrackResult : what comes out.
     """
     settings = Control(**control)
     require_trackable(arm, spec)
@@ -128,7 +118,7 @@ def _planned_start(
     plan = plan_motion(
         objective.arm, asked.ellipsoids, time=asked.time, path=asked.positions, spec=objective.spec,
         damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, effort=QUICK,
-        tip_tolerance=NEAR,
+        tip_tolerance=1e-3,
         keep=settings.keep, orientation_weight=settings.orientation_weight, random_state=random,
     )  # fmt: skip
     return np.asarray(plan.joint_positions[0])

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from maniport.atomic_io import folder_written_whole
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.chain import rotation_about
 from maniport.errors import InvalidInputError
-from maniport.files import folder_written_whole, save_ellipsoids, save_path
+from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_finite
 
@@ -19,18 +20,14 @@ DATA_FILES = ("placed_profile.npz", "path.npz")
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a path could lie, and how near a motion along it comes to the target ellipsoids.
+    """A possible placement of a path.
 
     Attributes
     ----------
     scale, yaw, tilt, heading, offset
         As in `PlacedPath`.
     distance : ndarray, shape (m,)
-        Affine-invariant distances of a motion that was planned through some points of the path.
-
-    See Also
-    --------
-    PlacedPath : the path at its place.
+        Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
     """
 
     scale: float
@@ -48,46 +45,41 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class PlacedPath(ShownInNotebooks):
-    """A path in a robot's workspace, with the ellipsoids that turn with it, and how well it can be done there.
+    """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
 
     p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).
 
     Attributes
     ----------
     path : ndarray, shape (n, 3)
-        Target positions of the tip in the robot's base frame [m].
+        Target positions of the end effector in the robot's base frame [m].
     profile : ndarray, shape (n, d, d)
         Target ellipsoids there: the given ones, turned by the rotation.
     spec : EllipsoidSpec
         Which ellipsoids.
     scale, yaw : float
-        Factor of the path's size, and turn about the person's vertical [rad], within ±π.
+        Factor of the path's size, and rotation about the vertical [rad], within ±π.
     tilt, heading : float
-        By how much the base leans from upright, and to which side: 0 is that of its own x axis, π/2 of y [rad].
+        Lean of the base from upright, and its direction: 0 is that of its own x axis, π/2 of y [rad].
     mount : ndarray, shape (3, 3)
-        Rotation of the base in a world whose z axis is up: how to mount it. The identity where nothing leans.
+        Rotation of the base in a world whose z axis is up; the identity where nothing leans.
     offset : ndarray, shape (3,)
-        Where the path's centre is in the robot's base frame [m].
+        Position of the path's center in the robot's base frame [m].
     centre : ndarray, shape (3,)
-        Mean of the given path's points [m].
+        Mean of the given path's waypoints [m].
     turn : ndarray, shape (3, 3)
         As given.
     distance : ndarray, shape (n,)
-        The node floor: the smallest affine-invariant distance to the target ellipsoid that was found with the tip
-        there, each point by itself. Smooth motions stay above it.
+        Distances of the pointwise optimum: the smallest that was found for each waypoint by itself, with the end
+        effector there.
     position_error : ndarray, shape (n,)
-        How far the tip stays beside the point [m].
+        Distance of the end effector from the waypoint there [m].
     reachable : ndarray of bool, shape (n,)
-        Whether that is at most 1 mm. Where it is not, `distance` belongs to the nearest place that was found.
+        Whether that is at most 1 mm.
     joint_positions : ndarray, shape (n, dof)
-        Joint positions that do so, each point by itself [rad or m]: not a motion, they may jump.
+        Joint positions of the pointwise optimum [rad or m]: not a motion, they may jump.
     candidates : tuple of Place
-        Where else the path could lie, best first, that place included.
-
-    See Also
-    --------
-    place_path : makes it.
-    Place : the candidates.
+        The best placements, this one included.
     """
 
     path: Array

@@ -1,7 +1,6 @@
 """Where in an arm's workspace a path lets the arm make the target ellipsoids best."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,30 +10,28 @@ from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.places import as_places
 from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.tracking.effort import FULL, as_effort
 from maniport.tracking.objective import Damping, Objective
-from maniport.tracking.placement.asked import given_place, journeys_of
-from maniport.tracking.placement.journey import HEADING, OFFSET, SCALE, TILT, YAW, Journey, mounts, wrapped
+from maniport.tracking.placement.arguments import as_workspace, given_place, problems_of, require_reach, table_height
 from maniport.tracking.placement.placed_path import Place, PlacedPath
-from maniport.tracking.placement.placement_search import best_places
-from maniport.tracking.placement.reach import with_all
-from maniport.tracking.placement.sides import Sides
-from maniport.tracking.placement.workspace import as_workspace, require_reach, table_below
-from maniport.tracking.plan.atlas import Atlas
-from maniport.tracking.search.node_floor import node_floor
-from maniport.tracking.search.start_bank import StartBank
-from maniport.validation import (
-    Array,
-    as_count,
-    as_generator,
+from maniport.tracking.placement.placement_search import best_placements
+from maniport.tracking.placement.problem import (
+    HEADING,
+    OFFSET,
+    SCALE,
+    TILT,
+    YAW,
+    ArmGroup,
+    PlacementProblem,
+    base_rotations,
+    with_paths,
+    wrapped,
 )
-
-REACHED = 1e-3
-"""How far beside its point the tip may be and still count as there [m]."""
-SEARCHED = 0.85
-"""The fraction done when the places have been found, all but the node floor."""
+from maniport.tracking.plan.reachability_map import Atlas
+from maniport.tracking.search.pointwise import pointwise_best
+from maniport.tracking.search.start_bank import StartBank
+from maniport.validation import Array, as_count, as_generator, as_metres
 
 
 def place_path(
@@ -60,45 +57,48 @@ def place_path(
     random_state: Any = 0,
     progress: Progress | None = None,
 ) -> PlacedPath:
-    """Find scale, turn, offset and, if asked for, a tilt of the base that let an arm make target ellipsoids best.
+    """Find scale, yaw, offset and, on request, a tilt of the base with which an arm comes nearest to target ellipsoids.
 
-    Most of the distance that remains is decided by where the path lies. Thousands of places are compared by samples of
-    the arm; from different ones of the best a motion is planned through some points of the path, and place and motion
-    are improved together. The best is taken; of those as good, to 5 % of the cost, the one that turns the path least.
-    The ellipsoids turn with the path, as if the whole task were done in another direction in front of the robot.
+    Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
+    for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
+    improved together. The ellipsoids turn with the path, as if the whole task were done in another direction in front
+    of the robot.
 
     Parameters
     ----------
     path : array_like, shape (n, 3)
-        Hand positions of the teacher in its base frame [m].
+        Hand positions of the demonstrator in its base frame [m].
     profile : array_like, shape (n, d, d)
-        Target ellipsoids of the arm, one for each point, as an adapter gives them.
+        Target ellipsoids of the arm, one for each waypoint, as an adapter returns them.
     arm : Arm
     time : array_like, shape (n,), optional
-        When the points are passed [s]: what lasts counts for more. Default: all points count alike.
+        Times of the waypoints [s], which weigh them. Default: all count alike.
     turn : array_like, shape (3, 3), optional
         Rotation that the adapter turned the ellipsoids by, and the path is yet to be turned by. Default: the identity.
     scale : float or (float, float), optional
-        Factor of the path's size to keep, or the range to search. Default: from 0.5 to 2.
+        Factor of the path's size, or the range to search. Default: from 0.5 to 2.
     yaw : float, optional
-        Turn about the vertical to keep [rad]. Default: free.
+        Rotation about the vertical [rad]. Default: free.
     tilt : float or "free", optional
-        By how much the base leans, to the side that serves best [rad]; "free" is upright where leaning gains nothing.
+        Lean of the base, to the best side [rad]; "free" is upright where leaning gains nothing. Default: upright.
     offset : sequence of three floats, optional
-        Where the path's centre shall be in the arm's base frame [m]; None leaves a coordinate free. Default: free.
+        Position of the path's center in the arm's base frame [m]; None leaves a coordinate free. Default: free.
     workspace : three pairs of floats, optional
-        ``((x0, x1), (y0, y1), (z0, z1))``: where the path may be in the base frame [m]; None or ±inf: open.
+        Bounds of the path ``((x0, x1), (y0, y1), (z0, z1))`` in the base frame [m]; None or ±inf: open.
     whole : array_like, shape (m, 3), optional
-        All points of a path that has only some: the arm shall reach each without a collision, else perhaps not all.
+        All waypoints of a path that has only some: the arm then reaches each of them without collision, if possible.
     spec, damping, bank, progress
-        As in `maniport.tracking.nearest_feasible`; the bank serves the node floor.
+        As in `maniport.tracking.nearest_feasible`; the bank serves the pointwise optimum.
     collisions : Collisions or bool, optional
-        What planned motions are kept apart from; True: the arm itself. The path stays above a table.
+        Collision model of planned trajectories; True: self-collisions. The path stays above a table.
     atlas : maniport.tracking.Atlas, optional
-        Samples of this arm and these ellipsoids, and what it is kept apart from. Default: new ones (0.4 s).
-    effort, rank, random_state : optional
-        How much is tried, as in `maniport.tracking.PlanControl`; which of the `candidates` to take, from 1, of which
-        only the first has all of `whole` in reach; same seed, same place.
+        Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
+    effort : str
+        Planning effort, as in `maniport.tracking.PlanControl`.
+    rank : int
+        Which of the `candidates` to take, from 1; only the first is made to reach all of `whole`.
+    random_state : optional
+        Random seed.
 
     Raises
     ------
@@ -106,10 +106,6 @@ def place_path(
         When an ellipsoid is asymmetric or, with the damping, not positive-definite.
     InvalidInputError
         When a value is wrong, the arm reaches nothing in the workspace, the path does not fit, or `rank` is too high.
-
-    See Also
-    --------
-    PlacedPath, plan_motion
     """
     return place_paths(
         (path,), (profile,), (arm,), wholes=None if whole is None else (whole,), collisions=(collisions,),
@@ -142,10 +138,10 @@ def place_paths(
     random_state: Any = 0,
     progress: Progress | None = None,
 ) -> tuple[PlacedPath, ...]:
-    """Find one place for the paths of several arms, such as those of both hands, which keep their relation.
+    """Find one placement for the paths of several arms, such as those of both hands, which keep their relation.
 
-    As `place_path` for one arm. All paths are scaled, turned and moved alike, about the mean of all their points; a
-    place costs what it costs the arms in sum. Collisions between the arms are not looked at.
+    As `place_path` for one arm. All paths are scaled, turned and moved alike, about the mean of all their waypoints;
+    the costs of the arms are summed. Collisions between the arms are not checked.
 
     Parameters
     ----------
@@ -154,7 +150,7 @@ def place_paths(
     profiles : sequence of array_like, shape (n, d, d)
         Target ellipsoids along each.
     arms : sequence of Arm
-        That answer in one frame, such as those of `maniport.load_arms`.
+        In one frame, such as those of `maniport.load_arms`.
     wholes, collisions, atlases, banks : sequence, optional
         One for each arm, as `whole`, `collisions`, `atlas` and `bank` of `place_path`.
     time, turn, scale, yaw, tilt, offset, workspace, spec, damping, effort, rank, random_state, progress
@@ -170,94 +166,88 @@ def place_paths(
     NotSPDError, InvalidInputError
         As `place_path`; also when there are not as many of each as there are arms.
     """
-    generator, much, count = as_generator(random_state), as_effort(effort), len(arms)
+    generator, budget, count = as_generator(random_state), as_effort(effort), len(arms)
     chosen = as_count(rank, "rank") - 1
     _require_each(count, paths=paths, profiles=profiles, wholes=wholes, collisions=collisions)
     _require_each(count, atlases=atlases, banks=banks)
     objectives = [Objective.of(arm, spec, damping) for arm in arms]
     given = given_place(scale, yaw, tilt, offset)
-    journeys, centre, rotation = journeys_of(objectives, paths, profiles, time, turn, given)
-    bounds, step = as_workspace(workspace), Step(progress, "place the path")
-    known, lots = _known(arms, spec, generator, atlases, banks, collisions)
-    for journey, atlas in zip(journeys, known, strict=True):
-        bounds[0, 2] = max(bounds[0, 2], table_below(atlas.collisions, journey))
-    for atlas in known:
+    bounds = as_workspace(workspace)
+    step = Step(progress, "place the path")
+    maps, seeds = [], []
+    for i, arm in enumerate(arms):
+        seeds.append(StartBank.given_or_built(banks[i] if banks else None, arm, spec, generator))
+        atlas, model = atlases[i] if atlases else None, collisions[i] if collisions else None
+        maps.append(Atlas(arm, spec, random_state=generator, collisions=model) if atlas is None else atlas)
+        maps[i].require_fits(arm, spec)
+        bounds[0, 2] = max(bounds[0, 2], table_height(maps[i].collisions, given[0]))
+    for atlas in maps:
         require_reach(atlas, bounds)
-    sides = Sides(tuple(replace(one, workspace=bounds) for one in journeys), tuple(known))
+    problems, center, rotation = problems_of(objectives, paths, profiles, time, turn, given, bounds)
+    group = ArmGroup(problems, tuple(maps))
     whole = None
     if wholes is not None:
-        whole = with_all(sides, tuple((as_places(one, "whole") - centre) @ rotation.T for one in wholes))
-    found = best_places(sides, whole, generator, much, between(step, 0.1, SEARCHED))
+        whole = with_paths(group, tuple((as_metres(one, "whole") - center) @ rotation.T for one in wholes))
+    found = best_placements(group, whole, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(found):
         raise InvalidInputError(f"rank must be at most {len(found)}, as many as places were found; found {rank}")
-    tells, placed = pieces(between(step, SEARCHED, 1.0), *[1.0] * count), []
-    for i, (journey, bank, tell) in enumerate(zip(journeys, lots, tells, strict=True)):
-        ranking = tuple(named(one.place, one.distance[i]) for one in found)
-        place, q = found[chosen].place, found[chosen].q[i]
-        one = placed_of(journey, place, q, centre, rotation, bank, much.floor_starts, tell)
-        placed.append(replace(one, candidates=ranking))
-    floors = ", ".join(f"{np.median(one.distance):.2f}" for one in placed)
-    step.end(f"scale {placed[0].scale:.3f}, node floor {floors} (median)")
+    best, placed = found[chosen], []
+    parts = pieces(between(step, 0.85, 1.0), *[1.0] * count)
+    for i, (problem, bank, part) in enumerate(zip(problems, seeds, parts, strict=True)):
+        candidates = tuple(_named(one.place, one.distance[i]) for one in found)
+        placement = best.place, center, rotation, candidates
+        placed.append(_placed_path(problem, best.q[i], placement, bank, budget.pointwise_starts, part))
+    medians = ", ".join(f"{np.median(one.distance):.2f}" for one in placed)
+    step.end(f"scale {placed[0].scale:.3f}, node floor {medians} (median)")
     return tuple(placed)
 
 
-def _require_each(count: int, **every: Sequence[Any] | None) -> None:
-    """Require one of each kind for each of so many arms, where it is given at all."""
-    for name, given in every.items():
+def _require_each(count: int, **sequences: Sequence[Any] | None) -> None:
+    """Require one of each for each arm, where it is given at all."""
+    for name, given in sequences.items():
         if given is not None and len(given) != count:
             raise InvalidInputError(f"{name} must be {count}, one for each arm; found {len(given)}")
 
 
-def _known(
-    arms: Sequence[Arm],
-    spec: EllipsoidSpec,
-    generator: np.random.Generator,
-    atlases: Sequence[Atlas | None] | None,
-    banks: Sequence[StartBank | None] | None,
-    collisions: Sequence[Collisions | bool | None] | None,
-) -> tuple[list[Atlas], list[StartBank]]:
-    """What is known of each arm: given, or made."""
-    known, lots = [], []
-    for i, arm in enumerate(arms):
-        lots.append(StartBank.given_or_built(banks[i] if banks else None, arm, spec, generator))
-        atlas, apart = atlases[i] if atlases else None, collisions[i] if collisions else None
-        known.append(Atlas(arm, spec, random_state=generator, collisions=apart) if atlas is None else atlas)
-        known[i].require_fits(arm, spec)
-    return known, lots
-
-
-def placed_of(
-    journey: Journey, place: Array, known: Array, centre: Array, turn: Array, bank: StartBank, starts: int, tell: Part
+def _placed_path(
+    problem: PlacementProblem,
+    q: Array,
+    placement: tuple[Array, Array, Array, tuple[Place, ...]],
+    bank: StartBank,
+    starts: int,
+    progress: Part,
 ) -> PlacedPath:
-    """What a place (7,) is worth to an arm at every point of its path, a motion (m, dof) through some being known."""
-    tips, profile = (values[0] for values in journey.placed(place[None]))
-    rows = journey.rows(len(known))
-    along = np.stack([np.interp(np.arange(len(tips)), rows, column) for column in known.T], axis=1)
-    floor = node_floor(journey.targets(place), bank, along, tell=tell, n_starts=starts)
-    error = floor.position_error
+    """Search the pointwise optimum at a placement, also from a trajectory (m, dof) through some waypoints."""
+    place, center, rotation, candidates = placement
+    positions, profile = (values[0] for values in problem.placed(place[None]))
+    rows = problem.rows(len(q))
+    known = np.stack([np.interp(np.arange(len(positions)), rows, column) for column in q.T], axis=1)
+    best = pointwise_best(problem.targets(place), bank, known, starts, progress)
+    error = best.position_error
     assert error is not None
-    there = named(place, floor.distance)
+    named = _named(place, best.distance)
     return PlacedPath(
-        path=tips,
+        path=positions,
         profile=profile,
-        spec=journey.objective.spec,
-        scale=there.scale,
-        yaw=there.yaw,
-        tilt=there.tilt,
-        heading=there.heading,
-        mount=mounts(place[None])[0],
-        offset=there.offset,
-        centre=centre,
-        turn=turn,
-        distance=floor.distance,
+        spec=problem.objective.spec,
+        scale=named.scale,
+        yaw=named.yaw,
+        tilt=named.tilt,
+        heading=named.heading,
+        mount=base_rotations(place[None])[0],
+        offset=named.offset,
+        centre=center,
+        turn=rotation,
+        distance=best.distance,
         position_error=error,
-        reachable=error <= REACHED,
-        joint_positions=floor.joint_positions,
+        reachable=error <= 1e-3,
+        joint_positions=best.joint_positions,
+        candidates=candidates,
     )
 
 
-def named(place: Array, distance: Array) -> Place:
-    """A place (7,) by its numbers, with the distances of a motion there."""
+def _named(place: Array, distance: Array) -> Place:
+    """A placement (7,) by its numbers, with the distances of a trajectory there."""
     scale, yaw, heading = float(np.exp(place[SCALE])), float(wrapped(place[YAW])), float(wrapped(place[HEADING]))
     tilt = float(place[TILT])
     return Place(scale, yaw, tilt, heading if tilt else 0.0, place[OFFSET], distance)

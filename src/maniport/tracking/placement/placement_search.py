@@ -1,240 +1,230 @@
-"""The search for the place at which an arm can make the target ellipsoids best along a path, judged by plans.
+"""Placement search: placements are compared by samples, then by planned trajectories, and improved together with them.
 
-Many places are compared by what the samples of an atlas tell of a few points, some of them by more points. From
-different ones among the best motions are planned; the best motions and their places are then improved together. Where
-several arms follow paths that keep together, what a place costs them is summed.
+Where several arms follow paths that keep together, the costs of the arms are summed. A trajectory is judged by means
+over the path, to which a few waypoints out of reach, or only in reach where the arm collides, are next to nothing: on
+request the placement is then moved until all waypoints of the whole path are in reach.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from maniport.bodies.joint_space import _SEED
 from maniport.errors import InvalidInputError
 from maniport.steps import Part, nobody, pieces
 from maniport.tracking.effort import Effort
-from maniport.tracking.placement.journey import HEADING, SCALE, TILT, YAW, wrapped
-from maniport.tracking.placement.reach import out_of_reach, price, within_reach
-from maniport.tracking.placement.sides import Sides
-from maniport.tracking.placement.together import improved_together
-from maniport.tracking.plan.atlas import Atlas
-from maniport.tracking.plan.refinement import Asked, Smoothness, durations_of, motion_cost, refine
-from maniport.tracking.plan.shortest_path import shortest_path
+from maniport.tracking.placement.joint_descent import descend_jointly
+from maniport.tracking.placement.problem import HEADING, TILT, ArmGroup, PlacementProblem
+from maniport.tracking.plan.optimizer import CLEARANCE, TrajectoryCost, TrajectoryTerms, optimize, time_weights
+from maniport.tracking.plan.reachability_map import Atlas
+from maniport.tracking.plan.roadmap import IN_PLACE, shortest_path
 from maniport.validation import Array
 
-UNITS = np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
-"""First step of the descent in log scale, angles [rad] and offset [m]."""
-COARSE_POINTS, MEDIUM_POINTS = 8, 50
-"""By how many points places are compared first and then."""
-LEANING = 4
-"""So many times more of them where the tilt is free."""
-APART = 0.05
-"""How far the paths at places from which motions are planned lie apart, in the mean [m]."""
-SMOOTHNESS = Smoothness(0.02, 1e-4)
-WEIGHTS = (30.0, 200.0)
-LARGEST_CHANGE = {"rad": 1.0, "m": 0.3}
-"""Between stages, of joints that turn and that slide."""
-EQUALLY_GOOD = 1.05
-"""Ratio of costs up to which the place with the smaller yaw is taken."""
-TURNED_ALIKE = np.radians(15.0)
-"""Yaws are told apart in steps of so much."""
+STAGES = 64
+"""Waypoints of the trajectories that placements are judged by."""
+SAMPLES = 12
+"""Samples next to a waypoint that placements are compared by."""
+PLANS = 2
+"""Placements for which trajectories are planned; with one the distance is 2 % larger."""
+NEAR = 7.0
+"""Multiple of the distance between samples within which an arm mostly reaches a position from a sample."""
+FIRST_WEIGHT, WEIGHT = 30.0, 200.0
+"""Weights of the position error, of a first trajectory and of the cost of a placement [1/m]."""
 
 
 @dataclass(frozen=True)
-class Planned:
-    """A place (7,), motions of the arms through points of their paths there, their distances, and what all cost."""
+class PlannedPlacement:
+    """A placement with trajectories of the arms there."""
 
-    place: Array
-    q: tuple[Array, ...]
+    place: Array  # (7,)
+    q: tuple[Array, ...]  # (n, dof) of each arm
     cost: float
-    distance: tuple[Array, ...]
+    distance: tuple[Array, ...]  # (n,) of each arm
 
 
-def best_places(
-    sides: Sides, whole: Sides | None, seed: np.random.Generator, effort: Effort, tell: Part = nobody
-) -> list[Planned]:
-    """Search over what is free; the places for which motions were planned, the one to take first."""
-    searches = [(sides, whole, effort)]
-    if sides.common.free[TILT]:
-        given = sides.common.given.copy()
+def best_placements(
+    group: ArmGroup, whole: ArmGroup | None, seed: np.random.Generator, effort: Effort, progress: Part = nobody
+) -> list[PlannedPlacement]:
+    """Search over the free numbers; the placements for which trajectories were planned, the best first."""
+    searches = [(group, whole, effort)]
+    if group.common.free[TILT]:  # upright placements may fit into the workspace where leaning ones do not
+        given = group.common.given.copy()
         given[[TILT, HEADING]] = 0.0
-        more = replace(effort, candidates=LEANING * effort.candidates)
-        upright = sides.changed(lambda one: replace(one, given=given))
-        all_upright = None if whole is None else whole.changed(lambda one: replace(one, given=given))
-        searches = [(upright, all_upright, effort), (sides, whole, more)]
-    tells = pieces(tell, *[1.0] * len(searches))
-    each = [
-        _searched(some, every, seed, much, part) for (some, every, much), part in zip(searches, tells, strict=True)
-    ]  # one may fit into the workspace where the other does not
-    found = [one for some in each for one in some]
+        upright, upright_whole = (
+            None if one is None else one.changed(lambda problem: replace(problem, given=given))
+            for one in (group, whole)
+        )
+        assert upright is not None
+        more = replace(effort, candidates=4 * effort.candidates)
+        searches = [(upright, upright_whole, effort), (group, whole, more)]
+    parts = pieces(progress, *[1.0] * len(searches))
+    results = [_search(*search, seed, part) for search, part in zip(searches, parts, strict=True)]
+    found = [one for some in results for one in some]
     if not found:
         raise InvalidInputError(
             "workspace: the path does not fit into it, at its smallest scale of "
-            f"{np.exp(sides.common.least[SCALE]):.3g} and whatever else is free"
+            f"{np.exp(group.common.least[0]):.3g} and whatever else is free"
         )
-    first = min((some[0] for some in each if some), key=_cost)
+    first = min((some[0] for some in results if some), key=_cost)  # the first of a search has all points in reach
     return [first, *sorted((one for one in found if one is not first), key=_cost)]
 
 
-def _searched(
-    sides: Sides, reached: Sides | None, seed: np.random.Generator, effort: Effort, tell: Part
-) -> list[Planned]:
-    """Search over what is free; those for which motions were planned, the one to take first."""
-    whole = sides if reached is None else reached
-    judge = sides.thinned(effort.place_stages).changed(lambda one: one.weighing(WEIGHTS[-1]))
-    free = sides.common.free.any()
-    places = _sieved(sides, seed, effort) if free else _inside(sides, sides.common.given[None])
-    apart = [_asked(judge.common.time, atlas, effort.enough) for atlas in judge.atlases]
-    rough = [replace(asked, collisions=None) for asked in apart]  # what is kept apart takes most of the time
-    found, tells = [], pieces(tell, 3.0, *[1.0] * len(places), 4.0)
-    tells[0](1.0)
-    for place, one in zip(places, tells[1:-1], strict=True):
-        planned = _planned(judge, place, rough, effort, seed)
-        if free and effort.together:
-            planned = _together(judge, whole, planned, rough)
-        elif free:
-            planned = _improved(judge, whole, planned, rough, effort.tried)
-        found.append(_judged(judge, apart, planned.place, planned.q))
-        one(1.0)
+def _search(
+    group: ArmGroup, reached: ArmGroup | None, effort: Effort, seed: np.random.Generator, progress: Part
+) -> list[PlannedPlacement]:
+    whole = group if reached is None else reached
+    coarse = group.thinned(STAGES).changed(lambda problem: problem.weighing(WEIGHT))
+    free = bool(group.common.free.any())
+    places = _shortlist(group, seed, effort) if free else _inside(group, group.common.given[None])
+    terms = [_terms(coarse.common.time, atlas, effort) for atlas in coarse.atlases]
+    without_collisions = [replace(one, collisions=None) for one in terms]  # collision checks take most of the time
+    progress(0.3)
+    found = []
+    for place in places:
+        planned = _planned(coarse, place, without_collisions, effort, seed)
+        if free:
+            planned = _improved(coarse, whole, planned, without_collisions)
+        found.append(_evaluated(coarse, terms, planned.place, planned.q))
+    progress(0.7)
     found.sort(key=_cost)
-    for i in range(min(effort.improved, len(found)) if free else 0):
-        # another way may serve the place better now
-        again = _planned(judge, found[i].place, apart, effort, seed)
-        found[i] = _improved(judge, whole, min(found[i], again, key=_cost), apart, effort.evaluations)
-    found.sort(key=_cost)
-    tells[-1](1.0)
-    if not found:
-        return []
-    equal = [one for one in found if one.cost <= EQUALLY_GOOD * found[0].cost]  # the best of them first
-    first = min(equal, key=lambda one: abs(wrapped(one.place[YAW])) // TURNED_ALIKE)
-    every = [first, *(one for one in found if one is not first)]
-    if free and reached is not None and out_of_reach(whole, first.place):
-        return [_in_reach(judge, whole, every, apart, effort.evaluations), *every[1:]]
-    return every
+    if not free or not found:
+        return found
+    # at the improved placement another path through the roadmap may be better
+    again = _planned(coarse, found[0].place, terms, effort, seed)
+    found[0] = _improved(coarse, whole, min(found[0], again, key=_cost), terms)
+    progress(1.0)
+    if reached is not None and out_of_reach(whole, found[0].place):
+        moved = (_moved_into_reach(coarse, whole, one, terms) for one in found)
+        found[0] = next((one for one in moved if not out_of_reach(whole, one.place)), found[0])
+    return found
 
 
-def _in_reach(sides: Sides, whole: Sides, found: list[Planned], asked: list[Asked], most: int) -> Planned:
-    """The best from which no point of the whole paths is out of reach, all moved for that; if none is, the first."""
-    moved = [one if not out_of_reach(whole, one.place) else _moved(sides, whole, one, asked) for one in found]
-    least = min(moved, key=_cost)
-    again = _improved(sides, whole, least, asked, most, True)
-    return next((one for one in (again, least) if not out_of_reach(whole, one.place)), found[0])
+def _cost(placement: PlannedPlacement) -> float:
+    return placement.cost
 
 
-def _cost(one: Planned) -> float:
-    return one.cost
+def _shortlist(group: ArmGroup, seed: np.random.Generator, effort: Effort) -> list[Array]:
+    """The best of random placements by samples: of all at a few waypoints, then of some at more waypoints."""
+    least, most = group.common.least[:4], group.common.most[:4]
+    exponent = max(effort.candidates - 1, 1).bit_length()
+    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(exponent)[: effort.candidates]
+    places = np.column_stack([least + unit * (most - least), group.centers(effort.candidates, seed)])
+    places = _inside(group, np.where(group.common.free, places, group.common.given))
+    for waypoints, kept in ((8, 32), (50, PLANS)):
+        if len(places):
+            costs = group.thinned(waypoints).costs(places, SAMPLES)
+            places = places[np.argsort(costs, kind="stable")[:kept]]
+    return list(places)
 
 
-def _sieved(sides: Sides, seed: np.random.Generator, effort: Effort) -> list[Array]:
-    """Different places among the best of many by what samples tell, the paths turned as little as may be."""
-    coarse, medium = sides.thinned(COARSE_POINTS), sides.thinned(MEDIUM_POINTS)
-    places = _inside(sides, _candidates(sides, seed, effort.candidates))
-    if not len(places):
-        return []
-    places = places[np.argsort(coarse.costs(places, effort.samples), kind="stable")[: effort.sieve]]
-    costs = medium.costs(places, effort.samples)
-    order = np.argsort(costs, kind="stable")
-    paths = coarse.coordinates(places)
-    chosen: list[int] = []
-    for i in order:
-        apart = [np.mean([np.linalg.norm(path[i] - path[j], axis=1).mean() for path in paths]) for j in chosen]
-        if min(apart, default=np.inf) >= APART and len(chosen) < effort.planned:
-            chosen.append(int(i))
-    # most arms can do as well after a turn about their first axis
-    unturned, inside = sides.within(sides.common.unturned(places[chosen]))
-    as_good = inside & (medium.costs(unturned, effort.samples) <= EQUALLY_GOOD * costs[chosen])
-    return list(np.where(as_good[:, None], unturned, places[chosen]))
-
-
-def _inside(sides: Sides, places: Array) -> Array:
-    """Those of the places that are in the workspace, moved and shrunk where they may be."""
-    moved, inside = sides.within(places)
+def _inside(group: ArmGroup, places: Array) -> Array:
+    """Those of the placements that fit into the workspace, shifted and shrunk where free."""
+    moved, inside = group.within(places)
     return np.asarray(moved[inside])
 
 
-def _candidates(sides: Sides, seed: np.random.Generator, count: int) -> Array:
-    """Places (count, 7): scales and angles that fill their ranges, centres where the arms' tips may be."""
-    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(max(count - 1, 1).bit_length())[:count]
-    least, most = sides.common.least[:4], sides.common.most[:4]
-    table = np.column_stack([least + unit * (most - least), sides.centres(count, seed)])
-    return np.where(sides.common.free, table, sides.common.given)
-
-
-def _planned(sides: Sides, place: Array, asked: list[Asked], effort: Effort, seed: np.random.Generator) -> Planned:
-    """Plan a motion of each arm through all points of its path at one place."""
-    found = []
-    for journey, atlas, one in zip(sides.journeys, sides.atlases, asked, strict=True):
-        targets, arm = journey.targets(place), journey.objective.arm
-        nodes = atlas.nodes(targets, effort.place_nodes, seed)
-        if atlas.collisions is not None:
-            nodes = nodes.without(atlas.collisions.collides(nodes.q))
-        largest = np.array([LARGEST_CHANGE[unit] for unit in arm.joint_units])
-        way = shortest_path(nodes, journey.time, np.tile(largest, (len(targets), 1)))
-        found.append(refine(targets, journey.time, nodes.q[way], one, WEIGHTS[: effort.weights]))
-    return _judged(sides, asked, place, tuple(found))
-
-
-def _asked(time: Array, atlas: Atlas, enough: float) -> Asked:
-    """What is asked of motions; their costs are means over time."""
-    if len(time) == 1:
-        return Asked(SMOOTHNESS, np.ones(1), collisions=atlas.collisions, enough=enough)
-    whole = time[-1] - time[0]
-    return Asked(SMOOTHNESS.times(1.0 / whole), durations_of(time) / whole, collisions=atlas.collisions, enough=enough)
-
-
-def _judged(sides: Sides, asked: list[Asked], place: Array, q: tuple[Array, ...]) -> Planned:
-    targets, time = [one.targets(place) for one in sides.journeys], sides.common.time
-    costs = [motion_cost(one, time, each, much) for one, each, much in zip(targets, q, asked, strict=True)]
-    distance = tuple(one.distance(each) for one, each in zip(targets, q, strict=True))
-    return Planned(place, q, sum(costs), distance)
-
-
-def _together(sides: Sides, whole: Sides, start: Planned, asked: list[Asked]) -> Planned:
-    """Descend in the place and the motions there at once."""
-    return min(start, _judged(sides, asked, *improved_together(sides, whole, start.place, start.q, asked)), key=_cost)
-
-
-def _moved(sides: Sides, whole: Sides, one: Planned, asked: list[Asked]) -> Planned:
-    """The same at the place next to its own from which all points are in reach."""
-    place = within_reach(whole, one.place, UNITS)
-    return _judged(sides, asked, place, _refined(sides, place, one.q, asked))
-
-
-def _refined(sides: Sides, place: Array, q: tuple[Array, ...], asked: list[Asked]) -> tuple[Array, ...]:
-    """Motions at another place than that which q (n, dof) were found for."""
-    return tuple(
-        refine(one.targets(place), sides.common.time, before, much, WEIGHTS[-1:])
-        for one, before, much in zip(sides.journeys, q, asked, strict=True)
+def _terms(time: Array, atlas: Atlas, effort: Effort) -> TrajectoryTerms:
+    """Cost of trajectories, as means over time."""
+    duration = time[-1] - time[0] if len(time) > 1 else 1.0
+    weights = time_weights(time) / duration if len(time) > 1 else np.ones(1)
+    return TrajectoryTerms(
+        0.02 / duration, 1e-4 / duration, weights, collisions=atlas.collisions, rel_tol=effort.rel_tol
     )
 
 
+def _planned(
+    group: ArmGroup, place: Array, terms: list[TrajectoryTerms], effort: Effort, seed: np.random.Generator
+) -> PlannedPlacement:
+    """Plan a trajectory of each arm at a placement: roadmap, graph search, optimizer."""
+    trajectories = []
+    for problem, atlas, one in zip(group.problems, group.atlases, terms, strict=True):
+        targets = problem.targets(place)
+        nodes = atlas.nodes(targets, effort.placement_nodes, seed)
+        if atlas.collisions is not None:
+            nodes = nodes.without(atlas.collisions.collides(nodes.q))
+        largest = np.array([{"rad": 1.0, "m": 0.3}[unit] for unit in problem.objective.arm.joint_units])
+        path = shortest_path(nodes, problem.time, np.tile(largest, (len(targets), 1)))
+        trajectories.append(optimize(targets, problem.time, nodes.q[path], one, FIRST_WEIGHT))
+    return _evaluated(group, terms, place, tuple(trajectories))
+
+
+def _evaluated(group: ArmGroup, terms: list[TrajectoryTerms], place: Array, q: tuple[Array, ...]) -> PlannedPlacement:
+    cost, distance = 0.0, []
+    for problem, one, own in zip(group.problems, q, terms, strict=True):
+        targets = problem.targets(place)
+        cost += TrajectoryCost(targets.arm, targets, problem.time, own).evaluate(one)[0]
+        distance.append(targets.distance(one))
+    return PlannedPlacement(place, q, cost, tuple(distance))
+
+
 def _improved(
-    sides: Sides, whole: Sides, start: Planned, asked: list[Asked], most: int, reaching: bool = False
-) -> Planned:
-    """Descend in the place, the motions there anew at each step, all points of the whole paths in their workspace."""
-    common = sides.common
-    free, units = common.free, UNITS[common.free]
-    known, least = {"best": start}, {"cost": start.cost + (price(whole, start.place)[0] if reaching else 0.0)}
+    group: ArmGroup, whole: ArmGroup, start: PlannedPlacement, terms: list[TrajectoryTerms]
+) -> PlannedPlacement:
+    """Improve a placement and its trajectories at once."""
+    improved = _evaluated(group, terms, *descend_jointly(group, whole, start.place, start.q, terms))
+    return min(start, improved, key=_cost)
 
-    def cost(steps: Array) -> tuple[float, Array]:
-        place = start.place.copy()
-        place[free] += units * steps
-        place = whole.within(place[None])[0][0]
-        found = _judged(sides, asked, place, _refined(sides, place, known["best"].q, asked))
-        beyond, slope = price(whole, place) if reaching else (0.0, 0.0)
-        if found.cost + beyond < least["cost"]:
-            known["best"], least["cost"] = found, found.cost + beyond
-        slopes = [
-            np.average(one.slopes(place, each), axis=0, weights=much.shares)
-            for one, each, much in zip(sides.journeys, found.q, asked, strict=True)
-        ]
-        return found.cost + beyond, units * (np.sum(slopes, axis=0) + slope)[free]
 
-    bounds = np.stack([common.least - start.place, common.most - start.place], axis=1)[free] / units[:, None]
-    minimize(
-        cost, np.zeros(free.sum()), jac=True, method="L-BFGS-B", bounds=bounds,
-        options={"maxfun": most, "ftol": 1e-4, "maxls": 8},
-    )  # fmt: skip
-    return known["best"]
+def _moved_into_reach(
+    group: ArmGroup, whole: ArmGroup, one: PlannedPlacement, terms: list[TrajectoryTerms]
+) -> PlannedPlacement:
+    """The nearest placement from which all waypoints of the whole paths are in reach."""
+    place = within_reach(whole, one.place)
+    trajectories = tuple(
+        optimize(problem.targets(place), problem.time, q, own, WEIGHT)
+        for problem, q, own in zip(group.problems, one.q, terms, strict=True)
+    )
+    return _evaluated(group, terms, place, trajectories)
+
+
+def out_of_reach(group: ArmGroup, place: Array) -> bool:
+    """Whether some arm has no collision-free configuration for some waypoint at a placement (7,)."""
+    return any(
+        _out_of_reach(problem, atlas, place) for problem, atlas in zip(group.problems, group.atlases, strict=True)
+    )
+
+
+def _out_of_reach(problem: PlacementProblem, atlas: Atlas, place: Array) -> bool:
+    targets = problem.targets(place)
+    assert targets.positions is not None
+    far = targets[np.linalg.norm(atlas.offsets(targets.positions), axis=1) > NEAR * atlas.spacing]
+    if not len(far):
+        return False
+    nodes = atlas.nodes(far, 120, np.random.default_rng(0))
+    owner = np.repeat(np.arange(len(far)), np.diff(nodes.first))
+    good = np.linalg.norm(far[owner].tip_offset(nodes.q), axis=1) <= IN_PLACE
+    if atlas.collisions is not None:  # with less clearance, trajectories leave the path
+        good[good] = atlas.collisions.clearance(nodes.q[good]) >= 0.5 * CLEARANCE
+    return len(np.unique(owner[good])) < len(far)
+
+
+def within_reach(group: ArmGroup, place: Array) -> Array:
+    """Move a placement (7,) as little as possible until all waypoints are next to samples, by damped Newton steps."""
+    common = group.common
+    free, units = common.free, np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])[common.free]
+    for _ in range(8):
+        place = group.within(place[None])[0][0]
+        beyond, slopes = _beyond(group, place)
+        if not len(beyond):
+            break
+        matrix = slopes[:, free] * units
+        square = matrix.T @ matrix
+        damped = square + 0.1 * np.trace(square) * np.eye(len(square))
+        # 1.5 times as far, since the samples' neighbors are beyond them
+        step = np.linalg.solve(damped, -1.5 * matrix.T @ beyond)
+        place[free] = np.clip(place[free] + units * step, common.least[free], common.most[free])
+    return np.asarray(group.within(place[None])[0][0])
+
+
+def _beyond(group: ArmGroup, place: Array) -> tuple[Array, Array]:
+    """How much farther than `NEAR` waypoints are from samples (k,) [m], and derivatives in the placement (k, 7)."""
+    beyond, slopes = [], []
+    for problem, atlas in zip(group.problems, group.atlases, strict=True):
+        offset = atlas.offsets(problem.placed(place[None])[0][0])
+        gap = np.linalg.norm(offset, axis=1)
+        near = NEAR * atlas.spacing
+        far = gap > near
+        beyond.append(gap[far] - near)
+        slopes.append(-np.einsum("ni,nij->nj", offset[far] / gap[far, None], problem.derivatives(place)[0][far]))
+    return np.concatenate(beyond), np.concatenate(slopes)

@@ -6,38 +6,61 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from maniport.bodies.collisions import Collisions
 from maniport.spd.affine_invariant import distance
+from maniport.subsample import evenly_spaced
+from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult
 from maniport.tracking.motion_limits import LimitUse, MotionLimits
-from maniport.tracking.plan.room import Room
 from maniport.validation import Array
 
-LEAST_LEAP, ABRUPT, AROUND = (0.02, 0.2), 4.0, 9
-"""Least leap of a path [m] and of ellipsoids, how many times quicker it is than usual, and among how many steps."""
+
+@dataclass(frozen=True)
+class Room:
+    """Collisions and clearance of a motion."""
+
+    known: bool = False  # whether anything could be checked
+    why: str = "it was not asked for"  # why not; empty when something was
+    share: float = 0.0  # of the control steps that collide
+    clearance: float = np.inf  # smallest distance at and around the closest waypoints [m]; negative in a collision
+    time: float = 0.0  # of the smallest distance [s]
+    pair: tuple[str, str] = ("", "")  # names of the closest pair
+    stand_ins: tuple[str, ...] = ()  # links checked by their collision shapes, since visual ones are missing
+
+    @classmethod
+    def of(cls, collisions: Collisions | None, motion: JointMotion) -> "Room":
+        """Check all control steps, and measure distances at waypoints and at control steps next to the closest."""
+        if collisions is None or not collisions.known:
+            return cls(why=cls.why if collisions is None else collisions.why)
+        share = float(collisions.collides(motion.control_positions).mean())
+        distance = collisions.clearance(motion.joint_positions)
+        close = distance <= distance.min() + 0.01
+        steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
+        steps = steps[evenly_spaced(len(steps), 1000)]
+        every = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
+        clock = np.append(motion.time[close], motion.control_time[steps])
+        nearest = collisions.nearest(every)
+        i = int(np.argmin(nearest.distance))
+        pair = (str(nearest.first[i]), str(nearest.second[i]))
+        return cls(True, "", share, float(nearest.distance[i]), float(clock[i]), pair, collisions.stand_ins)
 
 
 @dataclass(frozen=True, repr=False)
 class PlannedMotion(TrackResult):
-    """A `TrackResult` that starts and ends at rest, within the robot's limits.
+    """A `TrackResult` that starts and ends at rest, within the robot's limits; made by `plan_motion`.
 
     Attributes
     ----------
     demonstrated_time : ndarray, shape (n,)
-        When the person was at the points [s]; ``time`` says when the robot is.
+        Demonstrated times of the points [s]; ``time`` are those of the robot.
     limits : MotionLimits
     limit_use : LimitUse
-        How much of them is used at most, and when.
+        Largest shares of the limits.
     room : Room
-        How near it comes to a collision.
+        Collisions and clearance.
     node_floor : ndarray, shape (n,)
-        Smallest distance to each target ellipsoid with the tip at its point of the path, found for each point by itself
-        (of at most 250; between them its square is linear). Smooth motions stay above it, but for what the tip is
-        beside its path.
-
-    See Also
-    --------
-    plan_motion : makes it.
-    TrackResult : the other attributes.
+        Distances of the pointwise optimum: the smallest that was found for each point by itself, with the end effector
+        on the path (at most 250 points; between them its square is linear).
     """
 
     demonstrated_time: Array
@@ -60,13 +83,13 @@ class PlannedMotion(TrackResult):
         """
         pace = 1.0 / np.diff(self.demonstrated_time)
         damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
-        steps = [(distance(damped[1:], damped[:-1]), LEAST_LEAP[1])]
+        steps = [(distance(damped[1:], damped[:-1]), 0.2)]
         if self.path is not None:
-            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), LEAST_LEAP[0]))
+            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), 0.02))
         found = np.zeros(len(pace) + 2, bool)
         for size, least in steps:
-            usual = median_filter(size * pace, min(AROUND, len(pace)), mode="nearest")
-            found[1:-1] |= (size > least) & (size * pace > ABRUPT * usual)
+            usual = median_filter(size * pace, min(9, len(pace)), mode="nearest")
+            found[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
         return np.asarray(found[1:] | found[:-1])
 
 

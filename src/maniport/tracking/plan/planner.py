@@ -1,6 +1,7 @@
-"""Joint positions along a whole path: the best way through what the arm can do, then all points at once."""
+"""The planner in five steps: reachability map, roadmap, graph search, optimizer, time parameterization."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,74 +9,47 @@ from numpy.typing import NDArray
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
-from maniport.steps import Part, nobody
-from maniport.thinning import evenly
-from maniport.tracking.arm_model import require_trackable
-from maniport.tracking.effort import EFFORTS, FULL, Detail, Effort
-from maniport.tracking.fitting import require_alike
+from maniport.tracking.arm_model import require_alike, require_trackable
+from maniport.tracking.effort import Effort
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
-from maniport.tracking.plan.atlas import Atlas
-from maniport.tracking.plan.in_place import turned_about
-from maniport.tracking.plan.nodes import Nodes
-from maniport.tracking.plan.pace import SHARE_OF_SPEED, near_enough
-from maniport.tracking.plan.refinement import Asked, Smoothness, motion_cost, refine
-from maniport.tracking.plan.shortest_path import TRAVEL, shortest_path
-from maniport.tracking.search.descent import postures_along
+from maniport.tracking.plan.optimizer import (
+    POSITION_WEIGHTS,
+    CollisionModel,
+    PathCost,
+    TrajectoryTerms,
+    optimize,
+    optimize_to_tolerance,
+    time_weights,
+)
+from maniport.tracking.plan.reachability_map import Atlas
+from maniport.tracking.plan.relaxation import relaxed
+from maniport.tracking.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, turned_to_rotations
+from maniport.tracking.plan.time_parameterization import Timed, retime
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
 
-SLOW = Smoothness(0.12, 4e-3)
-"""Of motions that are planned in slow time."""
-LARGEST_CHANGE = {"rad": 0.6, "m": 0.2}
-"""Between stages, of joints that turn and that slide."""
-QUICKEST = {"rad": 1.6, "m": 0.5}
-"""Largest speeds in slow time: a posture that is exchanged for another one shall not be a leap [1/s]."""
-ROUGH_WEIGHTS = (30.0, 200.0)
-TRACKED_STARTS, TRACKED_STAGES = 6, 100
-KEPT = 4
-"""Of the motions that were found with other detail, the best that are refined, too."""
-
-
-@dataclass(frozen=True)
-class Sketch:
-    """Motions through the stages of a path.
-
-    Attributes
-    ----------
-    detail : Detail
-    rows : ndarray of int, shape (stages,)
-        Which of the path's points are stages.
-    time : ndarray, shape (stages,)
-        Slow time [s].
-    nodes : Nodes
-    found : list of ndarray, shape (stages, dof)
-        The best first.
-    """
-
-    detail: Detail
-    rows: NDArray[np.intp]
-    time: Array
-    nodes: Nodes
-    found: list[Array]
+PLANNING_TIME_SCALE = 4.0
+"""Trajectories are planned as if they took so many times the demonstrated time; time parameterization comes last."""
+COARSE_TOLERANCE = 1e-3
+"""Smallest position tolerance before the time parameterization [m]."""
+SMOOTHNESS = 0.04
+"""Factor of the smoothness costs for a demonstration of 1 s; see `smoothness_share`."""
+SPEED_SHARE = 0.9
+"""Share of the limits of velocity and acceleration that the optimizer uses."""
 
 
 @dataclass(frozen=True)
 class Planner:
-    """An arm, within limits and apart from obstacles, that plans motions.
+    """An arm with its limits, collision model and samples, for any number of plans.
 
     Attributes
     ----------
     limits : MotionLimits
     atlas : Atlas
-        Of ``limits.arm``.
+        Reachability map of ``limits.arm``.
     bank : StartBank
     collisions : Collisions, optional
-        What is kept apart.
-
-    See Also
-    --------
-    plan_motion : the same for a single motion.
     """
 
     limits: MotionLimits
@@ -87,7 +61,7 @@ class Planner:
     def of(
         cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool, random_state: Any
     ) -> "Planner":
-        """Sample the arm that the limits leave; ``collisions=True`` keeps it apart from itself.
+        """Sample the arm within its limits; ``collisions=True`` checks for self-collisions.
 
         Raises
         ------
@@ -95,137 +69,132 @@ class Planner:
             When the arm has too few joints, or coupled ones.
         """
         require_trackable(limits.arm, spec)
-        generator, apart = as_generator(random_state), as_collisions(collisions, limits.arm)
-        atlas = Atlas(limits.arm, spec, random_state=generator, collisions=apart)
-        return cls(limits, atlas, StartBank.build(limits.arm, random_state=generator, spec=spec), apart)
+        generator, model = as_generator(random_state), as_collisions(collisions, limits.arm)
+        atlas = Atlas(limits.arm, spec, random_state=generator, collisions=model)
+        return cls(limits, atlas, StartBank.build(limits.arm, random_state=generator, spec=spec), model)
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this plans for an arm like `arm`, within limits of its own, and `spec`."""
         require_alike("the planner was made for", (self.limits.arm, arm), (self.atlas.spec, spec), limits=False)
 
-    def within(self, targets: Targets) -> Targets:
-        """The same targets, for the arm that keeps the margin of its limits."""
-        return replace(targets, objective=replace(targets.objective, arm=self.limits.arm))
-
-    def stages(self, time: Array, most: float) -> NDArray[np.intp]:
-        """Rows of points that are no farther apart than `most` [s] where the points allow, first and last included."""
-        rows, last = [0], len(time) - 1
-        for i in range(1, last + 1):
-            if i == last or time[i + 1] - time[rows[-1]] > most:
-                rows.append(i)
-        return np.array(rows)
-
-    def largest_changes(self, time: Array) -> Array:
-        """How much joints may change on the way to each of the stages at `time`, shape (stages, dof)."""
-        gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
-        largest = np.array([LARGEST_CHANGE[unit] for unit in self.limits.arm.joint_units])
-        return np.asarray(np.minimum(SHARE_OF_SPEED * self.limits.velocity * gaps, largest))
-
-    def sketch(
+    def plan(
         self,
         targets: Targets,
         time: Array,
-        detail: Detail,
+        tolerance: float,
+        effort: Effort,
         random: np.random.Generator,
-        before: Sketch | None = None,
-        tell: Part = nobody,
-        effort: Effort = EFFORTS[FULL],
-    ) -> Sketch:
-        """Find joint positions at some stages of a path.
-
-        Shortest paths through the nodes and the one that goes from each posture to the best next to it are refined;
-        then a shortest path through the nodes and all of these, which changes from one to the other where that is
-        better.
-
-        Parameters
-        ----------
-        targets : Targets
-        time : ndarray, shape (n,)
-            Slow time [s].
-        detail : Detail
-        random : numpy.random.Generator
-        before : Sketch, optional
-            What was found with other detail: its motions are refined, too.
-        tell : callable
-            Called with the fraction done of the sketch and what is made of it.
-        effort : Effort
-        """
-        rows = self.stages(time, detail.stage)
-        targets, time = targets[rows], time[rows]
-        if before is not None and np.array_equal(rows, before.rows):
-            nodes = before.nodes
-        else:
-            count = int(np.clip(np.sqrt(effort.pairs / len(rows)), effort.nodes, effort.most_nodes))
-            nodes = self._nodes(targets, count, random)
-            if self.collisions is not None:
-                nodes = nodes.without(self.collisions.collides(nodes.q))
-        tell(0.6)
-        largest = self.largest_changes(time)
-        anywhere = np.full_like(largest, np.inf)
-        bars, starts = [largest], []
-        if effort.rivals:
-            earlier = self._tracked(targets, time) if before is None else (before.time, before.found[:KEPT])
-            bars, starts = [largest, anywhere], [joints_between(earlier[0], q, time) for q in earlier[1]]
-        posed = targets.weighing(ROUGH_WEIGHTS[-1])
-        asked, travel = self._slowly(detail, effort), TRAVEL * detail.share
-        # what leaps between sparse nodes may well be joined by the refinement: with and without a bar against leaps
-        ways = [nodes.q[shortest_path(nodes, time, most, travel)] for most in bars]
-        weights = ROUGH_WEIGHTS[: effort.weights]
-        found = [refine(targets, time, q, asked, weights) for q in (*starts, *ways)]
-        tell(0.8)
-        if effort.rivals:
-            every = nodes
-            for q in found:
-                every = every.joined(q, posed.cost(q))
-            joined = every.q[shortest_path(every, time, anywhere, travel)]
-            found.append(refine(targets, time, joined, asked, ROUGH_WEIGHTS))
-        found.sort(key=lambda q: motion_cost(posed, time, q, asked))
-        return Sketch(detail, rows, time, nodes, found)
-
-    def _tracked(self, targets: Targets, time: Array) -> tuple[Array, list[Array]]:
-        """The motion that goes from each posture to the best next to it, at some of the times."""
-        rows = evenly(len(targets), TRACKED_STAGES)
-        return time[rows], [postures_along(targets[rows], self.bank.starts_for(targets[:1], TRACKED_STARTS))[0][0]]
-
-    def _slowly(self, detail: Detail, effort: Effort) -> Asked:
-        """What is asked of motions in slow time."""
-        quickest = detail.quicker * np.array([QUICKEST[unit] for unit in self.limits.arm.joint_units])
-        most = np.minimum(SHARE_OF_SPEED * self.limits.velocity, quickest)
-        return Asked(SLOW.times(detail.share), velocity=most, collisions=self.collisions, enough=effort.enough)
-
-    def _nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Nodes:
-        """Postures with the tip in place, or, without a path, with the most similar ellipsoids."""
-        if targets.positions is not None:
-            return self.atlas.nodes(targets, count, random)
-        q = self.bank.starts_for(targets, count)
-        q[..., self.atlas.idle] = (0.5 * (self.limits.lower + self.limits.upper))[self.atlas.idle]
-        flat, owner = q.reshape(-1, q.shape[-1]), np.repeat(np.arange(len(q)), q.shape[1])
-        flat = turned_about(targets[owner], flat) if targets.turned else flat
-        return Nodes(flat, targets[owner].cost(flat), np.arange(len(q) + 1) * q.shape[1])
-
-    def finished(
-        self, targets: Targets, time: Array, sketch: Sketch, tolerance: float, effort: Effort = EFFORTS[FULL]
+        progress: Callable[[float], None],
     ) -> Array:
-        """Joint positions at all points of a path (n, dof), from the best motion of a sketch.
+        """Find joint positions at all waypoints (n, dof), at times (n,) on the planning time scale."""
+        smoothness = smoothness_share(time)
+        terms = coarse_terms(self.limits, self.collisions, smoothness, effort)
+        stages = stages_of(time, effort.stage)
+        nodes = self.roadmap(targets[stages], effort.nodes, random)
+        progress(0.4)
+        weight, largest = smoothness * JOINT_MOTION_WEIGHT, self.largest_changes(time[stages])
+        q = nodes.q[shortest_path(nodes, time[stages], largest, weight)]
+        progress(0.6)
+        q = optimize(targets[stages], time[stages], q, terms, POSITION_WEIGHTS[0])
+        q = interpolated(time[stages], q, time)
+        return optimize_to_tolerance(targets, time, q, terms, max(tolerance, COARSE_TOLERANCE))[0]
 
-        Parameters
-        ----------
-        targets : Targets
-        time : ndarray, shape (n,)
-            Slow time [s].
-        sketch : Sketch
-        tolerance : float
-            How far beside its path the tip may be at 95 % of the points [m]; the least weight on the path is taken that
-            keeps it.
-        """
-        start = joints_between(sketch.time, sketch.found[0], time)
-        return near_enough(targets, time, start, self._slowly(sketch.detail, effort), tolerance).q
+    def roadmap(self, targets: Targets, count: int, random: np.random.Generator) -> Roadmap:
+        """Make nodes on the path, or, without one, with similar ellipsoids; collision-free where possible."""
+        if targets.positions is not None:
+            nodes = self.atlas.nodes(targets, count, random)
+        else:
+            q = self.bank.starts_for(targets, count)
+            q[..., self.atlas.idle] = (0.5 * (self.limits.lower + self.limits.upper))[self.atlas.idle]
+            owner, first = np.repeat(np.arange(len(q)), q.shape[1]), np.arange(len(q) + 1) * q.shape[1]
+            q = q.reshape(-1, q.shape[-1])
+            q = turned_to_rotations(targets[owner], q) if targets.turned else q
+            nodes = Roadmap(q, targets[owner].cost(q), first)
+        return nodes if self.collisions is None else nodes.without(self.collisions.collides(nodes.q))
 
-    def motion(self, targets: Targets, time: Array, tolerance: float, random: np.random.Generator) -> Array:
-        """What is made of a first sketch."""
-        return self.finished(targets, time, self.sketch(targets, time, EFFORTS[FULL].first, random), tolerance)
+    def largest_changes(self, time: Array) -> Array:
+        """Largest joint changes from stage to stage at `time`, shape (stages, dof); larger ones are jumps."""
+        gaps = np.diff(time, prepend=time[0] - 1.0)[:, None]
+        largest = np.array([{"rad": 0.6, "m": 0.2}[unit] for unit in self.limits.arm.joint_units])
+        return np.asarray(np.minimum(SPEED_SHARE * self.limits.velocity * gaps, largest))
 
 
-def joints_between(known: Array, q: Array, time: Array) -> Array:
-    """Joint positions at times between those that are known."""
+def smoothness_share(time: Array) -> float:
+    """Factor of the smoothness costs for times (n,) on the planning time scale.
+
+    Less smoothness is more accurate, but the limits then slow the trajectory down: by about the same share, which is
+    more seconds for a long recording. The factor grows with the root of the demonstrated duration.
+    """
+    return SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
+
+
+def coarse_terms(
+    limits: MotionLimits, collisions: CollisionModel | None, smoothness: float, effort: Effort
+) -> TrajectoryTerms:
+    """Cost of a trajectory on the planning time scale."""
+    return TrajectoryTerms(
+        smoothness * 0.12,
+        smoothness * 4e-3,
+        velocity=SPEED_SHARE * limits.velocity,
+        collisions=collisions,
+        rel_tol=effort.rel_tol,
+    )
+
+
+def stages_of(time: Array, longest: float) -> NDArray[np.intp]:
+    """Rows of waypoints at most `longest` [s] apart where the waypoints allow, the first and last included."""
+    rows, last = [0], len(time) - 1
+    for i in range(1, last + 1):
+        if i == last or time[i + 1] - time[rows[-1]] > longest:
+            rows.append(i)
+    return np.array(rows)
+
+
+def interpolated(known: Array, q: Array, time: Array) -> Array:
+    """Joint positions at times (n,), linear between those at known times (m,)."""
     return np.stack([np.interp(time, known, column) for column in q.T], axis=1)
+
+
+def time_parameterized(
+    limits: MotionLimits,
+    collisions: CollisionModel | None,
+    targets: PathCost,
+    time: Array,
+    q: Array,
+    tolerance: float,
+    rate: float,
+    effort: Effort,
+) -> tuple[Array, Timed]:
+    """Time a trajectory, optimize it with the smoothness that its time demands, and time it again.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Earliest times of the waypoints [s].
+    tolerance : float
+        Of the 95th percentile of the position error [m].
+    """
+    at = retime(limits, time, q, rate=rate).at
+    terms = TrajectoryTerms(
+        3e-3,
+        1e-6,
+        time_weights(time) * (at[-1] - at[0]) / (time[-1] - time[0]),
+        SPEED_SHARE * limits.velocity,
+        SPEED_SHARE * limits.acceleration,
+        collisions,
+        effort.rel_tol,
+    )
+    q, weight = optimize_to_tolerance(targets, at, q, terms, tolerance)
+    timed = retime(limits, time, q, rate=rate)
+    other = relaxed(targets, at, q, terms, weight, tolerance) if effort.relaxation else q
+    if other is q:
+        return q, timed
+    other_timed = retime(limits, time, other, rate=rate)
+    if colliding_share(collisions, other_timed) > colliding_share(collisions, timed):
+        return q, timed
+    return other, other_timed
+
+
+def colliding_share(collisions: CollisionModel | None, timed: Timed) -> float:
+    """Share of the samples that collide."""
+    return 0.0 if collisions is None else float(collisions.collides(timed.positions).mean())

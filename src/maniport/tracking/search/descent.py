@@ -11,46 +11,31 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from maniport.steps import Part, counted
+from maniport.steps import Part, counted, nobody
 from maniport.tracking.kernels import step_within_limits
-from maniport.tracking.objective import Targets
 from maniport.validation import Array
 
-FIRST_DAMPING = 0.1
 LARGEST_DAMPING = 1e8
 LEAST_GAIN = 1e-4
-"""Share of the expected fall of the cost that a step must bring to be taken."""
-FLAT = 1e-9
-"""Curvature along a joint, relative to the largest of all joints, below which only rounding is left of it. The slope is
-rounding, too: without this bound their quotient would let a joint that moves nothing, such as one whose axis goes
-through the end effector, keep searches going at random."""
-HALVING = 4
-"""Number of steps after which, again and again, the worse half of a target's searches ends."""
-TRAVEL_COST = 1.0
-"""What the fourth power of a joint's change between neighbouring points counts for, beside d² [1/rad⁴ or 1/m⁴].
-
-A motion in steps of 0.3 rad costs next to nothing, while a change of posture such as elbow up to elbow down, 3 rad in
-two joints, costs more than any ellipsoid is worth.
-"""
-FIRST_STEPS, NEXT_STEPS, TRAVEL_TOLERANCE = 20, 6, 1e-4
+"""Share of the expected decrease of the cost that a step must bring to be taken."""
 
 
-class Limited(Protocol):
-    """Whose postures they are: an arm, or two with the joints of both."""
+class JointLimits(Protocol):
+    """An arm, or two with the joints of both."""
 
     lower: Array
     upper: Array
     dof: int
 
 
-class Reached(Protocol):
-    """What shall be reached, one row for each target, such as `maniport.tracking.objective.Targets`."""
+class SearchTargets(Protocol):
+    """Targets, one row each, such as `maniport.tracking.objective.Targets`."""
 
     @property
-    def arm(self) -> Limited:
-        """Whose postures are searched."""
+    def arm(self) -> JointLimits:
+        """The arm, or two."""
 
-    def __getitem__(self, rows: Any) -> "Reached":
+    def __getitem__(self, rows: Any) -> "SearchTargets":
         """Some of the targets, or each several times."""
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
@@ -62,20 +47,20 @@ class Reached(Protocol):
     def tip_error(self, q: Array) -> Array | None:
         """How far tips are beside their targets [m]; None without."""
 
-    def weighing(self, position_weight: float) -> "Reached":
+    def weighing(self, position_weight: float) -> "SearchTargets":
         """The same with another weight of the tips' places [1/m]."""
 
 
 class Searches:
     """The state of all searches, shapes (n · k, ...): the k of the first target, then those of the second and so on."""
 
-    def __init__(self, target: Reached, starts: Array):
+    def __init__(self, target: SearchTargets, starts: Array):
         self.target, (self.count, self.each, dof) = target, starts.shape
         self.lower, self.upper = target.arm.lower, target.arm.upper
         self.q = np.clip(starts.reshape(-1, dof), self.lower, self.upper)
         self.owner = np.repeat(np.arange(self.count), self.each)
         self.length, self.gradient, self.hessian = target[self.owner].evaluate(self.q)
-        self.damping, self.growth = np.full(len(self.q), FIRST_DAMPING), np.full(len(self.q), 2.0)
+        self.damping, self.growth = np.full(len(self.q), 0.1), np.full(len(self.q), 2.0)
 
     def step(self, active: NDArray[np.intp]) -> None:
         """Try one step in each active search and take those that lower the cost."""
@@ -101,8 +86,9 @@ class Searches:
         q, slope, length = self.q[active], self.gradient[active], self.length[active]
         held = ((q <= self.lower) & (slope > 0)) | ((q >= self.upper) & (slope < 0))
         curvature = np.diagonal(self.hessian[active], axis1=1, axis2=2)
-        scale = FLAT * curvature.max(axis=1, keepdims=True)
-        curvature = np.maximum(curvature, np.maximum(scale, np.finfo(np.float64).tiny))
+        # flatter joints, such as one whose axis goes through the end effector, have only rounding in both
+        flat = np.maximum(1e-9 * curvature.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        curvature = np.maximum(curvature, flat)
         promise = np.where(held, 0.0, 0.5 * slope**2 / curvature).max(axis=1)
         reached = (self.length.reshape(self.count, self.each).min(axis=1) <= tol)[self.owner[active]]
         going = ~reached & (promise > tol * length) & np.isfinite(length) & (self.damping[active] < LARGEST_DAMPING)
@@ -117,8 +103,11 @@ class Searches:
         return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
 
 
-def descend(target: Reached, starts: Array, tol: float, max_iter: int, halving: int = HALVING) -> Array:
-    """Search for each target from several starts, shape (n, k, dof); the best joint positions found, (n, dof)."""
+def descend(target: SearchTargets, starts: Array, tol: float, max_iter: int, halving: int = 4) -> Array:
+    """Search for each target from starts (n, k, dof); return the best joint positions found (n, dof).
+
+    Every `halving` steps the worse half of the searches for a target ends.
+    """
     searches = Searches(target, starts)
     active = searches.still_open(np.arange(len(searches.q)), tol)
     for iteration in range(1, max_iter + 1):
@@ -134,35 +123,17 @@ def descend(target: Reached, starts: Array, tol: float, max_iter: int, halving: 
 
 
 def descend_in_blocks(
-    target: Reached,
+    target: SearchTargets,
     starts: Array,
     tol: float,
     max_iter: int,
     block: int,
     n_jobs: int | None = None,
     tell: Part | None = None,
-    halving: int = HALVING,
+    halving: int = 4,
 ) -> Array:
     """Search for each target as `descend` does, `block` of them together."""
     blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
     tasks = (delayed(descend)(target[rows], starts[rows], tol, max_iter, halving) for rows in blocks)
-    if tell is None:
-        found = list(Parallel(n_jobs=n_jobs)(tasks))
-    else:
-        found = list(counted(Parallel(n_jobs=n_jobs, return_as="generator")(tasks), len(blocks), tell))
-    return np.concatenate(found)
-
-
-def postures_along(target: Targets, starts: Array, count: int = 1) -> tuple[Array, Array]:
-    """Move along `count` motions from several starts each; the postures (count, n, dof) and costs (count,)."""
-    k, dof = starts.shape[1:]
-    rows = np.arange(len(target)).reshape(count, -1)
-    n = rows.shape[1]
-    q, cost = np.empty((n, count * k, dof)), np.zeros(count * k)
-    for i in range(n):
-        here = target[np.repeat(rows[:, i], k)]
-        before = starts.reshape(count * k, dof) if i == 0 else q[i - 1]
-        q[i] = descend(here, before[:, None], TRAVEL_TOLERANCE, NEXT_STEPS if i else FIRST_STEPS)
-        cost += here.evaluate(q[i])[0] ** 2 + (TRAVEL_COST * np.sum((q[i] - before) ** 4, axis=1) if i else 0.0)
-    best = np.argmin(cost.reshape(count, k), axis=1) + k * np.arange(count)
-    return np.swapaxes(q[:, best], 0, 1), cost[best] / n
+    found = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+    return np.concatenate(list(counted(found, len(blocks), tell or nobody)))

@@ -11,37 +11,30 @@ from maniport.defaults import DAMPING
 from maniport.errors import NotSPDError
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
+from maniport.subsample import evenly_spaced
 from maniport.tracking.objective import HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank, as_positions
 from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
 
-BLOCK = 128
-"""Ellipsoids that are searched for together. The number is fixed, so that results do not depend on that of the jobs."""
 STARTS = 48
-"""From so many samples each is searched for."""
-POINTS = 250
-"""So many points tell a gap over time: of a profile of 1128 ellipsoids they take 2 s instead of 7 s."""
+"""Samples that a search starts from."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FeasibleEllipsoids(ShownInNotebooks):
-    """What an arm can make of target ellipsoids.
+    """The nearest feasible ellipsoids to targets; made by `nearest_feasible`.
 
     Attributes
     ----------
     joint_positions : ndarray, shape (n, dof)
-        Where the arm makes the ellipsoids that are nearest, within its limits [rad or m].
+        Configurations with the nearest ellipsoids, within the limits [rad or m].
     ellipsoids : ndarray, shape (n, d, d)
-        Those of the arm there, without damping.
+        Ellipsoids there, without damping.
     distance : ndarray, shape (n,)
-        Affine-invariant distance between these and the targets, with the damping.
+        Affine-invariant distances to the targets, with the damping.
     position_error : ndarray, shape (n,), or None
-        How far the tip is from its target positions [m], where there are any.
-
-    See Also
-    --------
-    nearest_feasible : makes it.
+        Distances of the end effector from its target positions [m], where there are any.
     """
 
     joint_positions: Array
@@ -76,8 +69,8 @@ def nearest_feasible(
 ) -> FeasibleEllipsoids:
     """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + ε I, M(q) + ε I).
 
-    The distance to the ellipsoid found is an upper bound of the true minimum, since a search from finitely many starts
-    may miss it. Of ellipsoids of the Panda at new joint positions 99.7 % score below 0.01.
+    The distances are upper bounds of the true minima, since searches from finitely many starts may miss them. Of
+    ellipsoids of the Panda at new joint positions 99.7 % score below 0.01.
 
     Parameters
     ----------
@@ -87,18 +80,18 @@ def nearest_feasible(
     spec, damping
         As in `maniport.tracking.track`, of force too, and None for no damping.
     positions : array_like, shape (n, 3), optional
-        Target positions of the tip in the base frame [m]. The search then minimizes
+        Target positions of the end effector in the base frame [m]. The search then minimizes
         ``d² + (position_weight · |position error|)²``.
     position_weight : float
-        What a metre counts for beside the distance between ellipsoids [1/m].
+        Weight of the position error [1/m].
     n_starts : int
-        From how many samples of the bank to search for each ellipsoid. Arms whose ellipsoids have fewer degrees of
-        freedom need more: of a UR5's own ellipsoids 98 % score below 0.01 with 48, above 99 % with 96.
+        Samples to search from for each ellipsoid. Arms with fewer joints need more: of a UR5's own ellipsoids 98 %
+        score below 0.01 with 48, above 99 % with 96.
     bank, random_state, progress
         As in `maniport.tracking.track`.
     tol : float
-        A target counts as reached when the root of what is minimized falls below `tol`. A search ends where no joint
-        alone promises to lower it by as much.
+        Searches for a target end when the root of the minimized cost falls below `tol`, and where no joint alone
+        promises to lower it by as much.
     max_iter : int
         Most steps of a search.
     n_jobs : int, optional
@@ -111,11 +104,6 @@ def nearest_feasible(
         itself is singular at all starts.
     InvalidInputError
         When another argument has a wrong shape or value.
-
-    See Also
-    --------
-    FeasibleEllipsoids : what comes out.
-    feasibility_gap : the distances alone.
     """
     starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
     tolerance = as_number(tol, "tol", above=0.0)
@@ -126,7 +114,7 @@ def nearest_feasible(
     step = Step(progress, "search the nearest ellipsoids")
     targets = objective.targets(asked, tips)
     first = bank.starts(asked, tips, starts)
-    q = descend_in_blocks(targets, first, tolerance, steps, BLOCK, n_jobs, None if progress is None else step)
+    q = descend_in_blocks(targets, first, tolerance, steps, block=128, n_jobs=n_jobs, tell=step)
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
@@ -142,14 +130,11 @@ def feasibility_gap(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     bank: StartBank | None = None,
-    n_points: int = POINTS,
+    n_points: int = 250,
     n_starts: int = STARTS,
     progress: Progress | None = None,
 ) -> Array:
-    """Distance from each target ellipsoid of a profile to the nearest that an arm can make, wherever its tip is.
-
-    The distances are upper bounds, as those of `nearest_feasible`: a motion may happen to come nearer than what the
-    search found.
+    """Distance from each target ellipsoid of a profile to the nearest feasible one, wherever the end effector is.
 
     Parameters
     ----------
@@ -159,24 +144,21 @@ def feasibility_gap(
     spec, damping, bank, n_starts, progress
         As in `nearest_feasible`.
     n_points : int
-        Most ellipsoids that are searched for, evenly spread; between them the gap is linear in their number.
+        Most ellipsoids that are searched, evenly spaced; between them the distance is interpolated.
 
     Returns
     -------
     ndarray, shape (n,)
+        Upper bounds, as those of `nearest_feasible`.
 
     Raises
     ------
     NotSPDError, InvalidInputError
         As `nearest_feasible`.
-
-    See Also
-    --------
-    nearest_feasible : with the ellipsoids and postures.
     """
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
     require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
-    chosen = np.unique(np.linspace(0, len(targets) - 1, min(most, len(targets))).round().astype(int))
+    chosen = evenly_spaced(len(targets), most)
     found = nearest_feasible(
         arm, targets[chosen], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
     )

@@ -1,7 +1,6 @@
-"""The nearest ellipsoids that an arm can make, for many that are asked for again and again, each time a little changed.
+"""Feasible ellipsoids nearest to many others, for fits that ask for them round after round.
 
-`nearest_feasible` searches thoroughly and forgets. A map that is fitted to what an arm can make asks for thousands of
-images, round after round: here each search goes on from where the last one ended, and from where its neighbors did.
+`nearest_feasible` searches thoroughly and forgets; here each search continues from the last one and its neighbors.
 """
 
 from dataclasses import replace
@@ -21,20 +20,15 @@ from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_number, as_points, require_shape
 
-FEWEST_STARTS, MOST_STARTS, ALL_STARTS = 24, 48, 12_288
-"""How many samples a first search starts from for each point: the third for all points together, within the others.
-Where a search ends beside what the arm can make, all rounds of a fit are pulled there: with six starts the identity
-test of the Panda's field was up to 0.034, with 24 it is 0.006, for half a second."""
-FIRST_STEPS, NEXT_STEPS = 20, 8
-TOLERANCE, BLOCK, HALVING = 1e-6, 512, 2
-"""`HALVING` is half that of `nearest_feasible`. What a search so misses in one round the next one finds: fields fitted
-so come as near in a third less time (Panda: 0.012 on average to unseen samples either way)."""
-ROUND = np.radians(300.0)
-"""Range of the first joint from which on the arm goes round about its axis."""
+MAX_STARTS = 12_288
+"""Samples that all first searches of a fit start from together; each has 24 to 48. With six a length field is worse."""
 
 
 class FeasibleProjector:
-    """Find the ellipsoids that an arm can make nearest to others; a callable, as `maniport.LengthsField` takes it.
+    """Find the feasible ellipsoids of an arm nearest to others; a callable, as `maniport.LengthsField` takes it.
+
+    On one core 2048 ellipsoids of the Panda take 0.9 s, and 0.1 s in each further round of `search`. A result is the
+    nearest that some start leads to: an upper bound of the distance, as in `nearest_feasible`.
 
     Parameters
     ----------
@@ -42,26 +36,16 @@ class FeasibleProjector:
     spec : EllipsoidSpec
         Which ellipsoids.
     damping : float or Regularization
-        As in `maniport.tracking.track`, above zero: the ε that ellipsoids carry which the object is called with.
+        As in `maniport.tracking.track`, above zero: the ε of the ellipsoids that the object is called with.
     bank : StartBank, optional
-        Where searches start. Default: one that is built, of 16 384 samples.
+        Seed configurations. Default: 16 384 new samples.
     random_state : None, int or numpy.random.Generator
-        Seed of that bank.
+        Random seed of these samples.
 
     Raises
     ------
     InvalidInputError
         When an argument has a wrong value.
-
-    See Also
-    --------
-    maniport.transfer.LengthsField : takes it.
-    nearest_feasible : the same with all that one may want to know.
-
-    Notes
-    -----
-    On one core 2048 ellipsoids of the Panda take 0.9 s, and 0.1 s in each further round of `search`. What is found is
-    no farther than the nearest ellipsoid that a start leads to: an upper bound, as in `nearest_feasible`.
     """
 
     needs_damping = True
@@ -85,13 +69,12 @@ class FeasibleProjector:
 
     @cached_property
     def axis(self) -> Array | None:
-        """Direction of the first joint's axis in the base frame (3,), where the arm goes round about it; else None.
+        """Direction of the first joint's axis in the base frame (3,), where the arm turns round it by 300°; else None.
 
-        The joint must be free to turn by 300°: what the arm makes in one posture, it then makes turned by nearly any
-        angle. Ellipsoids of size 6 have none.
+        A feasible ellipsoid is then feasible turned by nearly any angle. Ellipsoids of size 6 have none.
         """
         arm, spec = self.objective.arm, self.objective.spec.velocity
-        if spec.size != 3 or arm.upper[0] - arm.lower[0] < ROUND:
+        if spec.size != 3 or arm.upper[0] - arm.lower[0] < np.radians(300.0):
             return None
         before = np.linspace(arm.lower, arm.upper, 10)[1:-1]
         after, axis = before.copy(), np.asarray(arm.jacobian(before[0])[3:, 0])
@@ -125,16 +108,12 @@ class FeasibleProjector:
 
 
 class FeasibleSearch:
-    """A search that goes on where it ended; made by `FeasibleProjector.search`.
+    """A search that continues where it ended; made by `FeasibleProjector.search`.
 
     Attributes
     ----------
     joint_positions : ndarray, shape (n, dof), or None
-        Where the arm makes what was found last [rad or m].
-
-    See Also
-    --------
-    nearest_feasible : a search from the start.
+        Configurations of the last results [rad or m].
     """
 
     def __init__(self, objective: Objective, bank: StartBank):
@@ -148,18 +127,17 @@ class FeasibleSearch:
         return search
 
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
-        """Find the nearest ellipsoids; and how the logarithm of the way there changes with each joint.
+        """Find the nearest feasible ellipsoids, and derivatives of the logarithm from the points to them.
 
-        The first call starts from samples of the bank, 48 for each of few points and 24 for each of many. Each later
-        one expects the same points, a little changed, and starts from the posture that was found for each, those of its
-        neighbors and one sample.
+        The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
+        from the last result of each, those of its neighbors and one sample.
 
         Parameters
         ----------
         points : array_like, shape (n, d, d)
             SPD, with the damping.
         neighbors : ndarray of int, shape (n, k), optional
-            Indices of points that are alike, whose postures are tried too.
+            Indices of similar points, whose configurations are tried too.
 
         Returns
         -------
@@ -172,20 +150,20 @@ class FeasibleSearch:
         Raises
         ------
         NotSPDError, InvalidInputError
-            When `points` are not SPD, or other than the last time in number.
+            When `points` are not SPD, or their number changes.
         """
         damped = as_points(points, "points", self._objective.spec.size, minimum=1)
         targets = self._objective.targets(self._objective.undamped(damped))
         before = self.joint_positions
         if before is None:
-            each = min(max(ALL_STARTS // len(damped), FEWEST_STARTS), MOST_STARTS)
-            starts, steps = self._bank.starts_for(targets, each), FIRST_STEPS
+            each = min(max(MAX_STARTS // len(damped), 24), 48)
+            starts, steps = self._bank.starts_for(targets, each), 20
         else:
             require_shape(damped, "points", (len(before), *damped.shape[1:]), ", as in the first call")
             beside = [] if neighbors is None else [before[neighbors]]
             fresh = self._bank.starts_for(targets, 1)
-            starts, steps = np.concatenate([before[:, None], *beside, fresh], axis=1), NEXT_STEPS
-        q = descend_in_blocks(targets, starts, TOLERANCE, steps, BLOCK, halving=HALVING)
+            starts, steps = np.concatenate([before[:, None], *beside, fresh], axis=1), 8
+        q = descend_in_blocks(targets, starts, tol=1e-6, max_iter=steps, block=512, halving=2)
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {self._objective.arm.name!r} is singular at all starts for some points")
         self.joint_positions = q

@@ -1,8 +1,6 @@
-"""A bank of configurations of an arm that proposes where a search for an ellipsoid shall start.
+"""Seed configurations: samples of an arm that searches for ellipsoids start from.
 
-Reaching an ellipsoid is full of local minima: many postures make similar ellipsoids, and between them the way leads
-uphill or against the joint limits. The samples of the joint space with the most similar ellipsoids are starts in
-several basins, the right one mostly among them.
+Reaching an ellipsoid has many local minima. The samples with the most similar ellipsoids are starts in several basins.
 """
 
 import os
@@ -18,27 +16,23 @@ from maniport.defaults import DAMPING
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import array_names, load_arrays, save_arrays
 from maniport.notebook import ShownInNotebooks
-from maniport.places import as_places
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.tracking.objective import Damping, Targets, as_damping
-from maniport.validation import Array, as_count, as_finite, as_number, as_points, as_square, require_shape
+from maniport.validation import Array, as_count, as_finite, as_metres, as_number, as_points, as_square, require_shape
 
 FILE_FORMAT = "maniport-start-bank-2"
 _ARRAYS = (
-    "format", "arm", "kind", "part", "joint_weights", "damping", "joint_positions", "tip_positions", "ellipsoids",
-)  # fmt: skip
-"""What a file holds."""
+    *("format", "arm", "kind", "part", "joint_weights", "damping"),
+    *("joint_positions", "tip_positions", "ellipsoids"),
+)
 BANK_SIZE = 16_384
-NEIGHBOR_WEIGHT = 6.0
-"""What a metre between positions of the tip counts for beside the distance between ellipsoids, when starts are chosen:
-less than a search gives it, since samples lie decimetres apart and the search brings the tip the rest of the way."""
 CHECKED = 16
-"""Number of samples that are computed anew to see that a bank belongs to an arm."""
+"""Number of samples that are computed again to check that a bank belongs to an arm."""
 
 
 class StartBank(ShownInNotebooks):
-    """Sampled configurations of an arm with the positions of their tip and their ellipsoids.
+    """Seed configurations: sampled configurations of an arm with their positions and ellipsoids.
 
     Make one with `StartBank.build`, or read one with `StartBank.load`.
 
@@ -47,17 +41,13 @@ class StartBank(ShownInNotebooks):
     joint_positions : ndarray, shape (n, dof)
         The samples, within the joint limits [rad or m].
     tip_positions : ndarray, shape (n, 3)
-        Where the arm's tip is, in the base frame [m].
+        Positions of the end effector in the base frame [m].
     ellipsoids : ndarray, shape (n, d, d)
-        The arm's, without damping.
+        Ellipsoids of the arm, without damping.
     spec : EllipsoidSpec
         Which ellipsoids.
     damping : Regularization
         Its ε is added to all eigenvalues before ellipsoids are compared.
-
-    See Also
-    --------
-    nearest_feasible, track
     """
 
     def __init__(self, arm: Arm, joint_positions: Array, damping: Damping, spec: EllipsoidSpec):
@@ -126,20 +116,20 @@ class StartBank(ShownInNotebooks):
         ellipsoids: ArrayLike,
         positions: ArrayLike | None = None,
         k: int = 5,
-        position_weight: float = NEIGHBOR_WEIGHT,
+        position_weight: float = 6.0,
     ) -> Array:
-        """Configurations whose ellipsoids, and tip positions where there are any, are most similar to the targets.
+        """Configurations whose ellipsoids, and positions where given, are most similar to the targets.
 
         Parameters
         ----------
         ellipsoids : array_like, shape (n, d, d)
             Target ellipsoids in the arm's base frame, without damping.
         positions : array_like, shape (n, 3), optional
-            Target positions of the tip in the base frame [m].
+            Target positions of the end effector in the base frame [m].
         k : int
-            How many configurations for each; a smaller bank gives all it has.
+            How many configurations for each; a smaller bank returns all it has.
         position_weight : float
-            What a metre counts for beside the distance between ellipsoids [1/m].
+            Weight of a distance between positions [1/m]: less than in a search, since samples lie decimetres apart.
 
         Returns
         -------
@@ -237,7 +227,7 @@ class StartBank(ShownInNotebooks):
 
 def as_positions(value: ArrayLike, count: int) -> Array:
     """Convert to target positions of the tip, shape (count, 3), one for each ellipsoid."""
-    positions = as_places(value, "positions")
+    positions = as_metres(value, "positions")
     require_shape(positions, "positions", (count, 3), ", one for each ellipsoid")
     return positions
 

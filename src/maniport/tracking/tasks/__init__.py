@@ -1,7 +1,6 @@
 """Tasks for Pink, beside its own."""
 
 from maniport.tracking.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
-from maniport.tracking.tasks.orientation_task import OrientationTask
-from maniport.tracking.tasks.position_task import PositionTask
+from maniport.tracking.tasks.frame_tasks import OrientationTask, PositionTask
 
 __all__ = ["ManipulabilityEllipsoidTask", "OrientationTask", "PositionTask"]

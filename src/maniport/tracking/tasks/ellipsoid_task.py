@@ -19,7 +19,7 @@ from maniport.spd.matrix_functions import roots
 from maniport.tracking.arm_model import frame_id, moving_columns
 from maniport.tracking.kernels import fill_terms
 from maniport.tracking.objective import HINT, Damping, as_damping
-from maniport.tracking.tasks.task import CheckedTask
+from maniport.tracking.tasks.frame_tasks import CheckedTask
 from maniport.validation import Array, as_positive_semidefinite, as_spd, as_symmetric, require_shape
 
 
@@ -28,12 +28,11 @@ class ManipulabilityEllipsoidTask(CheckedTask):
 
     The error is e = vec(log(M^-½ A M^-½)) in Mandel form, whose length is the affine-invariant distance to the target
     ellipsoid A; the Jacobian has the columns −vec(M^-½ (∂M/∂q_k) M^-½), so that J Δq = −α e moves M along the
-    geodesic to A, and Jᵀe is exactly the gradient of ``½ |e|²`` (Jaquier, Rozo, Caldwell & Calinon, Geometry-aware
-    Manipulability Learning, Tracking, and Transfer, IJRR 2021, § 5). M and A include the damping.
+    geodesic to A, and Jᵀe is exactly the gradient of ``½ |e|²`` [1]_. M and A include the damping.
 
-    For models of any tree of joints whose joints between the world and the frame are revolute or prismatic; the other
-    columns are zero. Position and ellipsoid of one frame are coupled, see `maniport.tracking.PositionTask`.
-    To raise one scalar, Yoshikawa's index, take Pink's ManipulabilityTask.
+    Joints between the world and the frame must be revolute or prismatic; other columns are zero. Position and ellipsoid
+    of a frame are coupled, see `maniport.tracking.PositionTask`. To raise Yoshikawa's index, take Pink's
+    ManipulabilityTask.
 
     Parameters
     ----------
@@ -44,34 +43,25 @@ class ManipulabilityEllipsoidTask(CheckedTask):
     gain : float
         Share of the error that is to vanish in a step, in (0, 1].
     lm_damping : float
-        Levenberg-Marquardt damping, not negative: slows the joints in proportion to the squared error. The default
-        keeps the arm calm where the target is out of reach, and hardly slows it where it is not.
+        Levenberg-Marquardt damping, not negative. The default keeps the arm calm where the target is out of reach.
     spec : EllipsoidSpec
         Which ellipsoids, of velocity; joint weights for each tangent coordinate of the model, shape (nv,).
     damping : float, Regularization or None
-        What is added to the eigenvalues of M and A, so that flat ellipsoids of singular configurations lie at a finite
-        distance. A number is the share of the target's own mean eigenvalue, since a task knows no arm;
-        ``Regularization.absolute(ε)`` or a fitted one adds its ε. None adds nothing: the task then raises NotSPDError
-        at singular configurations.
+        Added to the eigenvalues of M and A. A number is the share of the target's own mean eigenvalue, since a task
+        knows no arm; a Regularization adds its ε. With None the task raises NotSPDError at singular configurations.
     weights : array_like, shape (m, m), optional
-        Weighs the error as eᵀ weights e, such as the inverse of the covariance of several demonstrations: symmetric
-        positive-semidefinite, in Mandel coordinates that are whitened at the target (see
-        `maniport.profiles.tracking_weights`). Error and Jacobian then are expressed in these coordinates too, by
-        parallel transport from M to A.
+        Weighs the error as eᵀ weights e: symmetric positive-semidefinite, in Mandel coordinates that are whitened at
+        the target (see `maniport.profiles.tracking_weights`), in which error and Jacobian then are, too.
 
     Attributes
     ----------
     target : ndarray, shape (d, d), or None
         The target ellipsoid, without damping.
 
-    See Also
-    --------
-    PositionTask, OrientationTask
-    track : the loop with these tasks.
-
     References
     ----------
-    Jaquier, Rozo, Caldwell and Calinon, Geometry-aware manipulability learning, tracking, and transfer, IJRR 40, 2021.
+    .. [1] Jaquier, Rozo, Caldwell and Calinon, Geometry-aware manipulability learning, tracking, and transfer, IJRR 40,
+       2021, § 5.
     """
 
     told = ("spec", "damping")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.icp.matches import Correspondence, Matches
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_angle
@@ -113,9 +113,9 @@ class ICP:
         if min(len(teacher), len(student)) <= most:
             return self
         if len(teacher) <= len(student):
-            teacher = teacher[evenly(len(teacher), most)]
+            teacher = teacher[evenly_spaced(len(teacher), most)]
         else:
-            student = student[evenly(len(student), most)]
+            student = student[evenly_spaced(len(student), most)]
         return ICP(teacher, student, self.correspondence, self._tol, self._pairs)
 
     def problem(self, rotation: Array) -> tuple[RotationProblem, Matches]:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.thinning import evenly
+from maniport.subsample import evenly_spaced
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.algorithm import ICP, Registration
 from maniport.transfer.icp.rotation import RotationProblem
@@ -45,7 +45,7 @@ def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3
     count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
     if count < 3:
         return []
-    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly(len(teacher), count)]), eigh(student)
+    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly_spaced(len(teacher), count)]), eigh(student)
     for frame in (frame_t, frame_s):
         frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
     _, similar = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)])

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import compose, congruence, eigh, mandel_basis
-from maniport.spd.kernels.threads import in_parts
+from maniport.spd.kernels import compose, congruence, eigh, in_parts, mandel_basis
 from maniport.spd.matrix_functions import from_vector, to_vector
 from maniport.transfer.lengths.kernels import map_many
 from maniport.validation import SPD_TOLERANCE, Array, as_numbers

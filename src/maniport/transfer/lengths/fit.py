@@ -18,9 +18,11 @@ from maniport.transfer.lengths.field import LengthsMap, axiswise, powers
 from maniport.validation import Array, as_finite, as_points, require_shape
 
 Projector = Callable[[Array], Any]
-"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones in the same order,
-damped alike. An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be
-turned. An attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default."""
+"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones, damped alike.
+
+An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
+attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
+"""
 
 TIE = 1e-6
 """Difference of logarithms, and of their squared distances, up to which samples are equally suited. It is far above

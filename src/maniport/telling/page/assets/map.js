@@ -6,9 +6,8 @@ const WORST = 0.6; // feasibility gaps from here on have the strongest colour
 class DomainChart {
   constructor(map, motion, seek, colors) {
     Object.assign(this, { map, motion, colors, markers: [], last: null, index: 0, picked: false });
-    this.hint = "Dots and crosses are sampled ellipsoids, lines the profiles, strong for 3 s around now; near together means alike. ";
-    if (map.domains.some((set) => set.outline.length)) this.hint += "90 % of what the robot can make lies in the outline. ";
-    if (map.profiles.some((set) => set.gap)) this.hint += `The target is stronger the farther it is from all that the robot can make (to ${WORST}). `;
+    this.hint = "Dots and crosses are sampled ellipsoids, lines the profiles, strong for 3 s around now. ";
+    if (map.profiles.some((set) => set.gap)) this.hint += `The target is darker the farther it is from the feasible set (to ${WORST}). `;
     this.hint += "Point at a mark to see it, press a line to go there; arrow keys do both.";
     this.canvas = make("canvas", { role: "img", "aria-label": "Both domains and the profiles in two diffusion coordinates" });
     this.above = make("canvas", { class: "above", "aria-hidden": "true" });
@@ -88,8 +87,7 @@ class DomainChart {
 
   key() {
     const entry = (set, mark, words) => make("li", {}, [make("i", { class: `swatch ${mark} ${set.role}` }), `${words}${set.name}`]);
-    const outlined = this.map.domains.filter((set) => set.outline.length).map((set) => entry(set, "outline", "90 % of the domain of "));
-    const entries = [...outlined, ...this.map.domains.map((set) => entry(set, set.role === "achieved" ? "crosses" : "dots", "domain of ")), ...this.map.profiles.map((set) => entry(set, "stroke", ""))];
+    const entries = [...this.map.domains.map((set) => entry(set, set.role === "achieved" ? "crosses" : "dots", "domain of ")), ...this.map.profiles.map((set) => entry(set, "stroke", ""))];
     return make("ul", { class: "key" }, entries);
   }
 
@@ -107,15 +105,7 @@ class DomainChart {
         pen.fillRect(x - 0.5, y - 2.5, 1, 5);
       }
     }
-    Object.assign(pen, { globalAlpha: 1, lineJoin: "round", lineWidth: 2 });
-    for (const set of this.map.domains)
-      for (const { shape, data } of set.outline) {
-        pen.strokeStyle = this.colors.css(set.role);
-        pen.beginPath();
-        for (let k = 0; k < shape[0]; k++) pen[k ? "lineTo" : "moveTo"](...this.place(data, k));
-        pen.stroke();
-      }
-    Object.assign(pen, { globalAlpha: 0.22, lineWidth: 1 });
+    Object.assign(pen, { globalAlpha: 0.22, lineJoin: "round", lineWidth: 1 });
     const breaks = new Set(this.motion.gaps);
     for (const set of this.map.profiles) {
       pen.strokeStyle = this.colors.css(set.role);
@@ -184,7 +174,7 @@ class DomainChart {
     const { lengths } = principalAxes(set.ellipsoids.data.subarray(6 * index, 6 * index + 6));
     const ratio = (lengths[0] / lengths[lengths[2] > 1e-6 * lengths[0] ? 2 : 1]) ** 2;
     const axes = lengths.map((l) => l.toFixed(2)).join(" · ");
-    const gap = set.gap ? `, ${set.gap.data[index].toFixed(2)} from what the robot can make` : "";
+    const gap = set.gap ? `, ${set.gap.data[index].toFixed(2)} from the feasible set` : "";
     return make("span", {}, [name, `${when}: semi-axes ${axes}, condition ${readable(ratio)}${gap}`]);
   }
 }

@@ -1,0 +1,29 @@
+"""Figures of a saved result."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from maniport.cli.application import AsJson, Quiet, app
+from maniport.telling.console import Console
+
+
+@app.command(epilog="Example: maniport figures maniport-demo -o paper/figures")
+def figures(
+    result: Annotated[Path, typer.Argument(help="Folder that transfer, demo, track or learn has written.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the figures; by default that of the result.")
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw the figures of a saved result as PNG and SVG files."""
+    from maniport.telling.figures import write_figures
+
+    console = Console(as_json, quiet)
+    with console.progress() as progress:
+        progress("draw the figures", 0.0)
+        files = write_figures(result, output)
+        progress("draw the figures", 1.0, f"{len(files)} files")
+    console.finish({"files": [str(file) for file in files]}, "\n".join(map(str, files)))

@@ -1,0 +1,304 @@
+"""Metrics of mapped ellipsoids: error, steps, structure, identity test and stability.
+
+All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import spearmanr
+
+from maniport.errors import IdentifiabilityWarning, InvalidInputError
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.ellipsoid import axis_angles
+from maniport.spd.mean import mean
+from maniport.subsample import evenly_spaced
+from maniport.transfer import DomainAdapter
+from maniport.transfer.lengths.report import AXIS_MOVED
+from maniport.transfer.rotation_group import rotation_angle
+from maniport.validation import Array, as_count, as_finite, as_points
+
+STILL = 1e-9
+"""Largest distance that is put down to rounding: nothing moves there."""
+
+
+@dataclass(frozen=True)
+class RMSE:
+    """Root mean squared distance between the truth and the mapped ellipsoids, in three forms.
+
+    Attributes
+    ----------
+    undivided : float
+        sqrt(mean d²), dimensionless.
+    per_dispersion : float
+        Divided by the mean distance of the mapped ellipsoids to their Fréchet mean (Reithmeir et al. 2022, § V).
+    per_squared_dispersion : float
+        Divided by their mean squared distance to it, which is what the authors' published code computes.
+    """
+
+    undivided: float
+    per_dispersion: float
+    per_squared_dispersion: float
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """Affine-invariant distances between consecutive ellipsoids, mapped and of the teacher.
+
+    Attributes
+    ----------
+    largest, median : float
+        Of the mapped profile; the median is over the steps in which the teacher's profile moves.
+    original_largest, original_median : float
+        Of the teacher's profile, over the same steps.
+    """
+
+    largest: float
+    median: float
+    original_largest: float
+    original_median: float
+
+    @property
+    def largest_ratio(self) -> float:
+        """Largest step over the teacher's largest: 1 keeps it, a staircase is far above."""
+        return self.largest / self.original_largest
+
+    @property
+    def median_ratio(self) -> float:
+        """Median step over the teacher's median."""
+        return self.median / self.original_median
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Pairwise distances and principal axes of mapped ellipsoids, compared with the teacher's.
+
+    Attributes
+    ----------
+    spearman : float
+        Rank correlation of the pairwise distances; zero where all are mapped to one ellipsoid.
+    distortion : float
+        Median of abs(log(d_mapped / (s d_original))) over the pairs, s being the median ratio: 0 for an isometry up
+        to scale. Infinite where most pairs collapse.
+    major_turn, minor_turn : float or None
+        Median angle between the longest and shortest axes of both [degrees]. None where no axis is distinct.
+    major_left_out, minor_left_out : int
+        Number of ellipsoids without a distinct longest or shortest axis, in the original or the mapped one.
+    major_moved : float or None
+        Fraction of the ellipsoids with distinct longest axes in which that angle exceeds 10°.
+    """
+
+    spearman: float
+    distortion: float
+    major_turn: float | None
+    minor_turn: float | None
+    major_left_out: int
+    minor_left_out: int
+    major_moved: float | None = None
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Dispersion of a fitted map over independent samples of the same two domains.
+
+    Attributes
+    ----------
+    rotation_largest, rotation_rms : float
+        Angle between each ``rotation_`` and their mean [degrees]: maximum and root mean square.
+    map_spread : float
+        Root mean squared distance of an ellipsoid's images to their Fréchet mean; median over the probes.
+    n_draws : int
+    """
+
+    rotation_largest: float
+    rotation_rms: float
+    map_spread: float
+    n_draws: int
+
+
+def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
+    """Compute the root mean squared affine-invariant distance between ellipsoids and their truth.
+
+    Parameters
+    ----------
+    truth, mapped : array_like, shape (n, d, d)
+        SPD, in the same order, n ≥ 2.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a matrix is not SPD, the counts differ, or the mapped ellipsoids are equal: no dispersion to divide by.
+    """
+    wanted, images = as_pair(truth, mapped, "truth", "mapped", minimum=2)
+    undivided = float(np.sqrt(np.mean(distance_unchecked(wanted, images) ** 2)))
+    deviations = distance_unchecked(mean(images), images)
+    if np.max(deviations) <= STILL:
+        raise InvalidInputError(f"mapped has no dispersion to divide by: all {len(images)} ellipsoids are equal")
+    return RMSE(undivided, float(undivided / np.mean(deviations)), float(undivided / np.mean(deviations**2)))
+
+
+def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
+    """Compare the steps of a mapped profile with those of the teacher's.
+
+    Parameters
+    ----------
+    mapped, original : array_like, shape (n, d, d)
+        SPD, in the order of time, n ≥ 2.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a matrix is not SPD, the counts differ, or the original does not move.
+    """
+    images, own = as_pair(mapped, original, "mapped", "original", minimum=2)
+    steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
+    moving = own_steps > STILL
+    if not np.any(moving):
+        raise InvalidInputError(f"original stands still: its {len(own)} ellipsoids are equal; steps compare motion")
+    return Smoothness(
+        float(np.max(steps)),
+        float(np.median(steps[moving])),
+        float(np.max(own_steps)),
+        float(np.median(own_steps[moving])),
+    )
+
+
+def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> Structure:
+    """Compare pairwise distances and principal axes of mapped ellipsoids with those of the teacher's.
+
+    Parameters
+    ----------
+    mapped, original : array_like, shape (n, d, d)
+        SPD, in the same order and the same frame, n ≥ 3.
+    most_points : int
+        Pairs are taken between at most this many ellipsoids, evenly over their order; axes of all.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a matrix is not SPD, the counts differ, or the original does not vary.
+    """
+    images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
+    chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
+    first, second = np.triu_indices(len(chosen), 1)
+    distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
+    spearman, distortion = _compare_distances(*distances)
+    major, minor = (axis_angles(images, own, which) for which in (-1, 0))
+    return Structure(
+        spearman,
+        distortion,
+        float(np.median(major)) if len(major) else None,
+        float(np.median(minor)) if len(minor) else None,
+        len(own) - len(major),
+        len(own) - len(minor),
+        float(np.mean(major > AXIS_MOVED)) if len(major) else None,
+    )
+
+
+def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -> float:
+    """Fit a clone of an adapter from a domain to itself; the truth is to change nothing.
+
+    Parameters
+    ----------
+    adapter : DomainAdapter
+        Only its parameters are used. A known mounting becomes the identity, and known pairs are left out.
+    first, second : array_like, shapes (n, d, d) and (m, d, d)
+        Two disjoint sets of samples of the student's domain: teacher and student of the test.
+
+    Returns
+    -------
+    float
+        Root mean squared distance from each of `first` to its image; sampling noise keeps it above zero.
+    """
+    clone: Any = adapter.silent()
+    parameters = clone.get_params(deep=False)
+    if parameters.get("mounting") is not None:
+        clone.set_params(mounting=np.eye(as_finite(first, "first").shape[-1]))
+    if parameters.get("pairs") is not None:
+        clone.set_params(pairs=None)
+    changes = _refit(clone, first, second).errors(first, first)
+    return float(np.sqrt(np.mean(changes**2)))
+
+
+def stability(
+    adapter: DomainAdapter,
+    teacher_draws: Sequence[ArrayLike],
+    student_draws: Sequence[ArrayLike],
+    probe: ArrayLike,
+    **options: Any,
+) -> Stability:
+    """Refit clones of an adapter to independent samples of both domains, and compare the maps.
+
+    Parameters
+    ----------
+    adapter : DomainAdapter
+        Only its parameters are used.
+    teacher_draws, student_draws : sequence of array_like, shapes (n, d, d) and (m, d, d)
+        Equally many, at least two.
+    probe : array_like, shape (k, d, d)
+        Ellipsoids of the teacher that every fitted map transforms.
+    **options
+        Passed on to the adapter's `fit`, such as known pairs.
+    """
+    if len(teacher_draws) != len(student_draws) or len(teacher_draws) < 2:
+        raise InvalidInputError(
+            "teacher_draws and student_draws must be equally many, at least 2; "
+            f"found {len(teacher_draws)} and {len(student_draws)}"
+        )
+    domains = zip(teacher_draws, student_draws, strict=True)
+    fitted = [_refit(adapter.silent(), teacher, student, **options) for teacher, student in domains]
+    images = np.stack([one.student_side(one.transform(probe)) for one in fitted], axis=1)
+    if images.ndim != 4:
+        raise InvalidInputError(f"probe must have shape (k, d, d); found {np.shape(probe)}")
+    angles = np.degrees(_angles_from_mean([one.rotation_ for one in fitted]))
+    spread = [np.sqrt(np.mean(distance_unchecked(mean(own), own) ** 2)) for own in images]
+    return Stability(float(np.max(angles)), float(np.sqrt(np.mean(angles**2))), float(np.median(spread)), len(fitted))
+
+
+def as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
+    """Check two sets of SPD matrices (n, d, d) that belong together one by one."""
+    a = as_points(first, name, minimum=minimum, copy=False)
+    b = as_points(other, other_name, a.shape[-1], minimum=minimum, copy=False)
+    if len(a) != len(b):
+        raise InvalidInputError(f"{name} and {other_name} must be equally many; found {len(a)} and {len(b)}")
+    return a, b
+
+
+def moves(profile: Array) -> bool:
+    """Whether ellipsoids (n, d, d) change at all."""
+    return bool(np.max(distance_unchecked(profile[:1], profile)) > STILL)
+
+
+def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
+    """Rank correlation and distortion of pairwise distances."""
+    if np.ptp(original) <= STILL:
+        raise InvalidInputError(
+            f"original does not vary: all of its pairwise distances are {original[0]:.3g}; structure compares them"
+        )
+    rank = float(spearmanr(mapped, original).statistic) if np.ptp(mapped) > STILL else 0.0
+    distinct = original > STILL
+    ratios = mapped[distinct] / original[distinct]
+    scale = float(np.median(ratios))
+    if scale <= STILL:
+        return rank, float("inf")
+    with np.errstate(divide="ignore"):
+        return rank, float(np.median(np.abs(np.log(ratios / scale))))
+
+
+def _refit(adapter: DomainAdapter, teacher: ArrayLike, student: ArrayLike, **options: Any) -> DomainAdapter:
+    """Fit without the warning of an unobservable rotation, whose dispersion is measured here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IdentifiabilityWarning)
+        return adapter.fit(teacher, student, **options)
+
+
+def _angles_from_mean(rotations: list[Array]) -> Array:
+    """Angles [rad] from the chordal mean, the rotation nearest to the sum (Hartley et al., IJCV 103, 2013, § 5.3)."""
+    left, _, right = np.linalg.svd(np.sum(rotations, axis=0))
+    if np.linalg.det(left @ right) * np.linalg.det(rotations[0]) < 0:
+        left[:, -1] *= -1.0
+    return np.array([rotation_angle(left @ right, one) for one in rotations])

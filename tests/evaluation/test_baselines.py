@@ -1,0 +1,101 @@
+"""Tests of the baselines."""
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
+from maniport.errors import InvalidInputError
+from maniport.evaluation.baselines import ROWS, TRANSPORT, Procrustes, baselines_for
+from maniport.transfer.rigid_adapter import RigidMap
+
+
+@pytest.fixture
+def domains(make_cloud, rng):
+    """Two clouds with different means."""
+    return make_cloud(rng, 60), 3.0 * make_cloud(rng, 80, spread=0.3)
+
+
+def test_all_have_the_regularization_and_the_mounting(turn_about):
+    """Each baseline has the adapter's damping and frame rotation, and is a scikit-learn estimator."""
+    found = baselines_for(RiemannianICP(damping=0.02, mounting=turn_about(90.0)), "icp")
+    assert tuple(one.name for one in found) == ROWS
+    for one in found:
+        parameters = clone(one.adapter).get_params()
+        assert parameters["damping"] == 0.02
+        np.testing.assert_array_equal(parameters["mounting"], turn_about(90.0))
+
+
+@pytest.mark.parametrize("regularization", [{}, {"damping": 0.01}, {"floor": 1e-4}])
+def test_raw_copy_changes_the_frame_only(domains, turn_about, regularization):
+    """The student gets R_b T R_bᵀ; of damping at most a millionth stays."""
+    turn = turn_about(35.0, axis=1)
+    adapter = RawCopy(mounting=turn, **regularization).fit(*domains)
+    images = adapter.transform(domains[0])
+    np.testing.assert_allclose(images, turn @ domains[0] @ turn.T, atol=2e-6 * adapter.student_damping_ + 1e-12)
+    np.testing.assert_allclose(adapter.inverse_transform(images), domains[0], atol=1e-6)
+
+
+def test_mean_transport_matches_the_means_and_nothing_else(domains, turn_about):
+    """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ (R_b T̄ R_bᵀ)^-½ R_b."""
+    turn, points = turn_about(35.0, axis=1), domains[0]
+    adapter = Recentring(mounting=turn).fit(*domains)
+    teacher, student = (spd.mean(cloud) for cloud in domains)
+    factor = spd.sqrtm(student) @ spd.invsqrtm(turn @ teacher @ turn.T) @ turn
+    images = adapter.transform(points)
+    np.testing.assert_allclose(images, factor @ points @ factor.T, rtol=1e-8)
+    np.testing.assert_allclose(adapter.inverse_transform(images), points, rtol=1e-8)
+
+
+def test_procrustes_is_that_of_pyriemann(domains):
+    """The map of the training data is TLCenter, TLScale and TLRotate, with the student's mean put back."""
+    transfer = pytest.importorskip("pyriemann.transfer")
+    teacher, student = domains[0], domains[1][:60]
+    classes = np.array([f"{i:06d}" for i in range(60)])
+    labels = np.concatenate([np.char.add("teacher/", classes), np.char.add("student/", classes)])
+    center = transfer.TLCenter("student")
+    clouds = center.fit_transform(np.concatenate([teacher, student]), labels)
+    spread = np.mean(spd.distance(np.eye(3), clouds[60:]) ** 2)
+    clouds = transfer.TLScale("student", final_dispersion=spread, centered_data=True).fit_transform(clouds, labels)
+    clouds = transfer.TLRotate("student").fit_transform(clouds, labels)
+    root = center.centers_["student"].inv_filters_
+    adapter = Procrustes(pairs=(teacher, student)).fit(teacher, student)
+    np.testing.assert_allclose(adapter.transform(teacher), root @ clouds[:60] @ root, rtol=1e-6)
+
+
+def test_procrustes_finds_the_rotation_of_known_pairs_only(make_cloud, rng, turn_about):
+    """Where the student is a rigid image of the teacher, pairs give it back; without pairs nothing is rotated."""
+    pytest.importorskip("pyriemann")
+    teacher = make_cloud(rng, 40)
+    student = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 4.0]), turn_about(70.0, axis=0), 0.8).apply(teacher)
+    adapter = Procrustes(mounting=turn_about(40.0), pairs=(teacher, student)).fit(teacher, student)
+    assert np.max(spd.distance(adapter.transform(teacher), student)) < 1e-3
+    adapter = Procrustes(mounting=turn_about(40.0)).fit(teacher, student)
+    np.testing.assert_allclose(adapter.rotation_, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(adapter.transform(spd.mean(teacher)), spd.mean(student), atol=1e-6)
+
+
+def test_without_pyriemann_the_row_has_a_note(monkeypatch):
+    """An optional package that is absent is reported with the command that installs it."""
+    monkeypatch.setattr("maniport.evaluation.baselines.find_spec", lambda name: None)
+    one = baselines_for(RiemannianICP(), "")[-1]
+    assert one.adapter is None
+    assert "maniport[compare]" in one.note
+
+
+def test_a_method_is_not_its_own_baseline(domains):
+    """Rows come in the order of the names; one that is fitted already is taken as it is."""
+    assert TRANSPORT not in [one.name for one in baselines_for(ParallelTransport(), "")]
+    assert "nearest-neighbor" not in [one.name for one in baselines_for(NearestNeighbor(), "")]
+    ready = ParallelTransport(damping=0.01).fit(*domains)
+    adapter = RiemannianICP(damping=0.01, random_state=0).fit(*domains)
+    found = baselines_for(adapter, "icp", (TRANSPORT, "raw-copy"), fitted={TRANSPORT: ready})
+    assert [(one.name, one.fitted) for one in found] == [(TRANSPORT, True), ("raw-copy", False)]
+    assert found[0].adapter is ready
+    for arguments, word in (
+        ({"name": "raw-copy"}, "name"),
+        ({"name": "icp", "fitted": {TRANSPORT: ParallelTransport(damping=0.02).fit(*domains)}}, "fitted"),
+        ({"name": "icp", "rows": ("raw copy",)}, "row"),
+    ):
+        with pytest.raises(InvalidInputError, match=word):
+            baselines_for(adapter, **arguments)

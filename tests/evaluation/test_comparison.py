@@ -1,0 +1,173 @@
+"""Tests of the comparison of an adapter with baselines."""
+
+import json
+
+import numpy as np
+import pytest
+
+from maniport import ParallelTransport, RawCopy, RiemannianICP, load_arm, sample_domain, spd
+from maniport.bodies import Arm, EllipsoidSpec
+from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
+from maniport.evaluation import evaluate
+from maniport.evaluation.baselines import LOOKUP, RAW_COPY, RECENTRING, ROWS, TRANSPORT
+from maniport.telling import as_markdown, as_numbers, facts_of
+from maniport.transfer.rigid_adapter import RigidMap
+
+
+@pytest.fixture(scope="module")
+def problem(make_cloud, turn_about):
+    """Clouds of which the second is a rigid image of the first, with the truth along a motion."""
+    rng = np.random.default_rng(4)
+    teacher = make_cloud(rng, 120)
+    truth = RigidMap(spd.mean(teacher), np.diag([1.0, 2.0, 5.0]), turn_about(20.0), 0.8)
+    ends = make_cloud(rng, 2)
+    profile = spd.geodesic(ends[0], ends[1], np.linspace(0.0, 1.0, 15))
+    return teacher, truth.apply(teacher), profile, truth.apply(profile)
+
+
+@pytest.fixture(scope="module")
+def evaluation(problem):
+    """The comparison of an ICP that can find the truth."""
+    teacher, student, profile, truth = problem
+    adapter = RiemannianICP(random_state=0).fit(teacher, student)
+    pairs = teacher[:30], student[:30]
+    return evaluate(adapter, teacher, student, profile, truth=truth, pairs=pairs, name="icp", draws=4)
+
+
+def test_every_row_has_every_metric_that_applies(evaluation):
+    """Without an arm there is no feasibility gap; all else is measured for the adapter and all baselines."""
+    assert tuple(row.name for row in evaluation.rows) == ("icp", *ROWS)
+    for row in evaluation.rows:
+        if row.note.startswith("pyriemann is not installed"):
+            continue
+        assert row.feasibility_gap is None
+        assert row.domain_feasibility_gap is None
+        others = (row.rmse, row.smoothness, row.structure, row.energy_distance, row.identity)
+        assert all(value is not None for value in (*others, row.stability))
+    assert evaluation.row("icp") is evaluation.adapter
+    with pytest.raises(UnknownNameError, match="row"):
+        evaluation.row("raw")
+
+
+def test_the_truth_is_recognized(evaluation):
+    """Where the student is a rigid image the ICP finds it; fresh samples of the student show the sampling noise."""
+    assert evaluation.adapter.rmse.undivided < 1e-6
+    assert evaluation.adapter.energy_distance < 1e-6
+    assert evaluation.row(RAW_COPY).rmse.undivided > 0.5
+    assert evaluation.verdict.recommended == "icp"
+    assert 0.0 < evaluation.student_noise.energy_distance < evaluation.row(RAW_COPY).energy_distance
+
+
+def test_the_report_has_plain_numbers_and_a_line_for_every_row(evaluation):
+    """The numbers are ready for JSON, and the table is rectangular."""
+    facts = facts_of(evaluation)
+    table = json.loads(json.dumps(as_numbers(facts), allow_nan=False))["evaluation"]["rows"]
+    assert table["icp"]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
+    body = [line for line in as_markdown(facts).splitlines() if line.startswith("|")]
+    assert len(body) == 3 + len(evaluation.rows)
+    assert len({line.count("|") for line in body}) == 1
+
+
+def test_the_adapter_stays_and_the_seed_decides(problem):
+    """Evaluation fits clones only, and all random samples come from the seed."""
+    teacher, student, profile, _ = problem
+    adapter = ParallelTransport(damping=0.01).fit(teacher, student)
+    before = adapter.transform(profile)
+    first, again = (evaluate(adapter, teacher, student, profile, random_state=3) for _ in range(2))
+    assert as_numbers(facts_of(first)) == as_numbers(facts_of(again))
+    np.testing.assert_array_equal(adapter.transform(profile), before)
+
+
+def test_a_profile_that_does_not_move_has_no_steps_to_compare(problem):
+    """Metrics of motion are left out then; the identity test where it is switched off."""
+    teacher, student, profile, _ = problem
+    adapter = ParallelTransport().fit(teacher, student)
+    found = evaluate(adapter, teacher, student, np.tile(profile[0], (4, 1, 1)), n_identity=0).adapter
+    assert (found.smoothness, found.structure, found.identity, found.stability) == (None, None, None, None)
+    assert found.energy_distance is not None
+
+
+def test_a_teacher_in_other_axes_is_measured_alike(problem, turn_about):
+    """Where the teacher's frame is rotated and the mounting is known, every row has the same metrics."""
+    teacher, student, profile, truth = problem
+    tables = []
+    for mounting in (np.eye(3), turn_about(90.0, axis=0)):
+        seen = [mounting.T @ points @ mounting for points in (teacher, profile)]
+        adapter = RiemannianICP(damping=0.01, mounting=mounting, random_state=0).fit(seen[0], student)
+        found = evaluate(adapter, seen[0], student, seen[1], truth=truth, rows=(RAW_COPY, RECENTRING, TRANSPORT))
+        tables.append([(row.rmse.undivided, row.structure.major_turn, row.energy_distance) for row in found.rows])
+    np.testing.assert_allclose(*tables, rtol=1e-6, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def arms():
+    """Person and robot, their domains and a profile, small."""
+    person, robot = load_arm("rhuman"), load_arm("panda")
+    domains = sample_domain(person, 128, 0), sample_domain(robot, 256, 1)
+    path = np.zeros((5, 7))
+    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
+    return person, robot, domains, person.manipulability(path)
+
+
+def test_with_the_arms_gaps_and_fresh_samples_join(arms):
+    """The robot's kinematics gives feasibility gaps, none for the lookup; both arms give fresh samples."""
+    person, robot, domains, profile = arms
+    adapter = ParallelTransport(damping=0.01).fit(*domains)
+    steps = []
+    found = evaluate(
+        adapter,
+        *domains,
+        profile,
+        person=person,
+        robot=robot,
+        n_domain=4,
+        draws=2,
+        progress=lambda step, fraction, text="": steps.append(fraction),
+    )
+    assert TRANSPORT not in [row.name for row in found.rows[1:]]
+    assert found.row(LOOKUP).feasibility_gap.p95 < 0.01
+    assert found.adapter.feasibility_gap.median > 0.01
+    assert found.adapter.domain_feasibility_gap is not None
+    assert found.adapter.stability.n_draws == 2
+    assert steps[-1] == 1.0
+
+
+def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
+    """Eigenvalues below the floor are lifted on both sides, and nothing is added to the others."""
+    rows = [[0.0, 0.0, 0.0, np.pi / 2], [np.pi / 2, 0.0, 0.0, np.pi / 2], [0.0, 0.0, 0.0, 0.0]]
+    gantry = Arm.from_dh("gantry", rows, [-1.0] * 3, [1.0] * 3, kinds=["prismatic"] * 3)  # M = I everywhere
+    small = np.linspace(0.0, 0.5, 5)
+    targets = np.array([np.diag([4.0, 1.0, one]) for one in small])
+    adapter = RawCopy(floor=0.2).fit(targets, targets)
+    found = evaluate(adapter, targets, targets, targets, robot=gantry, n_domain=0, n_identity=0, rows=())
+    distances = np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2)))
+    gap = found.adapter.feasibility_gap
+    assert (gap.mean, gap.largest) == pytest.approx((distances.mean(), distances.max()), rel=1e-6)
+    assert "floor" in found.settings["feasibility gap"]
+
+
+def test_long_profiles_are_searched_at_128_ellipsoids(arms):
+    """The settings report it, and the index of the largest gap counts all ellipsoids."""
+    _, robot, domains, profile = arms
+    long = spd.geodesic(profile[1], profile[2], np.linspace(1.0, 0.0, 400))
+    adapter = RawCopy(damping=0.01).fit(*domains)
+    found = evaluate(adapter, *domains, long, robot=robot, n_starts=4, n_domain=0, n_identity=0, rows=())
+    assert "128 of the profile's 400" in found.settings["feasibility gap"]
+    assert found.adapter.feasibility_gap.where > 128
+
+
+def test_bad_input_is_refused(problem, arms):
+    """Unfitted adapters, other counts and ellipsoids of another size are errors that name the argument."""
+    teacher, student, profile, truth = problem
+    adapter = ParallelTransport().fit(teacher, student)
+    for given, options, error, word in (
+        ((ParallelTransport(), profile), {}, NotFittedError, "not fitted"),
+        (("raw-copy", profile), {}, InvalidInputError, "^adapter"),
+        ((adapter, profile[:2]), {}, InvalidInputError, "profile"),
+        ((adapter, profile), {"truth": truth[:-1]}, InvalidInputError, "^truth"),
+        ((adapter, profile), {"robot": "panda"}, InvalidInputError, "^robot"),
+        ((adapter, profile), {"draws": 1}, InvalidInputError, "^draws"),
+        ((adapter, profile), {"robot": arms[1], "spec": EllipsoidSpec(part="full")}, InvalidInputError, "student"),
+    ):
+        with pytest.raises(error, match=word):
+            evaluate(given[0], teacher, student, given[1], **options)

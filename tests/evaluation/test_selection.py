@@ -1,0 +1,131 @@
+"""Model selection where no method is named: the length field if it passes its checks, else parallel transport."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.evaluation import choose
+from maniport.telling import as_markdown, as_numbers, facts_of
+from maniport.transfer.lengths.report import FieldReport
+
+
+def wrist_arm(path):
+    """Write a six-joint arm with the dimensions of an IRB140: its length field reverses orientation in many places."""
+    offsets = [
+        ("0 0 0", "0 0 1", (-3.14, 3.14)),
+        ("0.07 0 0.352", "0 1 0", (-1.57, 1.92)),
+        ("0 0 0.36", "0 1 0", (-4.01, 0.87)),
+        ("0.1 0 0", "1 0 0", (-3.49, 3.49)),
+        ("0.28 0 0", "0 1 0", (-2.01, 2.01)),
+        ("0.065 0 0", "1 0 0", (-6.98, 6.98)),
+    ]
+    links = "".join(f'<link name="l{i}"/>' for i in range(8))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" velocity="3" effort="10"/></joint>'
+        for i, (xyz, axis, (low, high)) in enumerate(offsets)
+    )
+    fixed = '<joint name="tip" type="fixed"><parent link="l6"/><child link="l7"/></joint>'
+    path.write_text(f'<robot name="six">{links}{joints}{fixed}</robot>')
+    return mp.load_arm(path, frame="l7")
+
+
+@pytest.fixture(scope="module", params=["panda", "six"])
+def chosen(request, tmp_path_factory):
+    """A choice for a person and a robot whose length field is good (Panda) or bad (six joints)."""
+    person = mp.load_arm("rhuman")
+    folder = tmp_path_factory.mktemp("robots")
+    robot = mp.load_arm("panda") if request.param == "panda" else wrist_arm(folder / "six.urdf")
+    domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
+    path = np.zeros((5, 7))
+    path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
+    found = choose(*domains, person.manipulability(path), robot=robot, person=person, damping=0.01)
+    return request.param, found, domains
+
+
+def own_measures(adapter, points):
+    """Fractions of orientation-reversing samples, of nonpositive own-axis slopes and of moved longest axes.
+
+    By finite differences of the map in the axes of each sample, independently of the map's own derivative.
+    """
+    step, d = 1e-5, points.shape[-1]
+    regular = adapter.teacher_regularization.apply(points)
+    vectors = np.linalg.eigh(regular)[1]
+    index = [(i, j) for i in range(d) for j in range(i, d)]
+    slopes = np.empty((len(points), len(index), len(index)))
+
+    def images(matrices):
+        return adapter.student_side(adapter.transform(matrices - adapter.teacher_damping_ * np.eye(d)))
+
+    logs = mp.spd.logm(regular)
+    for k, (i, j) in enumerate(index):
+        change = np.einsum("ni,nj->nij", vectors[..., i], vectors[..., j])
+        change = change + np.swapaxes(change, 1, 2) if i != j else change
+        forward, back = (mp.spd.logm(images(mp.spd.expm(logs + sign * step * change))) for sign in (1.0, -1.0))
+        local = np.einsum("nia,nij,njb->nab", vectors, (forward - back) / (2.0 * step), vectors)
+        slopes[:, :, k] = local[:, [a for a, _ in index], [b for _, b in index]]
+    diagonal = [k for k, (i, j) in enumerate(index) if i == j]
+    along = np.abs(np.einsum("ni,ni->n", np.linalg.eigh(images(regular))[1][..., -1], vectors[..., -1]))
+    return (
+        np.mean(np.linalg.det(slopes) < 0.0),
+        np.mean(slopes[:, diagonal, diagonal].min(axis=1) <= 0.0),
+        np.mean(np.degrees(np.arccos(np.minimum(along, 1.0))) > 10.0),
+    )
+
+
+def test_a_bad_length_field_is_not_chosen(chosen):
+    """What is chosen reverses no orientation, shortens no image and moves few axes, measured by finite differences."""
+    name, found, _ = chosen
+    reversing, contrary, moved = own_measures(found.adapter, mp.sample_domain(mp.load_arm("rhuman"), 300, 7))
+    assert found.method == ("lengths-field" if name == "panda" else "parallel-transport")
+    assert bool(found.failures) is (name != "panda")
+    assert reversing <= 0.1
+    assert contrary <= 0.03
+    assert moved <= 0.2  # parallel transport turns, too
+
+
+def test_choice_and_reason_are_among_the_metrics(chosen):
+    """The chosen method comes first, the baselines follow, and a rejected field has a row without measures."""
+    _, found, _ = chosen
+    table, facts = found.evaluation, facts_of(found)
+    assert table.adapter.name == found.method
+    assert {row.name for row in table.rows} == {"raw-copy", "recentring", "parallel-transport", "lengths-field"}
+    assert table.row(found.method).feasibility_gap is not None
+    assert (table.row("lengths-field").feasibility_gap is None) is bool(found.failures)
+    assert as_numbers(facts)["evaluation"]["choice"] == {"method": found.method, "failures": list(found.failures)}
+    assert f"{found.method} was chosen" in as_markdown(facts)
+    assert 0.0 <= table.row(found.method).structure.major_moved <= 1.0
+
+
+@pytest.mark.parametrize(
+    "worse", [{"reversing": 0.11}, {"contrary": 0.04}, {"moved_axes": 0.06}, {"structure": 0.79}], ids=str
+)
+def test_every_check_can_fail(worse):
+    """Each measure beyond its limit fails by itself."""
+    good = FieldReport(100, 0.0, 0.0, 0.0, 1.0, 0.8, 0.0, 1.0, 0.0, None, 0.05, 0.1, 0.03)
+    assert good.failures() == ()
+    assert len(replace(good, **worse).failures()) == 1
+
+
+def test_large_ellipsoids_get_parallel_transport():
+    """For 6×6 the field is not fitted."""
+    person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
+    spec = mp.bodies.EllipsoidSpec("velocity", "full")
+    domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
+    profile = person.ellipsoids(person.sample(5, 0), spec)
+    assert choose(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"
+
+
+def test_bad_input_is_refused():
+    """Errors name the argument."""
+    person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
+    domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(np.zeros((5, 7)))
+    with pytest.raises(NotSPDError, match=r"^teacher_domain\[0\]"):
+        choose(-domain, domain, profile, robot=robot, damping=0.01)
+    with pytest.raises(InvalidInputError, match=r"^student_domain must hold 3×3"):
+        choose(domain, np.array([np.eye(2)] * 5), profile, robot=robot, damping=0.01)
+    with pytest.raises(InvalidInputError, match="profile must hold at least 3"):
+        choose(domain, domain, profile[:2], robot=robot, damping=0.01)

@@ -1,0 +1,100 @@
+"""Tests of the result of a comparison."""
+
+import pytest
+
+from maniport.evaluation import RMSE, Gaps, Row, Smoothness, Stability, Structure
+from maniport.evaluation.baselines import LOOKUP, RAW_COPY, TRANSPORT
+from maniport.evaluation.verdict import verdict
+
+
+def rows(mine, nothing, transport, lookup=0.0, **first):
+    """Rows with these mean feasibility gaps."""
+    values = {"icp": mine, RAW_COPY: nothing, TRANSPORT: transport, LOOKUP: lookup}
+    return [
+        Row(name, feasibility_gap=Gaps(value, 0.0, 2 * value), **(first if name == "icp" else {}))
+        for name, value in values.items()
+    ]
+
+
+def test_known_truth_comes_before_gaps_and_includes_the_lookup():
+    """Where the truth is known the RMSE decides."""
+    table = [
+        Row("icp", rmse=RMSE(0.4, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
+        Row(RAW_COPY, rmse=RMSE(0.9, 1.0, 1.0), feasibility_gap=Gaps(1.0, 1.0, 1.0)),
+        Row(LOOKUP, rmse=RMSE(0.2, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
+    ]
+    found = verdict(table)
+    assert found.measure == "rmse"
+    assert (found.value, found.raw_copy, found.best, found.best_value) == (0.4, 0.9, LOOKUP, 0.2)
+    assert found.recommended == LOOKUP
+
+
+def test_without_kinematics_and_truth_nothing_is_compared():
+    """There is no measure, so that only the weaknesses are reported."""
+    found = verdict([Row("icp", identity=0.8), Row(RAW_COPY, identity=0.0)])
+    assert (found.measure, found.values, found.value, found.best, found.recommended) == ("", {}, None, "", "")
+    assert [one.code for one in found.weaknesses] == ["restless"]
+
+
+@pytest.mark.parametrize(
+    ("gaps", "recommended"),
+    [
+        ((0.409, 0.362, 0.409), RAW_COPY),
+        ((0.409, 0.5, 0.409), TRANSPORT),
+        ((0.4, 0.405, 0.41), RAW_COPY),
+        ((0.3, 0.5, 0.31), TRANSPORT),
+        ((0.2, 0.5, 0.31), "icp"),
+        ((0.0, 0.0, 0.0), RAW_COPY),
+    ],
+)
+def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recommended):
+    """Differences below 5 % do not count, and the lookup, whose gap is zero by construction, does not either."""
+    found = verdict(rows(*gaps))
+    assert found.recommended == recommended
+    assert found.best_value == min(gaps)
+    assert found.values[recommended] * 0.95 <= min(gaps)
+
+
+def test_a_lookup_is_never_recommended_for_its_gaps():
+    """They are zero by construction, also where it is the evaluated method."""
+    table = [Row(LOOKUP, method=LOOKUP, feasibility_gap=Gaps(0.0, 0.0, 0.0)), *rows(0.9, 0.5, 0.2)[1:3]]
+    assert (verdict(table).best, verdict(table).recommended) == (LOOKUP, TRANSPORT)
+
+
+def test_a_user_s_method_is_recommended_by_the_name_of_its_row():
+    """It is in no registry; where it is the best, its row is named."""
+    table = [Row("mine", feasibility_gap=Gaps(0.1, 0.1, 0.1)), *rows(0.9, 0.5, 0.2)[1:]]
+    assert verdict(table).recommended == "mine"
+    table[0] = Row("mine", method="icp", feasibility_gap=Gaps(0.1, 0.1, 0.1))
+    assert verdict(table).recommended == "icp"
+    assert verdict(table).as_dict()["best"] == "mine"
+
+
+def test_equal_values_are_reported():
+    """Values that differ by rounding only are equal."""
+    assert verdict(rows(0.5, 0.5, 0.2)).same_as == (RAW_COPY,)
+    assert verdict(rows(0.2 * (1 + 1e-10), 0.5, 0.2)).same_as == (TRANSPORT,)
+    assert verdict(rows(0.2001, 0.5, 0.2)).same_as == ()
+
+
+@pytest.mark.parametrize(
+    ("metrics", "codes"),
+    [
+        ({}, []),
+        ({"smoothness": Smoothness(1.6, 1.0, 1.0, 1.0)}, ["rough"]),
+        ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1)}, ["staircase"]),
+        ({"structure": Structure(0.77, 0.1, 9.0, 5.0, 0, 0)}, ["shuffled"]),
+        ({"structure": Structure(0.97, 0.1, 30.0, 5.0, 0, 0)}, ["turned"]),
+        ({"identity": 0.8, "stability": Stability(30.0, 16.0, 0.4, 5)}, ["restless", "unsteady"]),
+    ],
+)
+def test_methods_with_weaknesses_are_recommended_only_where_all_have_some(metrics, codes):
+    """A small gap does not outweigh a weakness, and neither do failed checks of a fit."""
+    table = rows(0.1, 0.5, 0.2, **metrics)
+    table[2] = Row(TRANSPORT, feasibility_gap=Gaps(0.2, 0.0, 0.4), identity=0.06)
+    found = verdict(table)
+    assert [one.code for one in found.weaknesses] == codes
+    assert all(one.beside == 0.06 for one in found.weaknesses if one.code == "restless")
+    assert found.recommended == (TRANSPORT if codes else "icp")
+    assert verdict(rows(0.1, 0.5, 0.2, failures=("reversing",))).recommended == TRANSPORT
+    assert verdict([Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), **metrics)]).recommended == "icp"

@@ -1,0 +1,202 @@
+"""What is shown of results on their pages: a transfer, a robot's motion, the paper's arms."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import FileFormatError
+from maniport.pipeline import transfer_recording
+from maniport.pipeline.follow import follow
+from maniport.studies.paper import figures, run
+from maniport.telling import facts_of
+from maniport.telling.page import as_html
+from maniport.telling.page.motions import motion_of, regularized
+from sizes import SMALL
+
+
+@pytest.fixture(scope="module")
+def shown(small_result):
+    """What moves in the main job on a small scale."""
+    return motion_of(small_result)
+
+
+@pytest.fixture(scope="module")
+def execution():
+    """The Panda follows ellipsoids of its own, without a path."""
+    panda = mp.load_arm("panda")
+    joints = np.linspace([0, -0.5, 0, -2, 0, 1.8, 0], [0.1, -0.4, 0.1, -1.8, 0.1, 1.9, 0], 15)
+    return follow(panda, panda.manipulability(joints), np.linspace(0, 1, 15))
+
+
+def page_of(result):
+    """The page of a result, as text."""
+    return as_html(facts_of(result), {"motion": [motion_of(result)]})
+
+
+def test_transfer_shows_person_and_robot_together(small_result, shown):
+    """The person's ellipsoid is at the hand; the target and the robot's own at the tool; path and clock are there."""
+    person, robot = shown.bodies
+    np.testing.assert_array_equal(shown.time, small_result.time)
+    np.testing.assert_array_equal(person.ellipsoids["person"], small_result.demonstrated_profile)
+    np.testing.assert_array_equal(robot.ellipsoids["target"], small_result.execution.motion.target)
+    np.testing.assert_array_equal(robot.ellipsoids["achieved"], small_result.execution.motion.achieved)
+    tips = small_result.robot.forward(small_result.execution.motion.joint_positions)[:, :3, 3]
+    np.testing.assert_allclose(robot.skeleton[:, -1], tips, atol=1e-12)
+    np.testing.assert_array_equal(robot.path, small_result.execution.motion.path)
+    np.testing.assert_array_equal(shown.clocks["robot"], small_result.execution.motion.time)
+
+
+def test_transfer_shows_all_curves(small_result, shown):
+    """Distances with their floor, the tip's error, the ellipsoids' numbers and every joint with its limits."""
+    panels = shown.panels
+    distance, hand = panels["Distance and position error"]
+    np.testing.assert_array_equal(distance.lines[0].values, small_result.execution.motion.distance)
+    np.testing.assert_array_equal(distance.lines[1].values, small_result.execution.plan.node_floor)
+    error = 1e3 * small_result.execution.motion.position_error
+    np.testing.assert_allclose(hand.lines[0].values, np.maximum(error, 0.01))
+    assert len(panels["Ellipsoids"]) == 4
+    robot, person = panels["Joints of panda"], panels["Joints of the person"]
+    assert [panel.title for panel in robot] == list(small_result.robot.joint_names)
+    assert {panel.unit for panel in (*robot, *person)} == {"°"}
+    lower, upper = small_result.robot.lower[0], small_result.robot.upper[0]
+    np.testing.assert_allclose(robot[0].limits, np.degrees([lower, upper]))
+    angles = small_result.execution.motion.joint_positions[:, 0]
+    np.testing.assert_allclose(robot[0].lines[0].values, np.degrees(angles))
+    np.testing.assert_allclose(person[0].lines[0].values, np.degrees(small_result.fit.joint_angles[:, 0]))
+
+
+def test_map_holds_both_domains_and_all_profiles(small_result, shown):
+    """Domains of person and robot; profiles of the person, target and achieved, a point for each time."""
+    chart = shown.map
+    assert [cloud.role for cloud in chart.domains] == ["person", "achieved"]
+    assert [cloud.role for cloud in chart.profiles] == ["person", "target", "achieved"]
+    assert all(len(cloud.coordinates) == len(small_result.time) for cloud in chart.profiles)
+
+
+def test_alike_looks_alike(small_result, shown):
+    """The camera turns with the path; on the map person and target stand in one frame, however the robot is mounted."""
+    person, robot = shown.bodies
+    assert person.turn is None
+    np.testing.assert_allclose(robot.turn, small_result.execution.placement.rotation, atol=1e-12)
+    assert len(person.figure) > 3
+    back, chart = robot.turn.T, shown.map
+    np.testing.assert_allclose(
+        chart.profiles[1].ellipsoids,
+        small_result.adapter.student_side(back @ small_result.execution.motion.target @ back.T), atol=1e-9,
+    )  # fmt: skip
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turned = regularized(dataclasses.replace(small_result, mounting=quarter))[1]["person"]
+    np.testing.assert_allclose(turned, quarter @ chart.profiles[0].ellipsoids @ quarter.T, atol=1e-9)
+
+
+def test_target_that_robots_cannot_make_is_told_on_the_map(small_result, shown):
+    """The target's line knows its feasibility gap, and the robot's domain its outline."""
+    person, target, achieved = shown.map.profiles
+    np.testing.assert_array_equal(target.gap, small_result.execution.gap)
+    assert person.gap is None is achieved.gap
+
+
+def test_states_and_opening_are_those_of_the_motion(small_result, shown):
+    """A state for each moment; the page opens where the distance is nearer to the median than at most moments."""
+    motion = small_result.execution.motion
+    assert shown.states == motion.status
+    away = np.abs(motion.distance - np.median(motion.distance))
+    assert away[np.flatnonzero(shown.time == shown.opening)[0]] <= np.quantile(away, 0.25)
+
+
+def test_settings_and_versions_are_told(small_result):
+    """File, person, robot, frame, seed, samples, damping and versions stand in the page."""
+    text = page_of(small_result)
+    names = ("ladder.bvh", "myoarm", "panda_hand_tcp")
+    for word in (*names, "damping 0.01", "128 samples", mp.__version__, "NumPy", "Seed"):
+        assert word in text
+
+
+@pytest.mark.parametrize("options", [{"part": "full"}, {"kind": "force"}, {"part": "rotation"}])
+def test_unmoved_robot_and_other_ellipsoids_are_shown(second, options):
+    """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
+    found = transfer_recording(
+        second.crop(10.0, 10.3), method="parallel-transport", move=False, spec=mp.EllipsoidSpec(**options), **SMALL
+    )
+    shown = motion_of(found)
+    assert [body.name for body in shown.bodies] == ["Person"]
+    assert ("Ellipsoids" in shown.panels) == (options.get("part") != "full")
+    assert len(page_of(found)) < 6_000_000
+    if options.get("kind") == "force":
+        velocity = found.fit.arm.manipulability(found.fit.joint_angles)
+        np.testing.assert_allclose(shown.bodies[0].ellipsoids["person"], velocity, rtol=1e-6, atol=1e-9)
+
+
+def test_robot_alone_is_shown(execution):
+    """A motion without a person has one body, no map, and no error of a path that is not there."""
+    shown, facts = motion_of(execution), facts_of(execution)
+    assert [body.name for body in shown.bodies] == ["panda"]
+    assert shown.map is None
+    assert [panel.title for panel in shown.panels["Distance and position error"]] == ["Ellipsoid distance"]
+    assert facts.warnings == ()
+    assert "The motion of panda" in page_of(execution)
+
+
+def test_surfaces_stand_where_forward_kinematics_puts_them(small_result, shown, execution):
+    """Each surface of the robot has the pose of the joint it hangs on; the person has none."""
+    person, robot = shown.bodies
+    assert person.parts == ()
+    for drawn, arm, joints in (
+        (robot, small_result.robot, small_result.execution.motion.joint_positions),
+        (motion_of(execution).bodies[0], execution.robot, execution.motion.joint_positions),
+    ):
+        surfaces, poses = arm.surfaces(), arm.link_poses(joints)
+        assert len(drawn.parts) == len(surfaces) > 1
+        for part, surface in zip(drawn.parts, surfaces, strict=True):
+            np.testing.assert_array_equal(part.poses, poses[:, surface.joint])
+            np.testing.assert_array_equal(part.triangles, surface.triangles)
+            np.testing.assert_array_equal(part.points, surface.points)
+
+
+def test_robot_without_its_meshes_is_a_skeleton_and_says_why(execution, monkeypatch):
+    """A mesh that cannot be read costs the surface, not the report; the page tells which it was."""
+
+    def missing(self, most_triangles=15_000):
+        raise FileFormatError("no file link3.stl")
+
+    monkeypatch.setattr(mp.Arm, "surfaces", missing)
+    shown = motion_of(execution)
+    assert shown.bodies[0].parts == ()
+    assert "panda is drawn as a skeleton: no file link3.stl" in page_of(execution)
+
+
+def test_feasibility_gap_is_a_floor_of_what_is_achieved(small_result, shown, execution):
+    """A motion hardly gets below the gap, which is warned of; of ellipsoids that the robot made itself it is none."""
+    lines = {line.name: line.values for line in shown.panels["Distance and position error"][0].lines}
+    assert (lines["distance to the feasible set"] <= lines["achieved"] + 1e-6).mean() > 0.95
+    far = np.median(small_result.execution.gap) > 0.4
+    assert any("feasible set" in warning for warning in facts_of(small_result).warnings) == far
+    assert execution.gap.max() < 0.01
+
+
+def test_part_of_the_ellipsoids_is_kept():
+    """An execution knows which ellipsoids it followed, so that its report names their unit."""
+    panda = mp.load_arm("panda")
+    joints = np.linspace([0, -0.5, 0, -2, 0, 1.8, 0], [0.1, -0.4, 0.1, -1.8, 0.1, 1.9, 0], 8)
+    spec = mp.EllipsoidSpec(part="rotation")
+    turned = follow(panda, panda.ellipsoids(joints, spec), np.linspace(0, 1, 8), spec=spec)
+    assert turned.motion.spec.part == "rotation"
+    assert motion_of(turned).unit == "rad/s per rad/s"
+
+
+def test_arms_of_the_paper_move():
+    """With known joint samples the two-joint arms' adapted ellipsoids are the student's own, as the curve says."""
+    shown = figures.two_dof_motion(0)
+    distance = shown.panels["Ellipsoids"][0].lines[0].values
+    assert distance.max() < 1e-3
+    assert set(figures.MOVED) <= set(run.FIGURES)
+
+
+def test_reproduction_writes_its_page(tmp_path):
+    """The page is among the files, and holds the figures."""
+    run.reproduce("toy", tmp_path / "out", draws=1)
+    text = (tmp_path / "out" / run.REPORT).read_text(encoding="utf-8")
+    assert "data:image/png;base64," in text
+    assert "Reithmeir" in text
