@@ -87,6 +87,10 @@ OPTIONAL: Schema = {
 """Attributes of maniport's methods that are checked where a file has them."""
 
 REQUIRED_BY: dict[str, Schema] = {
+    "RawCopy": {},
+    "Recentring": {},
+    "ParallelTransport": {},
+    "RiemannianICP": {},
     "NearestNeighbor": {
         "keys_": (("n", "d", "d"), as_positive_semidefinite),
         "values_": (("n", "d", "d"), as_positive_semidefinite),
@@ -97,7 +101,7 @@ REQUIRED_BY: dict[str, Schema] = {
         "lengths_": (("m", 3), as_finite),
     },
 }
-"""Further required attributes of a method."""
+"""Further required attributes of maniport's methods; those of any other class are written and read as they are."""
 
 KNOWLEDGE = {
     "rotation": ("d", "d"),
@@ -187,17 +191,20 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     return adapter
 
 
+def _is_shipped(method: type) -> bool:
+    return method.__module__.startswith("maniport.") and method.__name__ in REQUIRED_BY
+
+
 def _schema_of(method: type) -> Schema:
     """Required attributes of a class of adapters, and the optional ones of a method of maniport."""
-    own = method.__module__.startswith("maniport.")
-    return REQUIRED | OPTIONAL | REQUIRED_BY.get(method.__name__, {}) if own else REQUIRED
+    return REQUIRED | OPTIONAL | REQUIRED_BY[method.__name__] if _is_shipped(method) else REQUIRED
 
 
 def _is_known(key: str, method: type) -> bool:
     """Whether an array of a file is read; others are not even unpacked."""
     group, _, name = key.partition(".")
     if group == "fitted":
-        return name == "turns_" or name in _schema_of(method) or not method.__module__.startswith("maniport.")
+        return name == "turns_" or name in _schema_of(method) or not _is_shipped(method)
     return name in KNOWLEDGE if group == "identifiability" else group == "parameters"
 
 
@@ -228,6 +235,7 @@ def _require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
 
 
 def _option_classes(base: type) -> Iterator[type]:
+    kind: type
     for kind in base.__subclasses__():
         yield kind
         yield from _option_classes(kind)
@@ -240,7 +248,7 @@ def _option_name(kind: type) -> str:
 
 def _plain_options(value: Search | Correspondence) -> dict[str, Any]:
     """Class and options of an object where these are numbers and words; else no options."""
-    options = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
+    options: dict[str, Any] = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
     options = {name: one.item() if isinstance(one, np.generic) else one for name, one in options.items()}
     held = is_dataclass(value) and all(isinstance(one, (bool, int, float, str, type(None))) for one in options.values())
     return {"class": _option_name(type(value)), "options": options if held else None}
@@ -250,7 +258,7 @@ def _options_from(value: Any) -> Any:
     """Return the object of `_plain_options`; its name where the class is unknown or its options were not held."""
     if not isinstance(value, dict):
         return value
-    known = {_option_name(kind): kind for kind in (Search, *_option_classes(Correspondence))}
+    known: dict[str, type] = {_option_name(one): one for one in (Search, *_option_classes(Correspondence))}
     kind, options = known.get(value["class"]), value["options"]
     if kind is None or options is None:
         return str(value["class"])
@@ -279,7 +287,7 @@ def _knowledge_from(arrays: dict[str, Any]) -> Identifiability:
             raise InvalidInputError(
                 f"identifiability.{name} has shape {value.shape}; the others need {shape} of {sizes}"
             )
-        kind = bool if name == "flat" else value.dtype if name == "optima.n_starts" else np.float64
+        kind: Any = bool if name == "flat" else value.dtype if name == "optima.n_starts" else np.float64
         if value.dtype != kind:
             raise InvalidInputError(f"identifiability.{name} holds {value.dtype} values")
         if value.size and name != "flat":

@@ -161,8 +161,8 @@ class RiemannianICP(RigidAdapter):
         if self.mounting is not None or self.search.n_starts == 0 or d > LARGEST_EXAMINED:
             return first, []
         if known is None:
-            matched = [most_singular(cloud, self.search.most_singular) for cloud in clouds]
-            rivals = [*voted(*matched), *starts(*matched, random)]
+            teacher, student = (most_singular(cloud, self.search.most_singular) for cloud in clouds)
+            rivals = [*voted(teacher, student), *starts(teacher, student, random)]
         return first, rivals
 
     def _icp(self, clouds: tuple[Array, Array], known: tuple[Array, Array] | None) -> ICP:
