@@ -11,7 +11,7 @@ from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
 from maniport.evaluation.baselines import LOOKUP, RAW_COPY, RECENTRING, ROWS, TRANSPORT
 from maniport.telling import as_markdown, as_numbers, facts_of
-from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rigid_adapter import RigidMap
 
 
 @pytest.fixture(scope="module")

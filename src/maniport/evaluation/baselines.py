@@ -14,8 +14,7 @@ from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.subsample import evenly_spaced
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_map import recentre
+from maniport.transfer.rigid_adapter import RigidAdapter, recentre
 from maniport.validation import Array, as_choice
 
 RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"

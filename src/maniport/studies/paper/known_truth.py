@@ -25,7 +25,7 @@ from maniport.studies.paper.tables import (
     paper_adapter,
     paper_table,
 )
-from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rigid_adapter import RigidMap
 from maniport.transfer.rotation_group import random_rotation
 from maniport.validation import Array
 
