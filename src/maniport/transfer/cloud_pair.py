@@ -32,11 +32,7 @@ class Gain(NamedTuple):
 
 
 class CloudPair:
-    """Two clouds of SPD matrices, (n, d, d) and (m, d, d), about the identity, the teacher's dilated; as log-vectors.
-
-    At most `largest` ellipsoids of each are compared, an eighth of it beyond d = 3. The nearest of the other cloud are
-    searched for at most `seekers` of the smaller one.
-    """
+    """Two clouds of SPD matrices, (n, d, d) and (m, d, d), about the identity; as log-vectors."""
 
     def __init__(self, teacher: Array, student: Array, largest: int = 1024, seekers: int = 256):
         limit = largest if teacher.shape[-1] <= 3 else largest // 8

@@ -51,39 +51,16 @@ class Optimum(_EqualArrays):
 
 @dataclass(frozen=True, eq=False)
 class Identifiability(ShownInNotebooks, _EqualArrays):
-    """Which directions of the rotation between two domains they determine.
+    """Which directions of the rotation between two domains they determine."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (d, d)
-        The fitted one, R.
-    optima : tuple of Optimum
-        Distinct ends of the searches, lowest cost first.
-    curvature : ndarray, shape (m,)
-        m = d (d − 1) / 2. Second derivative of the mean distance between the clouds over that distance, in its
-        principal directions, ascending [1/rad²]. By finite differences of 30°. Beyond d = 6 it is not examined: this
-        and the other arrays of length m are then empty.
-    standard_error : ndarray, shape (m,)
-        Of `curvature`, over draws of the clouds.
-    directions : ndarray, shape (m, m)
-        Rows: the principal directions, as rotation vectors of recentred student ellipsoids. For d = 3 axes of turning.
-    flat : ndarray of bool, shape (m,)
-        Directions that the domains do not determine: relative curvature below 1e-3 or not certainly positive, and no
-        copies that only coincide at this rotation.
-    axes : ndarray, shape (m, 3)
-        For d = 3 the directions as axes in the student's base frame; otherwise empty.
-    resampled : ndarray, shape (k, d, d)
-        Rotations fitted to resampled domains (bootstrap); may be empty.
-    """
-
-    rotation: Array
-    optima: tuple[Optimum, ...]
-    curvature: Array
-    standard_error: Array
-    directions: Array
-    flat: NDArray[np.bool_]
-    axes: Array
-    resampled: Array
+    rotation: Array  # (d, d): the fitted one, R
+    optima: tuple[Optimum, ...]  # Distinct ends of the searches, lowest cost first
+    curvature: Array  # (m,): m = d (d − 1) / 2
+    standard_error: Array  # (m,): of `curvature`, over draws of the clouds
+    directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentred student ellipsoids
+    flat: NDArray[np.bool_]  # (m,)
+    axes: Array  # (m, 3): for d = 3 the directions as axes in the student's base frame
+    resampled: Array  # (k, d, d): rotations fitted to resampled domains (bootstrap)
 
     @property
     def examined(self) -> bool:

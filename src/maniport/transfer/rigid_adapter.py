@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RigidMap:
-    """f(T) = B (W T W)^s Bᵀ with W = T̄^-½ and B = S̄^½ R (Reithmeir et al. 2022, steps 1 to 4).
-
-    T̄ and S̄ are the Fréchet means of the domains, R acts on recentred ellipsoids, all of shape (d, d), and s = c_S / c_T
-    is the student's dispersion over the teacher's.
-    """
+    """f(T) = B (W T W)^s Bᵀ with W = T̄^-½ and B = S̄^½ R (Reithmeir et al. 2022, steps 1 to 4)."""
 
     teacher_mean: Array
     student_mean: Array

@@ -84,10 +84,7 @@ class Registration:
 
 
 class ICP:
-    """Iterative closest point between two recentred clouds, shapes (n, d, d) and (m, d, d).
-
-    Known `pairs`, ellipsoids of the teacher and the student (k, d, d), have half of the weight in every rotation step.
-    """
+    """Iterative closest point between two recentred clouds, shapes (n, d, d) and (m, d, d)."""
 
     def __init__(
         self,

@@ -48,10 +48,7 @@ def cholesky_factors(points: Array) -> Array:
 
 
 class RotationProblem:
-    """Pairs S_i, T_i of SPD matrices, (n, d, d), whose second members are to be turned onto the first.
-
-    The weights (n,) are not negative and sum to one. `factors` are `cholesky_factors` of S where they are known.
-    """
+    """Pairs S_i, T_i of SPD matrices, (n, d, d), whose second members are to be turned onto the first."""
 
     def __init__(self, student: Array, teacher: Array, weights: Array, factors: Array | None = None):
         self.student, self.teacher, self.weights = student, np.ascontiguousarray(teacher), weights

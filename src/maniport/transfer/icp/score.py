@@ -37,11 +37,7 @@ class EllipsoidFeatures:
 
 
 class ScoreMatcher:
-    """Two clouds, prepared for matching by the largest score under many rotations.
-
-    All pairs of small clouds are tried, with the part of the score that no rotation changes in a table of at most
-    `largest_table` pairs; larger clouds are searched in the order of the condition numbers.
-    """
+    """Two clouds, prepared for matching by the largest score under many rotations."""
 
     def __init__(self, teacher: EllipsoidFeatures, student: EllipsoidFeatures, largest_table: int = 512 * 512):
         self._student: tuple[Any, ...]

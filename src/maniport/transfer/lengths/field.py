@@ -24,11 +24,7 @@ NO_AXIS = np.zeros(0)
 
 @dataclass(frozen=True)
 class LengthsMap:
-    """f(T) = exp(L + h(x, L) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel).
-
-    With the kernel values k_j = exp(−|φ(x) − φ(c_j)|² / 2w²) it is h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j k_j a_jr, r = 0, 1, 2,
-    a number for each eigenvalue ℓ of L. φ are `features` about the student's axis; where there is none φ(x) = x.
-    """
+    """f(T) = exp(L + h(x, L) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel)."""
 
     power: float  # s
     shift: float  # c

@@ -67,10 +67,7 @@ def as_projector(projector: Any) -> Any:
 
 
 class Samples:
-    """The teacher's samples (n, d, d) that a field is fitted to or measured at, and a search for feasible ones nearby.
-
-    `damping` is the student's ε, in which projectors search.
-    """
+    """The teacher's samples (n, d, d) that a field is fitted to or measured at."""
 
     def __init__(self, field: LengthsMap, points: Array, projector: Any, damping: float, neighbors: int = 3):
         self.points = points

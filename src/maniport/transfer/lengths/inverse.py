@@ -18,12 +18,7 @@ may be as small; above, whole regions have several origins, and a search may mis
 
 @dataclass(frozen=True)
 class Inverse:
-    """Finds the origins of images.
-
-    A map that is the base far away has one origin for every image unless it reverses orientation somewhere, and then
-    one of the origins lies there. Further searches start from such places: where one ends elsewhere, the image has
-    several origins. That none does is evidence, no proof, that there is one only.
-    """
+    """Finds the origins of images."""
 
     field: LengthsMap
     folded: float  # share of the centers where the map folds, or nearly so
