@@ -87,18 +87,6 @@ def test_progress_on_a_terminal_gives_the_cursor_back(monkeypatch):
     assert shown.rindex("\x1b[?25h") > shown.rindex("\x1b[?25l")
 
 
-def test_long_work_that_says_nothing_still_moves_on_a_terminal(monkeypatch):
-    """The bar of a step that reports no fraction is drawn again and again."""
-    stream = Terminal()
-    monkeypatch.setattr(consoles, "_standard_error", lambda: RichConsole(file=stream, force_terminal=True, width=80))
-    with progress() as tell:
-        tell("think", 0.0)
-        for _ in range(3):
-            stream.moved.clear()
-            assert stream.moved.wait(60.0)
-        tell("think", 1.0)
-
-
 @pytest.mark.parametrize("width", [24, 40, 80])
 def test_lines_on_a_terminal_are_wrapped_between_words(monkeypatch, width):
     """On a terminal no word is cut, and what goes on in the next line stands beside the mark; no line is wider."""

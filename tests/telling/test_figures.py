@@ -50,7 +50,7 @@ def test_curves_are_the_numbers_of_the_profile(motion):
     values = figure.axes[0].lines[0].get_ydata()
     np.testing.assert_allclose(values[np.isfinite(values)], lengths(profile)[:, -1])
     assert np.isnan(values).sum() == 1
-    assert figure.axes[0].get_title(loc="left") == "semi-axes [N]"
+    assert figure.axes[0].get_ylabel() == "[N]"
     profile[:, :, 0] = profile[:, 0, :] = 0.0
     figures.curves(time, {"p": profile})
 

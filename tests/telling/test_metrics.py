@@ -157,11 +157,6 @@ def test_facts_without_text_stand_in_json_alone():
     assert "- A: b." in as_markdown(facts)
 
 
-def test_an_object_that_nobody_tells_of_shows_its_prompt():
-    """Facts of anything can be asked for."""
-    assert facts_of(3).lead == "3"
-
-
 def test_results_are_data_and_are_told_of_in_a_folder(small_result, motion, tmp_path):
     """`save` writes data alone; `write_results` what people read as well, and gives the facts."""
     small_result.save(tmp_path / "data")

@@ -6,7 +6,6 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from sklearn.base import clone
-from sklearn.pipeline import Pipeline
 
 import maniport as mp
 from maniport.notebook import ShownInNotebooks
@@ -95,22 +94,6 @@ def test_html_is_small_whole_and_colourless(objects, name):
     assert "nan" not in reader.text
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_repr_is_a_few_lines(objects, name):
-    """A prompt is not flooded with numbers."""
-    text = repr(objects[name])
-    assert text.startswith(f"{name}(")
-    assert len(text) < 500
-    assert "\n" not in text
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_notebooks_get_what_the_methods_give(objects, name):
-    """The bundle that IPython asks for first holds the same text and HTML; scikit-learn's diagram does not win."""
-    one = objects[name]
-    assert one._repr_mimebundle_(include=None) == {"text/plain": repr(one), "text/html": one._repr_html_()}
-
-
 def test_everything_is_escaped():
     """Names from files cannot smuggle tags into a page."""
     recording = mp.Recording(
@@ -174,28 +157,6 @@ def test_the_prompt_of_an_adapter_makes_it_again(objects):
     assert "#" not in repr(again)
     assert "not fitted" in again._repr_html_()
     assert "not fitted" in mp.ProfileGMM()._repr_html_()
-
-
-def test_an_adapter_that_is_half_fitted_can_be_shown():
-    """A debugger may look at an adapter in the middle of its fit."""
-    adapter = mp.ParallelTransport()
-    adapter.teacher_mean_ = np.eye(3)
-    assert repr(adapter) == "ParallelTransport()"
-    assert "not fitted" in adapter._repr_html_()
-
-
-def test_a_loaded_adapter_is_shown_as_the_one_that_was_saved(objects, tmp_path):
-    """A file keeps all that is shown."""
-    for name in ("ParallelTransport", "RiemannianICP", "NearestNeighbor"):
-        objects[name].save(tmp_path / "a.npz")
-        assert mp.load_adapter(tmp_path / "a.npz")._repr_html_() == objects[name]._repr_html_()
-
-
-def test_a_pipeline_shows_an_adapter(objects):
-    """Scikit-learn's own diagram and prompt still work around an adapter."""
-    pipeline = Pipeline([("adapter", objects["ParallelTransport"])])
-    assert "ParallelTransport" in repr(pipeline)
-    assert "ParallelTransport" in pipeline._repr_html_()
 
 
 def test_slides_are_metres():

@@ -100,40 +100,6 @@ def test_keys_move_the_time(opened):
     assert opened.run("maniport.players[0].playing") is False
 
 
-def test_pointing_at_the_map_shows_the_ellipsoid(opened):
-    """The pointer over a profile's point names it, and pressing goes to its time."""
-    opened.run("document.querySelector('.field').scrollIntoView({block: 'center'})")
-    spot = opened.run(
-        "(() => { const chart = maniport.players[0].chart, box = chart.field.getBoundingClientRect(),"
-        " p = chart.place(chart.map.profiles[0].coordinates.data, 40); return [box.left + p[0], box.top + p[1]]; })()"
-    )
-    mouse = {"x": spot[0], "y": spot[1], "button": "left", "clickCount": 1}
-    opened.call("Input.dispatchMouseEvent", type="mouseMoved", x=spot[0], y=spot[1])
-    opened.wait("maniport.players[0].chart.found")
-    assert "semi-axes" in opened.run("document.querySelector('.words').textContent")
-    opened.call("Input.dispatchMouseEvent", type="mousePressed", **mouse)
-    opened.call("Input.dispatchMouseEvent", type="mouseReleased", **mouse)
-    opened.wait("document.querySelector('.motion').dataset.time > 0")
-
-
-def test_page_works_without_webgl(browser, page):
-    """Where nothing can be drawn in space the page says so, and curves and clock go on."""
-    hide = "HTMLCanvasElement.prototype.getContext = (own => function (kind, ...rest) {"
-    hide += (
-        " return kind === 'webgl2' ? null : own.call(this, kind, ...rest); })(HTMLCanvasElement.prototype.getContext)"
-    )
-    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=hide)["identifier"]
-    try:
-        browser.dress()
-        browser.open(page)
-        assert "WebGL" in browser.run("document.querySelector('.stage').textContent")
-        browser.press("End")
-        browser.wait("document.querySelector('.motion').dataset.time > 5.4")
-        assert browser.complaints == []
-    finally:
-        browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
-
-
 @pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
 def test_page_fits_narrow_and_dark_screens(browser, page, width, scheme, tmp_path):
     """Nothing is wider than the screen, and the background follows the wish for light or dark."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from maniport.errors import FileFormatError
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.follow import follow
 from maniport.studies.paper import figures, run
@@ -98,22 +97,6 @@ def test_target_that_robots_cannot_make_is_told_on_the_map(small_result, shown):
     assert person.gap is None is achieved.gap
 
 
-def test_states_and_opening_are_those_of_the_motion(small_result, shown):
-    """A state for each moment; the page opens where the distance is nearer to the median than at most moments."""
-    motion = small_result.execution.motion
-    assert shown.states == motion.status
-    away = np.abs(motion.distance - np.median(motion.distance))
-    assert away[np.flatnonzero(shown.time == shown.opening)[0]] <= np.quantile(away, 0.25)
-
-
-def test_settings_and_versions_are_told(small_result):
-    """File, person, robot, frame, seed, samples, damping and versions stand in the page."""
-    text = page_of(small_result)
-    names = ("ladder.bvh", "myoarm", "panda_hand_tcp")
-    for word in (*names, "damping 0.01", "128 samples", mp.__version__, "NumPy", "Seed"):
-        assert word in text
-
-
 @pytest.mark.parametrize("options", [{"part": "full"}, {"kind": "force"}, {"part": "rotation"}])
 def test_unmoved_robot_and_other_ellipsoids_are_shown(second, options):
     """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
@@ -155,18 +138,6 @@ def test_surfaces_stand_where_forward_kinematics_puts_them(small_result, shown, 
             np.testing.assert_array_equal(part.points, surface.points)
 
 
-def test_robot_without_its_meshes_is_a_skeleton_and_says_why(execution, monkeypatch):
-    """A mesh that cannot be read costs the surface, not the report; the page tells which it was."""
-
-    def missing(self, most_triangles=15_000):
-        raise FileFormatError("no file link3.stl")
-
-    monkeypatch.setattr(mp.Arm, "surfaces", missing)
-    shown = motion_of(execution)
-    assert shown.bodies[0].parts == ()
-    assert "panda is drawn as a skeleton: no file link3.stl" in page_of(execution)
-
-
 def test_feasibility_gap_is_a_floor_of_what_is_achieved(small_result, shown, execution):
     """A motion hardly gets below the gap, which is warned of; of ellipsoids that the robot made itself it is none."""
     lines = {line.name: line.values for line in shown.panels["Distance and position error"][0].lines}
@@ -176,27 +147,9 @@ def test_feasibility_gap_is_a_floor_of_what_is_achieved(small_result, shown, exe
     assert execution.gap.max() < 0.01
 
 
-def test_part_of_the_ellipsoids_is_kept():
-    """An execution knows which ellipsoids it followed, so that its report names their unit."""
-    panda = mp.load_arm("panda")
-    joints = np.linspace([0, -0.5, 0, -2, 0, 1.8, 0], [0.1, -0.4, 0.1, -1.8, 0.1, 1.9, 0], 8)
-    spec = mp.EllipsoidSpec(part="rotation")
-    turned = follow(panda, panda.ellipsoids(joints, spec), np.linspace(0, 1, 8), spec=spec)
-    assert turned.motion.spec.part == "rotation"
-    assert motion_of(turned).unit == "rad/s per rad/s"
-
-
 def test_arms_of_the_paper_move():
     """With known joint samples the two-joint arms' adapted ellipsoids are the student's own, as the curve says."""
     shown = figures.two_dof_motion(0)
     distance = shown.panels["Ellipsoids"][0].lines[0].values
     assert distance.max() < 1e-3
     assert set(figures.MOVED) <= set(run.FIGURES)
-
-
-def test_reproduction_writes_its_page(tmp_path):
-    """The page is among the files, and holds the figures."""
-    run.reproduce("toy", tmp_path / "out", draws=1)
-    text = (tmp_path / "out" / run.REPORT).read_text(encoding="utf-8")
-    assert "data:image/png;base64," in text
-    assert "Reithmeir" in text

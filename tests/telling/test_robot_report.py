@@ -116,21 +116,10 @@ def test_options_that_cannot_be_are_named(words, message):
         raise result.exception
 
 
-def test_a_limit_may_be_given_as_it_is_told(crane):
-    """Limits are told with two decimals: 57.2958° as 57.30°, which is within them."""
-    assert json.loads(info(str(crane), "--lock", "nod=57.30", "--json"))["held"] == {"nod": 1.0}
-
-
 def test_joints_may_be_named_one_by_one(crane):
     """The option given twice means both, as with commas between."""
     both = info(str(crane), "--joints", "turn,nod", "--json")
     assert info(str(crane), "--joints", "turn", "--joints", "nod", "--json") == both
-
-
-def test_names_with_bars_stay_in_their_cells(tmp_path):
-    """A joint called a|b is one cell of a table in Markdown."""
-    (tmp_path / "bar.urdf").write_text(CRANE.replace('"nod"', '"n|od"'))
-    assert r"| n\|od | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s |" in info(str(tmp_path / "bar.urdf"))
 
 
 def test_a_robot_that_comes_with_maniport_is_of_no_other_package():

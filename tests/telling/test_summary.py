@@ -15,7 +15,7 @@ from maniport.errors import on_the_command_line
 from maniport.pipeline.execution import Execution
 from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
-from maniport.telling.metrics import in_axes, rounded_sum
+from maniport.telling.metrics import rounded_sum
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
 from maniport.tracking.plan.planned_motion import Room
@@ -181,20 +181,6 @@ def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     assert "--place" in told.command
 
 
-def test_errors_at_leaps_of_the_recording_are_told_as_such(small_result):
-    """Where the path leaps and the tip is farthest there, the doubt is the recording's; without a leap none is."""
-    execution, count = small_result.execution, len(small_result.time)
-    leap = np.zeros((count, 3))
-    leap[count // 2 :] = 0.5
-    error = np.where(execution.plan.leaps, 0.0, 0.001)
-    error[count // 2] = 0.05
-    motion = replace(execution.motion, position_error=error)
-    for path, said in ((execution.plan.path, False), (execution.plan.path + leap, True)):
-        plan = replace(execution.plan, path=path)
-        told = facts_of(replace(small_result, execution=replace(execution, plan=plan, motion=motion))).summary
-        assert ("where the recording jumps" in told.doubts) == said
-
-
 def test_the_next_command_keeps_what_was_asked_for(small_result):
     """A table, a file of limits or half the tempo hold for the next motion, too, which is slower than that."""
     execution, off = small_result.execution, np.full(len(small_result.time), 0.05)
@@ -204,18 +190,6 @@ def test_the_next_command_keeps_what_was_asked_for(small_result):
     for name, value in (("--table", "-0.1"), ("--tempo", "0.25"), ("--limits", "my limits.yaml")):
         assert words.count(name) == 1
         assert words[words.index(name) + 1] == value
-
-
-def test_commands_are_typed_safely(small_result):
-    """A folder with a blank and braces comes through the shell as one word."""
-    words = shlex.split(missed_facts(small_result).summary.command_for("my {results}"))
-    assert words[:3] == ["maniport", "track", "my {results}/placed_profile.npz"]
-
-
-def test_distances_are_told_as_lengths_of_an_axis():
-    """The distance of two ellipsoids that differ in one axis tells by how much."""
-    assert in_axes(2.0 * np.log(1.05)) == "one axis 5 % too long"
-    assert in_axes(2.0 * np.log(2.0)) == "one axis 2.0 times as long"
 
 
 def test_the_summary_is_the_same_everywhere(small_result, facts):

@@ -24,7 +24,6 @@ TIME = re.compile(r"\bat (-?\d+\.\d) s\b")
 MODULES = {
     "bodies": "robot",
     "demonstrations": "recording",
-    "profiles": "recording",
     "transfer": "transfer",
     "evaluation": "transfer",
     "tracking": "motion",
@@ -35,7 +34,7 @@ MODULES = {
 
 @dataclass(frozen=True)
 class Metric:
-    """A number, a setting, a note or a warning.
+    """A number, a setting, a note or a warning of a `Section`.
 
     Attributes
     ----------
@@ -60,7 +59,16 @@ class Metric:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under column names; `key` and `value` are as in `Metric`."""
+    """Rows of text under column names, in a `Section`.
+
+    Attributes
+    ----------
+    columns : tuple of str
+    rows : tuple of tuple of str
+    caption : str
+    key, value
+        As in `Metric`.
+    """
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -78,7 +86,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """Metrics that belong together.
+    """Metrics of a `Report` that belong together.
 
     Attributes
     ----------
@@ -103,7 +111,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Summary:
-    """The outcome of a result.
+    """The outcome of a result, in a `Report`.
 
     Attributes
     ----------
@@ -143,7 +151,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is reported of a result.
+    """Everything that is reported of a result, see `facts_of`.
 
     Attributes
     ----------
@@ -198,7 +206,17 @@ class Report:
 
 
 def facts_of(thing: Any) -> Report:
-    """Return the report of a result, an arm, a recording, an adapter or another object of maniport."""
+    """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
+
+    Parameters
+    ----------
+    thing : any object
+        Of an unknown object only the prompt is reported.
+
+    Returns
+    -------
+    Report
+    """
     for kind in type(thing).__mro__:
         top, package, *_ = [*kind.__module__.split("."), ""]
         if top == "maniport" and package in MODULES:

@@ -65,8 +65,8 @@ def motion_section(motion: TrackResult, more: Sequence[Metric] = (), clock: Arra
                + listed([f"{number} {word}" for word, number in status.items()]),
                f"Followed: distance at most {ENOUGH_DISTANCE:g}; nearly followed: at most {NEAR_DISTANCE:g}; both with "
                "a position error within the tolerance.", "status", status),
-        *(Metric(f"Saturated {kind}", listed([f"{name} {number}" for name, number in found.items()]),
-                 "Control steps at the limit, by joint.", f"{kind}_limit_hits", found) for kind, found in hits.items()),
+        *(Metric(f"Joints at the {kind} limit", listed([f"{name} {number}" for name, number in found.items()]),
+                 "Number of control steps.", f"{kind}_limit_hits", found) for kind, found in hits.items()),
         *numbers(points=points, points_missed=missed, duration_s=float(np.ptp(motion.time))),
     )  # fmt: skip
     return Section("Robot motion", metrics, key="motion")

@@ -1,4 +1,4 @@
-"""Metrics of a recording, of the human arm fitted to it, and of profiles of several demonstrations."""
+"""Metrics of a recording and of the human arm fitted to it."""
 
 import json
 import shlex
@@ -26,8 +26,6 @@ from maniport.demonstrations.roles import (
     usual_names,
 )
 from maniport.errors import RecordingError, nearest_first
-from maniport.profiles import ProfileGMM
-from maniport.profiles.alignment import Alignment
 from maniport.telling.metrics import (
     Metric,
     Report,
@@ -228,38 +226,3 @@ def person_section(fit: ArmFit) -> Section:
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
     table = Table(("direction of", "median", "95 %", "max", "when"), rows, caption, "residual_deg", residuals)
     return Section("Human arm", tuple(metrics), (table,), "person")
-
-
-@describe.register
-def alignment_report(alignment: Alignment) -> Report:
-    """Describe aligned demonstrations."""
-    k, n, d, _ = alignment.ellipsoids.shape
-    distances = [f"{distance:.3g}" for distance in alignment.distances[:10]] + (["…"] if k > 10 else [])
-    metrics = (
-        Metric("Demonstrations", str(k), key="demonstrations", value=k),
-        Metric("Times", f"{n}, from {alignment.time[0]:.4g} to {alignment.time[-1]:.4g}", key="times", value=n),
-        Metric("Ellipsoids", f"{d} × {d}"),
-        Metric("Reference", f"number {alignment.reference}", key="reference", value=alignment.reference),
-        Metric("Distances", listed(distances), key="distances", value=alignment.distances.tolist()),
-    )
-    return Report("Aligned demonstrations", "", (Section("", metrics),))
-
-
-@describe.register
-def mixture_report(model: ProfileGMM) -> Report:
-    """Describe a Gaussian mixture of profiles."""
-    parameters = Metric("Parameters", repr(model))
-    if not hasattr(model, "n_demonstrations_"):  # the last attribute that a fit sets
-        state = Metric("State", "not fitted yet; call fit(inputs, ellipsoids)")
-        return Report("A mixture of profiles", "", (Section("", (parameters, state)),))
-    weights, likelihood = model.weights_, float(model.log_likelihood_)
-    metrics = (
-        parameters,
-        Metric("Gaussians", str(model.n_components_), key="gaussians", value=model.n_components_),
-        Metric("Weights", listed([f"{weight:.2f}" for weight in weights]), key="weights", value=weights.tolist()),
-        Metric("Ellipsoids", f"{model.means_.shape[-1]} × {model.means_.shape[-1]}"),
-        Metric("Demonstrations", str(model.n_demonstrations_), key="demonstrations", value=model.n_demonstrations_),
-        Metric("Mean log-likelihood", f"{likelihood:.4g}", key="mean_log_likelihood", value=likelihood),
-        Metric("Converged", "yes" if model.converged_ else "no", key="converged", value=bool(model.converged_)),
-    )
-    return Report("A mixture of profiles", "", (Section("", metrics),))

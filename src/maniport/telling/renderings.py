@@ -37,7 +37,7 @@ def files_of(*names: str) -> tuple[str, ...]:
 
 
 def as_markdown(report: Report, level: int = 1) -> str:
-    """Render a report as Markdown: the summary and warnings first, then every section.
+    """Render a `Report` as Markdown: the summary and warnings first, then every section.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def as_markdown(report: Report, level: int = 1) -> str:
 
 
 def as_numbers(report: Report) -> dict[str, Any]:
-    """Return a report for programs, ready for JSON: sections by key, units in the names, and the warnings.
+    """Return a `Report` for programs, ready for JSON: sections by key, units in the names, and the warnings.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def plain(value: Any) -> Any:
 
 
 def as_html(thing: Any) -> str:
-    """Render an object for a notebook: a piece of HTML without colors of its own, which loads nothing.
+    """Render an object or its `Report` for a notebook: a piece of HTML without colors of its own, which loads nothing.
 
     Parameters
     ----------

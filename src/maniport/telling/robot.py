@@ -14,7 +14,7 @@ from maniport.bodies.readers.packages import pair_of, places_of
 from maniport.bodies.readers.tip import Limb
 from maniport.errors import argument
 from maniport.telling.metrics import Metric, Report, Section, Table, defined, describe, listed, numbers, warning
-from maniport.tracking import FeasibleEllipsoids, PlacedPath, StartBank
+from maniport.tracking import FeasibleEllipsoids, PlacedPath
 from maniport.tracking.motion_limits import QUANTITIES, MotionLimits
 from maniport.validation import Array
 
@@ -234,15 +234,3 @@ def feasible_report(found: FeasibleEllipsoids) -> Report:
     if found.position_error is not None:
         metrics.append(defined("tip_error", 1e3 * found.position_error))
     return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))
-
-
-@describe.register
-def bank_report(bank: StartBank) -> Report:
-    """Describe seed configurations."""
-    metrics = (
-        Metric("Arm", bank._arm_name),
-        Metric("Samples", str(len(bank)), key="samples", value=len(bank)),
-        Metric("Ellipsoids", str(bank.spec)),
-        Metric("Damping", f"{bank.damping.epsilon:.3g}", key="damping", value=bank.damping.epsilon),
-    )
-    return Report("", "", (Section("", metrics),))

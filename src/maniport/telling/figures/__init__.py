@@ -72,7 +72,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
 
 
 def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> list[Path]:
-    """Draw the figures of a saved result from the data of its page, and write them as PNG and SVG.
+    """Draw the figures of a result that `write_results` saved, from the data of its page, as PNG and SVG.
 
     Parameters
     ----------

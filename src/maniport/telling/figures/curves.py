@@ -41,7 +41,7 @@ def curves(
     d = next(iter(checked.values())).shape[-1]
     figure = column_figure(6.3)
     axes = list(figure.subplots(5, 1, sharex=True))
-    titles = (f"semi-axes [{unit}]", "direction of the longest axis", "direction of the shortest axis",
+    titles = ("semi-axes", "direction of the longest axis", "direction of the shortest axis",
               "volume" if d == 3 else "area", "condition number, (longest / shortest)²")  # fmt: skip
     colors, widths = [color for color, _ in colors_of(checked, roles)], line_widths(len(checked))
     for color, width, one in zip(colors, widths, courses(checked).values(), strict=True):
@@ -53,6 +53,7 @@ def curves(
     for panel, title in zip(axes, titles, strict=True):
         panel.set_title(title, fontsize=TEXT, loc="left", pad=3)
     axes[0].set_ylim(bottom=0)
+    axes[0].set_ylabel(f"[{unit}]", fontsize=TEXT)
     for panel in axes[1:3]:
         panel.set(ylim=(-1.05, 1.05), yticks=[-1, 0, 1])
     for panel in axes[3:]:
@@ -170,6 +171,6 @@ def with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
 
 def legend(figure: Figure, handles: Sequence[Artist]) -> None:
     """Put named lines or patches above all panels."""
-    letters = sum(len(str(handle.get_label())) for handle in handles)
-    columns = len(handles) if letters < 45 else 1
+    letters = [len(str(handle.get_label())) for handle in handles]
+    columns = len(handles) if sum(letters) < 45 else 2 if max(letters) < 30 else 1
     figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False)
