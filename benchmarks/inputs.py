@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 import maniport as mp
 from maniport.bodies import Arm
-from maniport.transfer.rigid_map import recentre
+from maniport.transfer.rigid_adapter import recentre
 
 Array = NDArray[np.float64]
 

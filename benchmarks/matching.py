@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
+from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 
 from .inputs import recentred_domains
 from .measure import Row, duration, faster, race
@@ -15,12 +15,12 @@ def rows(quick: bool) -> Iterator[Row]:
     """Recentred domains of human and Panda; both sides get the measured ellipsoids."""
     n = 10_000 if quick else 100_000
     teacher, student = (EllipsoidFeatures.of(points) for points in recentred_domains(n))
-    index, score = MatchTree(student).query(teacher)
+    index, score = ScoreMatcher(teacher, student).query()
     peer_index, peer_score = brute_force.match(teacher, student)
     error = float(np.abs(score - peer_score).max())
     others = int((index != peer_index).sum())
     times = race(
-        lambda: MatchTree(student).query(teacher),
+        lambda: ScoreMatcher(teacher, student).query(),
         lambda: brute_force.match(teacher, student),
         seconds=1.0 if quick else 0.0,
     )

@@ -18,7 +18,7 @@ import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.icp.starts import starts
-from maniport.transfer.rigid_map import recentre
+from maniport.transfer.rigid_adapter import recentre
 from maniport.transfer.rotation_group import rotation_angle
 
 from .inputs import DAMPING, Array, load

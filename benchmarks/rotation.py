@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import special_ortho_group
 
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures, MatchTree
 from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 
 from .inputs import Array, recentred_domains
 from .measure import Row, faster, race
@@ -46,6 +46,6 @@ def rows(quick: bool) -> Iterator[Row]:
 def matched_pairs(n: int, exponent: float = 3.0) -> tuple[Array, Array, Array]:
     """Pairs S_i, T_i that the paper's score finds before any rotation, and their weights w³."""
     teacher, student = recentred_domains(n)
-    index, score = MatchTree(EllipsoidFeatures.of(student)).query(EllipsoidFeatures.of(teacher))
+    index, score = ScoreMatcher(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student)).query()
     weights = score**exponent
     return student[index], teacher, weights / weights.sum()

@@ -1,7 +1,6 @@
 """Measure the lengths field on many robots and print a table: every figure the worst of independent draws.
 
     python scripts/lengths_table.py --draws 5
-    python scripts/lengths_table.py --robots Panda UR5 --draws 2 --turn
     python scripts/lengths_table.py --robots Panda --persons freeform --draws 1 --full
 
 Robots other than the Panda come from the package example-robot-data. Everything that is drawn is drawn anew each time:
@@ -166,7 +165,6 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
     parser.add_argument("--persons", nargs="+", default=None, help="rHuMan, ladder, freeform")
     parser.add_argument("--draws", type=int, default=5)
-    parser.add_argument("--turn", action="store_true", help="let the field turn axes, too")
     parser.add_argument("--rigid", action="store_true", help="parallel transport instead")
     parser.add_argument("--samples", action="store_true", help="let the field know the robot's samples only")
     parser.add_argument("--full", action="store_true", help="6×6 ellipsoids, of translation and rotation")
@@ -180,11 +178,7 @@ def main() -> None:
         rows = []
         for draw in range(given.draws):
             options = {"damping": DAMPING, "mounting": np.eye(3)}
-            adapter = (
-                ParallelTransport(**options)
-                if given.rigid
-                else LengthsField(**options, projector=projector, turn=given.turn)
-            )
+            adapter = ParallelTransport(**options) if given.rigid else LengthsField(**options, projector=projector)
             rows.append(measured(adapter, case, 100 + draw, spec))
             print(told(f"  draw {draw}", rows[-1]), flush=True)
         worst = [choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)]

@@ -25,8 +25,7 @@ from maniport.tracking.plan import reachability_map
 a_moment = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.2)
 demonstrations.shipped_recording = lambda name: a_moment  # the demo runs in no time
 pipeline.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
-few = {"candidates": 64, "sieve": 4, "planned": 1, "place_stages": 8, "place_nodes": 24, "evaluations": 2}
-few |= {"nodes": 60, "most_nodes": 60}
+few = {"candidates": 64, "placement_nodes": 24, "nodes": 60}
 effort.EFFORTS["full"] = dataclasses.replace(effort.EFFORTS["full"], **few)
 reachability_map.SAMPLES = 2000
 

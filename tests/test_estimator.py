@@ -38,7 +38,7 @@ class Nested(Estimator):
     "estimator",
     [
         mp.ParallelTransport(mounting=np.eye(3), damping=0.1),
-        mp.RiemannianICP(random_state=3, n_jobs=2),
+        mp.RiemannianICP(random_state=3),
         mp.ProfileGMM(n_components=2),
         Nested([Nested(), {"a": Nested(count=7)}], 4),
     ],

@@ -32,8 +32,8 @@ CLIPS = {
     **{file.name: (file, {"rate": 30.0}, 1.17) for file in sorted(DATA.glob("*.npy"))},
     **{file.name: (file, {}, None) for file in sorted(DATA.glob("*.bvh"))},
 }
-ONE_ARM = ("ISB without side",)  # families of names without sides
 MEDIAPIPE = load_names("joint_orders.yaml")["by_count"][33]
+ONE_ARM = ("ISB without side",)  # families of names without sides
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 WITHOUT_HAND = ("Unreal", "MediaPipe")  # families whose point of the hand is not used
 PERSON = cache(lambda: motion(n=8))

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from maniport.transfer.icp.correspondence.match_tree import EllipsoidFeatures
+from maniport.transfer.icp.score import EllipsoidFeatures
 
 Array = NDArray[np.float64]
 
@@ -20,13 +20,13 @@ EXPONENT_RANGE = 700.0
 
 def match(teacher: EllipsoidFeatures, student: EllipsoidFeatures) -> tuple[NDArray[np.intp], Array]:
     """For every teacher ellipsoid the student ellipsoid with the largest score, and the score; shapes (n,)."""
-    shapes = [np.stack([one.condition, one.volume]) for one in (teacher, student)]
+    shapes = [one.shapes.T for one in (teacher, student)]
     both = np.concatenate(shapes, axis=1)
     middle = (both.min(axis=1, keepdims=True) + both.max(axis=1, keepdims=True)) / 2.0
     if np.abs(both - middle).max() > EXPONENT_RANGE:
         raise ValueError("the ellipsoids' conditions are too far apart for this peer")
     table_t, table_s = (
-        np.concatenate([one.minor.T, one.major.T, np.exp(shape - middle), np.exp(middle - shape)])
+        np.concatenate([*one.directions.transpose(1, 2, 0), np.exp(shape - middle), np.exp(middle - shape)])
         for one, shape in zip((teacher, student), shapes, strict=True)
     )
     padded = np.zeros((10, -(-table_s.shape[1] // BLOCK) * BLOCK))

@@ -12,11 +12,7 @@ time with two of them and 17 s with one, and sums are rounded alike however many
 
 
 class _Output:
-    """Standard output or error that may be closed or full: what cannot be written is dropped, and the work goes on.
-
-    ``head`` closes a pipe when it has seen enough; the results that are to be written into files are wanted all the
-    same.
-    """
+    """Standard output or error that may be closed or full: what cannot be written is dropped, and the work goes on."""
 
     def __init__(self, stream: Any):
         self._stream = stream

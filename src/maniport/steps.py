@@ -20,14 +20,7 @@ ALMOST = 0.999
 
 
 class Step:
-    """One step of long work: called with the fraction done, it passes that on with the step's name.
-
-    Parameters
-    ----------
-    progress : Progress or None
-        Whom to tell; None for nobody.
-    name : str
-    """
+    """One step of long work: called with the fraction done, it passes that on with the step's name."""
 
     def __init__(self, progress: Progress | None, name: str):
         self._progress, self._name = progress, name

@@ -66,12 +66,12 @@ def test_distances_between_arms_are_those_of_their_hulls(pair):
     """Coal's distance of the hulls where the links of the single arms are, for every pair that is checked."""
     arms, collisions = pair
     q = arms.sample(8, 1)
-    poses = dict(zip(("left", "right"), arms.link_poses(q), strict=True))
+    left, right = (arm.link_poses(part) for arm, part in zip(arms.each, arms.split(q), strict=True))
     hulls, trunk, ours = collisions._solids.hulls, arms.trunk, len(arms.left.chain.joints)
 
     def placed(hull, row):
         own = hull.joint > ours
-        at = poses["right"][row, hull.joint - ours + trunk] if own else poses["left"][row, hull.joint]
+        at = right[row, hull.joint - ours + trunk] if own else left[row, hull.joint]
         return hull.solid, coal.Transform3s(at[:3, :3], at[:3, 3])
 
     for row in range(len(q)):

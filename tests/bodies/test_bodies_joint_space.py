@@ -19,7 +19,7 @@ def panda():
         ({"n": 0}, "n must be a whole number of at least 1; found 0"),
         ({"n": 2.5}, "n must be a whole number of at least 1; found 2.5"),
         ({"n": 4, "sequence": "halton"}, "unknown sequence 'halton'"),
-        ({"n": 4, "random_state": "seed"}, "random_state must be None, .* found 'seed'"),
+        ({"n": 4, "random_state": "seed"}, "random_state .*found 'seed'"),
     ],
 )
 def test_wrong_sampling_arguments_are_named(panda, arguments, message):

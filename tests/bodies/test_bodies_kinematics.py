@@ -11,14 +11,11 @@ from maniport.bodies.arm import Arm
 STEP = 1e-6
 
 
-@pytest.fixture(
-    params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "hinge_urdf", "hinge_mjcf", "planar", "restricted"]
-)
+@pytest.fixture(params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "planar", "restricted"])
 def arm(request: pytest.FixtureRequest) -> Arm:
     """One arm of each kind."""
-    if request.param.endswith("urdf") or request.param.endswith("mjcf"):
-        tip = "tip" if request.param.startswith("hinge") else None
-        return load_arm(request.getfixturevalue(request.param), frame=tip)
+    if request.param in ("urdf", "mjcf"):
+        return load_arm(request.getfixturevalue(request.param))
     if request.param == "planar":
         return request.getfixturevalue("planar")
     if request.param == "restricted":

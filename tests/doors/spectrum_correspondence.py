@@ -18,4 +18,4 @@ class SpectrumCorrespondence(Correspondence):
         partners = cKDTree(lengths[1]).query(lengths[0])[1]
         count = len(teacher)
         matches = Matches(np.arange(count), partners, np.full(count, 1.0 / count))
-        return lambda rotation, limit=None: matches
+        return lambda rotation: matches

@@ -7,7 +7,7 @@ from sklearn.base import clone
 from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
 from maniport.errors import InvalidInputError
 from maniport.evaluation.baselines import ROWS, TRANSPORT, Procrustes, baselines_for
-from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rigid_adapter import RigidMap
 
 
 @pytest.fixture

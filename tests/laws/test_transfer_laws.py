@@ -183,7 +183,6 @@ def _table(teacher, student, weight):
             "n_starts": st.integers(0, 20),
             "margin": st.floats(0, 0.99),
             "compete": st.booleans(),
-            "prior_weight": st.floats(0, 1e6),
             "most_singular": st.none() | st.integers(2, 1000),
             "max_iter": st.integers(1, 1000),
             "tol": st.floats(1e-300, 1.0),

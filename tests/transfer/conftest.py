@@ -45,7 +45,7 @@ def random_rotation():
 @pytest.fixture(scope="session")
 def random_map():
     """Make a map of the model's class from a teacher's domain: its own mean, a random rotation, ratio and new mean."""
-    from maniport.transfer.rigid_map import RigidMap
+    from maniport.transfer.rigid_adapter import RigidMap
 
     def make(rng, teacher, ratio=None):
         d = teacher.shape[-1]

@@ -1,10 +1,6 @@
 """What is compiled for speed says the same as its twin in NumPy."""
 
-import os
 import pickle
-import subprocess
-import sys
-import threading
 import tracemalloc
 
 import numpy as np
@@ -16,21 +12,6 @@ from sklearn.base import clone
 from maniport import NearestNeighbor, ParallelTransport, load_adapter
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 
-CODE = """
-import numpy as np
-from maniport.transfer.control import map_one
-from maniport.transfer.icp.rotation import RotationProblem
-rng = np.random.default_rng(0)
-factor = np.tril(rng.normal(size=(5, 3, 3))) + 3 * np.eye(3)
-student = factor @ factor.transpose(0, 2, 1)
-problem = RotationProblem(student, student[::-1].copy(), np.full(5, 0.2))
-cost, gradient, hessian = problem.derivatives(np.eye(3))
-end = problem.minimize(np.eye(3))
-out = np.empty((3, 3))
-failed = map_one(student[0], factor[0], factor[1], np.array([0.7, 0.1, 0.3, 0.01]), out)
-print([cost, failed, end.cost, *gradient, *hessian.ravel(), *end.rotation.ravel(), *out.ravel()])
-"""
-
 
 @pytest.fixture(scope="module")
 def clouds(random_spd):
@@ -39,19 +20,6 @@ def clouds(random_spd):
         d: (random_spd(np.random.default_rng(d), 60, d), random_spd(np.random.default_rng(d + 50), 70, d))
         for d in (2, 3, 6)
     }
-
-
-def test_uncompiled_kernels_say_the_same():
-    """With compilation off, the kernels of the rotation step and of single maps give the same numbers to rounding."""
-    ends = [
-        np.array(
-            eval(
-                subprocess.check_output([sys.executable, "-c", CODE], text=True, env={**os.environ, **off}), {"np": np}
-            )
-        )
-        for off in ({}, {"NUMBA_DISABLE_JIT": "1"})
-    ]
-    assert_allclose(*ends, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 0.5}])
@@ -141,25 +109,6 @@ def test_compiled_map_allocates_nothing(clouds):
         tracemalloc.stop()
 
 
-def test_each_thread_takes_its_own_map(clouds):
-    """Maps taken by several threads from one adapter do not disturb one another."""
-    teacher, student = clouds[3]
-    adapter = ParallelTransport().fit(teacher, student)
-    wanted, found = adapter.transform(teacher), {}
-
-    def work(name):
-        compiled = adapter.compiled()
-        found[name] = np.array([[compiled(point) for point in teacher] for _ in range(20)])
-
-    threads = [threading.Thread(target=work, args=(name,)) for name in range(3)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for results in found.values():
-        assert_allclose(results, np.broadcast_to(wanted, results.shape), rtol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("point", "error", "words"),
     [
@@ -181,15 +130,6 @@ def test_compiled_map_refuses_what_it_cannot_map(clouds, point, error, words, re
     with pytest.raises(error, match=words):
         compiled(point, out)
     assert_array_equal(out, 7.0)
-
-
-def test_compiled_map_refuses_singular_ellipsoids_without_remedy(clouds):
-    """Without regularisation a flat ellipsoid is refused, with a floor it is mapped as by `transform`."""
-    flat = np.diag([1.0, 0.0, 1.0])
-    with pytest.raises(NotSPDError, match="positive-definite"):
-        ParallelTransport().fit(*clouds[3]).compiled()(flat)
-    adapter = ParallelTransport(floor=1e-3).fit(*clouds[3])
-    assert_allclose(adapter.compiled()(flat), adapter.transform(flat), rtol=1e-9)
 
 
 def test_only_rigid_fitted_adapters_have_a_compiled_map(clouds):

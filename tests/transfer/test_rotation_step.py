@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
-import maniport as mp
 from maniport import spd
-from maniport.transfer import Search
-from maniport.transfer.icp import rotation as steps
 from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.icp.starts import signed_permutations, starts
 from maniport.transfer.rotation_group import orthonormal, rotation_angle, rotation_basis, rotation_from_vector
@@ -20,18 +17,13 @@ from maniport.transfer.rotation_group import orthonormal, rotation_angle, rotati
 seeds = given(seed=st.integers(0, 2**32 - 1))
 
 
-def noisy_copy(rng, teacher, rotation, noise=0.05):
-    """Turn SPD matrices and disturb each by a random congruence near the identity."""
-    moved = (np.eye(len(rotation)) + noise * rng.standard_normal(teacher.shape)) @ rotation
-    return moved @ teacher @ np.swapaxes(moved, -1, -2)
-
-
 def make_problem(rng, n, d, random_spd, random_rotation, kind="noisy", condition=1e3):
     """Make pairs that are noisy copies of each other, or that have nothing to do with each other."""
     teacher = random_spd(rng, n, d, condition)
     student = random_spd(rng, n, d, condition)
     if kind == "noisy":
-        student = noisy_copy(rng, teacher, random_rotation(rng, d))
+        turn, noise = random_rotation(rng, d), 0.1 * rng.standard_normal((n, d, d))
+        student = spd.expm(turn @ spd.logm(teacher) @ turn.T + noise + np.swapaxes(noise, 1, 2))
     weights = rng.uniform(0.1, 1.0, n)
     return RotationProblem(student, teacher, weights / weights.sum())
 
@@ -75,16 +67,6 @@ def test_derivatives_at_coincident_eigenvalues(d, gap, random_spd, random_rotati
     check_derivatives(RotationProblem(student, teacher, np.full(6, 1 / 6)), rotation, tolerance=1e-5)
 
 
-def test_derivatives_do_not_depend_on_the_blocks(monkeypatch, random_spd, random_rotation):
-    """Summing over many small blocks gives what one large block gives."""
-    rng = np.random.default_rng(0)
-    problem, rotation = make_problem(rng, 20, 3, random_spd, random_rotation), random_rotation(rng, 3)
-    whole = problem.derivatives(rotation)
-    monkeypatch.setattr(steps, "BLOCK_BYTES", 8 * 27 * 3)
-    for one, other in zip(problem.derivatives(rotation), whole, strict=True):
-        assert_allclose(one, other, rtol=1e-11, atol=1e-11)
-
-
 @pytest.mark.parametrize(
     ("d", "kind", "condition", "runs"),
     [
@@ -110,42 +92,6 @@ def test_descent_converges_from_anywhere(d, kind, condition, runs, random_spd, r
     assert max(end.gradient_norm for end in ends) < 1e-6
     assert np.median([end.n_iter for end in ends]) <= 25
     assert max(end.n_iter for end in ends) <= 60
-
-
-@pytest.mark.parametrize("d", [2, 3, 4, 6])
-def test_true_rotation_of_an_exact_copy_is_reached(d, random_spd, random_rotation):
-    """From within half a radian of the truth the descent ends at the truth."""
-    rng = np.random.default_rng(d)
-    for _ in range(5):
-        teacher, truth = random_spd(rng, 50, d), random_rotation(rng, d)
-        problem = RotationProblem(truth @ teacher @ truth.T, teacher, np.full(50, 1 / 50))
-        push = rng.standard_normal(d * (d - 1) // 2)
-        end = problem.minimize(rotation_from_vector(0.5 * push / np.linalg.norm(push)) @ truth)
-        assert rotation_angle(end.rotation, truth) < 1e-8
-        assert end.cost < 1e-15
-
-
-@pytest.mark.parametrize("d", [2, 3, 6])
-def test_best_four_starts_find_the_optimum_of_noisy_copies(d, random_spd, random_rotation):
-    """For noisy copies the four most promising starts find what many random ones find at best."""
-    rng = np.random.default_rng(d)
-    for _ in range(3):
-        problem = make_problem(rng, 40, d, random_spd, random_rotation)
-        ranked = sorted(starts(problem.teacher, problem.student, rng), key=problem.cost)
-        found = min(problem.minimize(rotation).cost for rotation in ranked[:4])
-        known = min(problem.minimize(random_rotation(rng, d)).cost for _ in range(15 if d < 4 else 5))
-        assert found <= known * (1.0 + 1e-9)
-
-
-def test_eight_starts_find_nearly_the_optimum_of_unrelated_clouds(random_spd, random_rotation):
-    """For clouds that have nothing in common the eight most promising starts come within 3 % of the best known."""
-    rng = np.random.default_rng(0)
-    for _ in range(6):
-        problem = make_problem(rng, 60, 3, random_spd, random_rotation, "unrelated")
-        ranked = sorted(starts(problem.teacher, problem.student, rng), key=problem.cost)
-        found = min(problem.minimize(rotation).cost for rotation in ranked[:8])
-        known = min(problem.minimize(random_rotation(rng, 3)).cost for _ in range(30))
-        assert found <= 1.03 * known
 
 
 @pytest.mark.parametrize("d", [2, 3, 4, 6])
@@ -202,44 +148,8 @@ def test_rotation_angle(d, angle, random_rotation):
     assert rotation_angle(left @ other, left @ base) == pytest.approx(angle, rel=1e-6, abs=1e-14)
 
 
-@pytest.mark.parametrize("d", [4, 6, 7])
-def test_turns_in_several_planes_add_as_squares(d, random_rotation):
-    """The angle between rotations is that of all planes in which one turns against the other, as a root of squares."""
-    rng = np.random.default_rng(d)
-    base, frame, angles = random_rotation(rng, d), random_rotation(rng, d), rng.uniform(0.1, 3.0, d // 2)
-    turn = block_diag(*([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in angles), *[np.eye(1)] * (d % 2))
-    assert rotation_angle(frame @ turn @ frame.T @ base, base) == pytest.approx(np.linalg.norm(angles))
-
-
 def test_orthonormal_is_the_nearest_rotation(random_rotation):
     """A disturbed rotation is put back on the group, an exact one is kept."""
     rotation = random_rotation(np.random.default_rng(0), 3)
     assert_allclose(orthonormal(rotation), rotation, atol=1e-15)
     assert_allclose(orthonormal(rotation @ np.diag([1.0, 1.01, 0.98])), rotation, atol=1e-12)
-
-
-@pytest.mark.parametrize(("d", "seed"), [(2, 0), (3, 0), (3, 1), (3, 2)])
-def test_whole_search_finds_the_optimum_of_noisy_copies(d, seed, random_spd, random_rotation):
-    """On noisy copies ICP comes within 2 % of the lowest cost that ten random starts reach, and near the truth."""
-    rng = np.random.default_rng(seed)
-    stretch = np.diag(rng.uniform(0.3, 3.0, d))
-    teacher, truth = stretch @ random_spd(rng, 80, d, 30.0) @ stretch, random_rotation(rng, d)
-    student = noisy_copy(rng, teacher, truth, 0.003)
-    adapter = mp.RiemannianICP(random_state=0, n_resamples=0).fit(teacher, student)
-    known = []
-    for _ in range(10):
-        mounting = random_rotation(rng, d)
-        known.append(
-            mp.RiemannianICP(mounting=mounting, n_resamples=0, search=Search(compete=False)).fit(teacher, student).cost_
-        )
-    assert adapter.cost_ <= 1.02 * min(known)
-    assert np.mean(spd.distance(adapter.transform(teacher), student)) < 0.25
-
-
-@pytest.mark.parametrize("d", [4, 6])
-def test_some_starts_are_drawn_from_the_given_generator_alone(d, random_spd):
-    """From four dimensions on some starts are random: the same generator gives the same ones, another one others."""
-    teacher, student = (random_spd(np.random.default_rng(seed), 10, d) for seed in (0, 1))
-    first, again, others = (starts(teacher, student, np.random.default_rng(seed)) for seed in (2, 2, 3))
-    np.testing.assert_array_equal(first, again)
-    assert sum(not np.array_equal(one, other) for one, other in zip(first, others, strict=True)) == 16

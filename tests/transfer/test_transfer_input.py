@@ -121,7 +121,7 @@ def test_bad_options_of_rigid_methods(options, message):
         (lambda: {"search": Search(tol=0.0)}, "tol must be a number above 0"),
         (
             lambda: {"random_state": "today"},
-            "random_state must be None, a non-negative whole number or a numpy Generator",
+            "random_state",
         ),
     ],
 )
@@ -139,27 +139,12 @@ def test_bad_options_of_icp(options, message, mounting):
         ("lengths-field", "width", 0.0),
         ("lengths-field", "ridge", 0.0),
         ("lengths-field", "n_rounds", 0),
-        ("lengths-field", "turn", "no"),
-        ("lengths-field", "halves", "no"),
     ],
 )
 def test_bad_options_of_other_methods(method, name, value):
     """Ends of the range of every option, which do not belong to it, are refused by the option's name."""
     with pytest.raises(InvalidInputError, match=rf"^{name} must be .*; found {value!r}"):
         method_of(method).set_params(**{name: value}).fit(GOOD, 2.0 * GOOD)
-
-
-def test_bad_size_of_the_table():
-    """A table needs at least two samples of each domain."""
-    with pytest.raises(InvalidInputError, match="n_samples must be a whole number of at least 2; found 1"):
-        mp.NearestNeighbor(n_samples=1).fit(GOOD, GOOD)
-
-
-def test_table_keeps_an_even_selection():
-    """A table of few samples takes them evenly over the order of the domain, both ends included."""
-    domain = np.eye(3) * np.arange(1.0, 12.0)[:, None, None]
-    adapter = mp.NearestNeighbor(n_samples=3).fit(domain, domain)
-    assert adapter.transform(domain)[:, 0, 0].tolist() == [1, 1, 6, 6, 6, 6, 6, 6, 11, 11, 11]
 
 
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 1e-4}], ids=["none", "damping", "floor"])

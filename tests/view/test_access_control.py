@@ -146,7 +146,7 @@ def test_invalid_values_of_controls_change_nothing(view, caplog):
         wait(lambda: view.rate > 0)
         for name, value in [
             ("_method", "no such method"), ("_preset", "upside down"), ("_sliders", 1e308), ("_sliders", "nan"),
-            ("_angles", -181.0), ("_follows", "yes"),
+            ("_angles", -181.0),
         ]:  # fmt: skip
             found = getattr(view._panel, name)
             control = found[0] if isinstance(found, list) else found

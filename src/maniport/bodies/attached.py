@@ -17,10 +17,7 @@ Attachment = tuple[int, Array]
 
 
 class Attached:
-    """Points and directions that move with a chain.
-
-    `points` names frames, of which the origins are followed; `directions` are unit vectors, see `axis_of`.
-    """
+    """Points and directions that move with a chain."""
 
     def __init__(self, chain: Chain, points: Sequence[str], directions: Sequence[Attachment] = ()):
         frames = [chain.frames[name] for name in points]

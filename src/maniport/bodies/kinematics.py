@@ -11,11 +11,7 @@ from maniport.validation import Array
 
 
 class Kinematics:
-    """A Pinocchio model of a chain.
-
-    All methods take the positions of the chain's joints, shape (n, len(chain.joints)), and answer in the base frame;
-    `positions` and `coupled` lead there from the degrees of freedom and back.
-    """
+    """A Pinocchio model of a chain."""
 
     def __init__(self, chain: Chain):
         self._chain = chain

@@ -14,8 +14,7 @@ from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
 from maniport.subsample import evenly_spaced
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_map import recentre
+from maniport.transfer.rigid_adapter import RigidAdapter, recentre
 from maniport.validation import Array, as_choice
 
 RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
@@ -30,19 +29,7 @@ EVERY_ROW = (*METHODS, PROCRUSTES)
 
 
 class Procrustes(RigidAdapter):
-    """Riemannian Procrustes analysis by pyRiemann: TLCenter, TLScale and, where there are pairs, TLRotate.
-
-    Rodrigues, Jutten & Congedo, Riemannian Procrustes Analysis, IEEE TBME 66, 2019. It moves both domains to the
-    identity; here the student's mean is put back. TLRotate matches class means: each known pair is a class. Without
-    pairs there are no labels, hence no rotation but the known mounting.
-
-    Parameters
-    ----------
-    damping, floor, mounting
-        As in `ParallelTransport`.
-    pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
-        The teacher's ellipsoids and the student's that belong to them.
-    """
+    """Riemannian Procrustes analysis by pyRiemann: TLCenter, TLScale and, where there are pairs, TLRotate."""
 
     dispersion, recenter, scale = "rms", "training", True
 

@@ -14,15 +14,7 @@ between for the whole time from the beginning of one step to that of the next.
 
 
 class MotionClock:
-    """Measure the time for which the robot may move.
-
-    The times of frames are the sender's: its clock may run fast, or it may send a file without pauses. A robot that
-    moved for those times would exceed its limits. It therefore moves for the time that passes on this machine, which
-    `read` returns [s]; None is simulated time, that of the frames. A clock that goes back counts as stopped.
-
-    `now` is the time of the current step. `state_time` is that of the robot's state: that of the first frame, plus the
-    time for which the robot moved or rested.
-    """
+    """Measure the time for which the robot may move."""
 
     def __init__(self, read: Callable[[], float] | None):
         if read is not None and not callable(read):

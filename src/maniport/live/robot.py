@@ -29,12 +29,7 @@ its branch of configurations, and low enough that the end effector is on its pat
 
 
 class Robot:
-    """An arm that follows targets of the present as `maniport.tracking.track` does those of a motion.
-
-    It begins at rest in `start`. With a `reference` (n, dof) it stays near that configuration of it which suits its
-    target best. It has a configuration `q`, an end effector at `tip` [m], and an ellipsoid `achieved`. `path` is
-    whether the end effector has target positions; `spec` is of velocity.
-    """
+    """An arm that follows targets of the present as `maniport.tracking.track` does those of a motion."""
 
     def __init__(
         self,

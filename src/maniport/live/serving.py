@@ -73,11 +73,7 @@ def serve(
 
 
 class _Server:
-    """The state of the loop.
-
-    The times of frames that the robot gets differ from the sender's by an offset. It changes where a sender's clock
-    jumps, and where a sender begins again with earlier times while the robot rests.
-    """
+    """The state of the loop."""
 
     def __init__(self, live: Any, transport: Pipe | Datagrams, stop: Any, every: bool, clock: Callable[[], float]):
         self.summary = Summary()

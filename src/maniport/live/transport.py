@@ -20,13 +20,7 @@ class Line(NamedTuple):
 
 
 class Pipe:
-    """Lines in by a file descriptor, lines out by another.
-
-    A reader may stay and not read: then the line under way waits, and those after it are lost, so that nothing else has
-    to wait.
-
-    `lost` counts these, and `about` holds addresses, of which a pipe has none.
-    """
+    """Lines in by a file descriptor, lines out by another."""
 
     def __init__(self, source: int, sink: int):
         self._source, self._sink = source, sink
@@ -76,11 +70,7 @@ class Pipe:
 
 
 class Datagrams:
-    """A UDP port: one line a datagram, answered to its sender, or to the port `send` for all.
-
-    Whoever can reach the host moves the robot. Port 0 takes a free one. `sink` gets lines without a receiver, such as
-    the first one. `lost` is 0, since nobody knows which datagrams are lost; `about` holds address and port.
-    """
+    """A UDP port: one line a datagram, answered to its sender, or to the port `send` for all."""
 
     def __init__(self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None):
         if send is not None:

@@ -101,10 +101,6 @@ def transfer_both(
     ------
     ManiportError
         When an input cannot be used; all are checked before any long work.
-
-    See Also
-    --------
-    BothResult : what comes out.
     """
     arms = _pair(robot, frames, bases, lock)
     specs = arms.specs(spec)

@@ -33,11 +33,6 @@ class BothResult(ShownInNotebooks):
         The motion of both, with one time; None where the robot was not moved.
     warnings : tuple of str
         What the steps warned of that concern both.
-
-    See Also
-    --------
-    transfer_both : makes it.
-    TransferResult : of one arm.
     """
 
     fits: ArmFits

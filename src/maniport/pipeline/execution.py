@@ -28,43 +28,19 @@ DATA_FILES = (*PLACED_FILES, *JOINT_FILES)
 
 @dataclass(frozen=True)
 class Execution(ShownInNotebooks):
-    """A robot's motion along a profile.
-
-    Attributes
-    ----------
-    robot : Arm
-    placement : PlacedPath or None
-        Where the hand path was placed; None where it was taken as it is, or there is none.
-    plan : PlannedMotion
-        The motion as it was planned and timed.
-    motion : TrackResult
-        The joint trajectory and what it achieves: the plan, or what a tracker makes of it.
-    room : Room
-        How near the motion comes to a collision.
-    gap : ndarray, shape (n,)
-        Feasibility gap: distance from each target ellipsoid to the nearest that the robot makes, wherever its tip is.
-    collisions : Collisions or None
-        What the robot was kept apart from.
-    free : PlannedMotion or None
-        The same with the orientation of the tip free, where it is not.
-    random_state : int or None
-        Seed of the searches, where it is known.
-    sources : tuple of str
-        The files that profile and path came from, as far as they did.
-    options : mapping of str to str
-        What else was asked for on the command line, as it was typed there, such as ``{"--table": "0"}``.
-    """
+    """A robot's motion along a profile."""
 
     robot: Arm
-    placement: PlacedPath | None
-    plan: PlannedMotion
-    motion: TrackResult
-    room: Room
-    gap: Array
-    collisions: Collisions | None = None
-    free: PlannedMotion | None = None
-    random_state: int | None = 0
-    sources: tuple[str, ...] = ()
+    placement: PlacedPath | None  # Where the hand path was placed
+    plan: PlannedMotion  # The motion as it was planned and timed
+    motion: TrackResult  # The joint trajectory and what it achieves: the plan, or what a tracker makes of it
+    room: Room  # How near the motion comes to a collision
+    gap: Array  # (n,)
+    collisions: Collisions | None = None  # What the robot was kept apart from
+    free: PlannedMotion | None = None  # The same with the orientation of the tip free, where it is not
+    random_state: int | None = 0  # Seed of the searches, where it is known
+    sources: tuple[str, ...] = ()  # The files that profile and path came from, as far as they did
+    # What else was asked for on the command line, as it was typed there, such as ``{"--table": "0"}``
     options: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -107,13 +83,7 @@ class Execution(ShownInNotebooks):
 
 
 class Parts(NamedTuple):
-    """The mean distance of target and achieved ellipsoids as a sum.
-
-    `no_posture`: no posture makes the target, wherever the tip is (the feasibility gap); `path`: what the tip on its
-    path costs each point by itself (the node floor beyond the gap); `way`: what is lost between the points, by moving
-    on and by limits. Both floors are found by searches: where one has missed something, a part may be too large and
-    the next too small by as much.
-    """
+    """The mean distance of target and achieved ellipsoids as a sum."""
 
     no_posture: float
     path: float

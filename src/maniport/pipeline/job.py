@@ -88,11 +88,6 @@ def transfer_recording(
     ------
     ManiportError
         When an input cannot be used.
-
-    See Also
-    --------
-    TransferResult : what comes out.
-    transfer_both : of both arms.
     """
     whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
     job = checked(

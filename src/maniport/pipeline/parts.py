@@ -37,20 +37,11 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class KnownRobot:
-    """What is known of a robot before it is shown anything, so that many recordings may share it.
+    """What is known of a robot before it is shown anything, so that many recordings may share it."""
 
-    Attributes
-    ----------
-    planner : Planner or None
-        None where the robot shall or can not move.
-    domain : ndarray, shape (m, d, d)
-    random : numpy.random.Generator
-        As the planner left it: each motion draws from a copy, so that none depends on another.
-    warnings : tuple of str
-    """
-
-    planner: Planner | None
-    domain: Array
+    planner: Planner | None  # None where the robot shall or can not move
+    domain: Array  # (m, d, d)
+    # As the planner left it: each motion draws from a copy, so that none depends on another
     random: np.random.Generator
     warnings: tuple[str, ...] = ()
 

@@ -56,11 +56,6 @@ class TransferResult(ShownInNotebooks):
         What the steps warned of.
     choice : Choice or None
         How the method was chosen, where none was named.
-
-    See Also
-    --------
-    transfer_recording : makes it.
-    maniport.write_results : writes it with figures and a page.
     """
 
     recording: Recording

@@ -8,15 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.spd.kernels import eigh
 from maniport.validation import Array, as_positive_semidefinite, as_spd
 
-ROUND = 0.97
-"""Two semi-axes whose lengths are nearer to equal than this ratio have no direction of their own."""
-
-ILL_DEFINED = 0.05
-"""An axis is ill-defined when the next eigenvalue is nearer than this fraction of the larger of the two."""
-
-OPPOSITE = 0.5
-"""Of two profiles, vectors are opposite when the angle between them is more than 120°; this is minus its cosine."""
-
 
 def axes(points: ArrayLike) -> tuple[Array, Array]:
     """Semi-axis lengths and directions.
@@ -101,16 +92,19 @@ def axis_angles(points: Array, others: Array, which: int) -> Array:
 
 
 def _distinct(values: Array, which: int) -> NDArray[np.bool_]:
-    """Whether the first or last of ascending eigenvalues (n, d) differs from the next one."""
+    """Whether the first or last of ascending eigenvalues (n, d) differs from the next one by more than 5 %."""
     high, low = (values[:, -1], values[:, -2]) if which == -1 else (values[:, 1], values[:, 0])
-    return np.asarray(high - low > ILL_DEFINED * high)
+    return np.asarray(high - low > 0.05 * high)
 
 
 def axis_over_time(points: Array, which: int, like: Array | None = None) -> Array:
-    """Unit vectors along the major or the minor axis of every ellipsoid of a profile."""
+    """Unit vectors along the major (−1) or minor (0) axes of a profile; nan where semi-axes have a ratio above 0.97.
+
+    Signs are continuous, but change where an axis is more than 120° from that of `like`.
+    """
     semi_axes, directions = axes(points)
     short, long = (semi_axes[:, -2], semi_axes[:, -1]) if which == -1 else (semi_axes[:, 0], semi_axes[:, 1])
-    defined = np.flatnonzero(short < ROUND * long)
+    defined = np.flatnonzero(short < 0.97 * long)
     vectors = np.full(directions.shape[:2], np.nan)
     if len(defined) == 0:
         return vectors
@@ -124,6 +118,6 @@ def axis_over_time(points: Array, which: int, like: Array | None = None) -> Arra
             if sign * agreement[k] < allowed:
                 kept[k:] *= -1.0
                 sign = -sign
-            allowed = -OPPOSITE
+            allowed = -0.5
     vectors[defined] = kept
     return vectors

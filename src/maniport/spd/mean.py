@@ -58,11 +58,6 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     NotSPDError, InvalidInputError
         When a matrix is not SPD, there is none, or the weights do not fit.
 
-    See Also
-    --------
-    dispersion : how far the points lie from it.
-    whiten : moves it to the identity.
-
     Notes
     -----
     The Hessian of ½ d²(P, X) has the eigenvalues x coth x, x = (log λ_j − log λ_k) / 2, in the eigenbasis of

@@ -10,27 +10,9 @@ from maniport.validation import Array
 
 Indices = NDArray[np.intp]
 
-CANDIDATE_BYTES = 16_000_000
-"""Size of the largest array of candidates in a neighbour search, which takes a few times as much."""
-
 
 class NeighborIndex:
-    """Exact nearest neighbours among SPD matrices under the affine-invariant distance.
-
-    A KD-tree on matrix logarithms proposes candidates. The log-Euclidean distance never exceeds the affine-invariant
-    one (Bhatia 2007, eq. 6.13), so that the search may stop as soon as the next candidate is farther in log space
-    than the best one found is on the manifold.
-
-    Parameters
-    ----------
-    points : ndarray, shape (m, d, d)
-        SPD, m ≥ 1.
-
-    Raises
-    ------
-    NotSPDError
-        Here and at queries, when matrices are so ill-conditioned that rounding makes them indefinite.
-    """
+    """Exact nearest neighbours among SPD matrices under the affine-invariant distance."""
 
     def __init__(self, points: Array):
         self.points = points
@@ -46,7 +28,7 @@ class NeighborIndex:
         open_queries = np.arange(len(asked))
         count = min(8, len(self._cloud))
         while len(open_queries):
-            block = max(1, CANDIDATE_BYTES // (count * asked[0].nbytes))
+            block = max(1, 16_000_000 // (count * asked[0].nbytes))  # bounds the memory [bytes]
             still_open = []
             for part in np.split(open_queries, range(block, len(open_queries), block)):
                 lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])

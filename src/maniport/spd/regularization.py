@@ -27,21 +27,11 @@ HINT = (
 
 @dataclass(frozen=True)
 class Regularization:
-    """What is done to singular ellipsoids before they are compared: nothing, damping, or a floor.
+    """What is done to singular ellipsoids before they are compared: nothing, damping, or a floor."""
 
-    Attributes
-    ----------
-    damping : float or None
-        ρ, relative to the mean eigenvalue of a domain.
-    floor : float or None
-        Smallest eigenvalue, in the unit of M. Excludes damping.
-    epsilon : float
-        ε, what is added to all eigenvalues, in the unit of M; `fitted` computes it from a domain.
-    """
-
-    damping: float | None = None
-    floor: float | None = None
-    epsilon: float = 0.0
+    damping: float | None = None  # ρ, relative to the mean eigenvalue of a domain
+    floor: float | None = None  # Smallest eigenvalue, in the unit of M
+    epsilon: float = 0.0  # ε, what is added to all eigenvalues, in the unit of M
 
     def __post_init__(self) -> None:
         if self.damping is not None and self.floor is not None:

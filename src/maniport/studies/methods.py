@@ -96,11 +96,7 @@ def _cells(one: Mapping[str, float]) -> tuple[str, ...]:
 
 
 class GaussianTransport(RigidAdapter):
-    """The linear transport between Gaussians with the means and covariances of two clouds of log-vectors.
-
-    The clouds are the images of parallel transport and the student's domain, about the student's mean. There is no
-    inverse, and fitted adapters cannot be saved.
-    """
+    """The linear transport between Gaussians with the means and covariances of two clouds of log-vectors."""
 
     scale, dispersion, recenter = True, "mean", "training"
 

@@ -33,8 +33,7 @@ from maniport.telling.recording import FIT, RECORDING, person_section, recording
 from maniport.telling.robot import chain_metrics, limits_in_words, placement_section
 from maniport.telling.summary import GREEN, mean_distance, motion_summary, status_of, unmoved
 from maniport.telling.transfer import adapter_section, evaluation_section, mounting_in_words
-from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.transfer.rigid_map import transport_rotation
+from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 from maniport.version import __version__

@@ -14,6 +14,8 @@ from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
+from maniport.transfer.baselines import NearestNeighbor, RawCopy, Recentring
+from maniport.transfer.icp.algorithm import Search
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
@@ -23,12 +25,8 @@ from maniport.transfer.icp.correspondence import (
     OneToOneCorrespondence,
     TransportCorrespondence,
 )
-from maniport.transfer.icp.search import Search
 from maniport.transfer.lengths_field import LengthsField
-from maniport.transfer.nearest_neighbor import NearestNeighbor
 from maniport.transfer.parallel_transport import ParallelTransport
-from maniport.transfer.raw_copy import RawCopy
-from maniport.transfer.recentring import Recentring
 from maniport.transfer.riemannian_icp import RiemannianICP
 from maniport.validation import as_choice
 
@@ -64,11 +62,6 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
         When no method has that name.
     InvalidInputError
         When `method` is neither, or an adapter that does not have the mounting that is shared.
-
-    See Also
-    --------
-    METHODS : the names.
-    name_of : the way back.
     """
     if isinstance(method, str):
         kind = METHODS[as_choice(method, "method", tuple(METHODS))]
@@ -107,10 +100,6 @@ def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:
     ------
     FileFormatError
         When the file cannot be read or holds something else.
-
-    See Also
-    --------
-    DomainAdapter.save : writes the file.
     """
     adapter: DomainAdapter = read_adapter(path)
     return adapter
@@ -126,10 +115,6 @@ def name_of(adapter: DomainAdapter) -> str:
     Returns
     -------
     str
-
-    See Also
-    --------
-    method_of : the way back.
     """
     return next((name for name, kind in METHODS.items() if type(adapter) is kind), type(adapter).__name__)
 

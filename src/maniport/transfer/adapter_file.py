@@ -3,42 +3,138 @@
 import inspect
 import json
 import os
-from collections.abc import Collection
-from dataclasses import asdict, fields
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.files import array_names, load_arrays, save_arrays
-from maniport.transfer.adapter_schema import require_fitted, require_knowledge, schema_of
-from maniport.transfer.icp.correspondence.contract import Options, options_from
+from maniport.transfer.icp.algorithm import Search
+from maniport.transfer.icp.matches import Correspondence
 from maniport.transfer.identifiability import Identifiability, Optimum
 from maniport.transfer.lengths.report import FieldReport
+from maniport.validation import as_count, as_finite, as_flag, as_number, as_positive_semidefinite, as_rotation, as_spd
 
 FILE_FORMAT = "maniport-adapter-2"
+
+RETIRED = ("n_jobs", "turn", "halves")
+"""Parameters of earlier versions that say nothing about the fitted map."""
 
 METHODS_BY_CLASS: dict[str, type] = {}
 """Every class of adapters by its name; each enters itself."""
 
+Law = Callable[[Any, str], Any]
+Schema = dict[str, tuple[tuple[str | int, ...], Law]]
+
+
+def _non_negative(value: Any, name: str) -> None:
+    as_number(value, name, minimum=0.0)
+
+
+def _positive(value: Any, name: str) -> None:
+    as_number(value, name, above=0.0)
+
+
+def _steps(value: Any, name: str) -> None:
+    as_count(value, name, minimum=0)
+
+
+def _indices(value: Any, name: str) -> None:
+    if np.asarray(value).dtype.kind not in "iu" or np.min(value, initial=0) < -1:
+        raise InvalidInputError(f"{name} must hold indices")
+
+
+def _text(value: Any, name: str) -> None:
+    if not isinstance(value, str):
+        raise InvalidInputError(f"{name} must be text; found {type(value).__name__}")
+
+
+def _axis(value: Any, name: str) -> None:
+    if np.size(value) and (np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9):
+        raise InvalidInputError(f"{name} must be a unit vector or empty")
+
+
+REQUIRED: Schema = {
+    "student_mean_": (("d", "d"), as_spd),
+    "teacher_mean_": (("d", "d"), as_spd),
+    "mounting_": (("d", "d"), as_rotation),
+    "rotation_": (("d", "d"), as_rotation),
+    "dispersion_ratio_": ((), _positive),
+    "teacher_damping_": ((), _non_negative),
+    "student_damping_": ((), _non_negative),
+    "released_damping_": ((), _non_negative),
+}
+"""Shape, with names of sizes that must agree, and law of the attributes without which there is no fitted adapter."""
+
+OPTIONAL: Schema = {
+    "teacher_dispersion_": ((), _non_negative),
+    "student_dispersion_": ((), _non_negative),
+    "cost_": ((), as_number),
+    "history_": (("rounds",), as_finite),
+    "converged_": ((), as_flag),
+    "n_iter_": ((), _steps),
+    "stop_reason_": ((), _text),
+    "found_rotation_": (("d", "d"), as_rotation),
+    "start_rotation_": (("d", "d"), as_rotation),
+    "start_kept_": ((), as_flag),
+    "correspondence_": (("matched",), _indices),
+    "matched_teacher_": (("matched",), _indices),
+    "axis_": (("axis",), _axis),
+    "from_samples_": ((), as_flag),
+}
+"""Attributes of maniport's methods that are checked where a file has them."""
+
+REQUIRED_BY: dict[str, Schema] = {
+    "RawCopy": {},
+    "Recentring": {},
+    "ParallelTransport": {},
+    "RiemannianICP": {},
+    "NearestNeighbor": {
+        "keys_": (("n", "d", "d"), as_positive_semidefinite),
+        "values_": (("n", "d", "d"), as_positive_semidefinite),
+    },
+    "LengthsField": {
+        "width_": ((), _positive),
+        "centers_": (("m", "D"), as_finite),
+        "lengths_": (("m", 3), as_finite),
+    },
+}
+"""Further required attributes of maniport's methods; those of any other class are written and read as they are."""
+
+KNOWLEDGE = {
+    "rotation": ("d", "d"),
+    "curvature": ("k",),
+    "standard_error": ("k",),
+    "directions": ("k", "k"),
+    "flat": ("k",),
+    "axes": ("a", "b"),
+    "resampled": ("r", "e", "e"),
+    "optima.rotation": ("o", "d", "d"),
+    "optima.cost": ("o",),
+    "optima.cloud_distance": ("o",),
+    "optima.n_starts": ("o",),
+}
+"""Shapes of the arrays of an `Identifiability` and of its optima."""
+
 
 def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     """Write a fitted adapter."""
-    parameters = adapter.get_params(deep=False)
     fitted = {key: value for key, value in vars(adapter).items() if key.endswith("_") and not key.startswith("_")}
-    require_fitted(type(adapter), fitted)
+    _require_fitted(type(adapter), fitted)
     arrays: dict[str, Any] = {}
     plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
-    for group, values in (("parameters", parameters), ("fitted", fitted)):
+    for group, values in (("parameters", adapter.get_params(deep=False)), ("fitted", fitted)):
         for key, value in values.items():
             if isinstance(value, FieldReport):
                 plain[group][key] = asdict(value)
             elif isinstance(value, Identifiability):
-                arrays |= _arrays(value)
+                arrays |= _knowledge_arrays(value)
             elif isinstance(value, (list, tuple, np.ndarray)):
                 arrays[f"{group}.{key}"] = np.asarray(value)
-            elif isinstance(value, Options):
-                plain[group][key] = value.plain()
+            elif isinstance(value, (Search, Correspondence)):
+                plain[group][key] = _plain_options(value)
             elif isinstance(value, np.random.Generator) or key == "projector":
                 plain[group][key] = None  # it says nothing about the fitted map
             else:
@@ -51,74 +147,154 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     names = array_names(path, "adapter file")
     if "adapter" not in names:
         raise FileFormatError(f"{str(path)!r} is not an adapter file; it holds the arrays {names}")
+    damaged = f"{str(path)!r} is a damaged adapter file"
     description = str(load_arrays(path, "adapter file", ("adapter",))["adapter"])
     try:
         plain = json.loads(description)
-        found, method = plain["format"], str(plain["method"])
-        fitted, stored = dict(plain["fitted"]), dict(plain["parameters"])
-        parameters = {key: options_from(value) if isinstance(value, dict) else value for key, value in stored.items()}
+        found, name = plain["format"], str(plain["method"])
+        groups: dict[str, dict[str, Any]] = {
+            "parameters": {key: _options_from(value) for key, value in dict(plain["parameters"]).items()},
+            "fitted": dict(plain["fitted"]),
+            "identifiability": {},
+        }
     except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
+        raise FileFormatError(f"{damaged}: {error}") from None
     if found != FILE_FORMAT:
         raise FileFormatError(f"{str(path)!r} has the format {found!r}; this version reads {FILE_FORMAT!r}")
-    known = {name: kind for name, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
-    if method not in known:
-        raise FileFormatError(f"{str(path)!r} holds a {method!r}; this version knows {sorted(known)}")
-    allowed = set(known[method]().get_params())
-    groups: dict[str, dict[str, Any]] = {"parameters": parameters, "fitted": fitted, "identifiability": {}}
-    wanted = [name for name in names if _is_known(name, allowed, known[method])]
+    known = {key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
+    if name not in known:
+        raise FileFormatError(f"{str(path)!r} holds a {name!r}; this version knows {sorted(known)}")
+    method = known[name]
+    parameters, fitted = groups["parameters"], groups["fitted"]
+    unknown = set(parameters) - set(method().get_params())
+    for key in unknown & set(RETIRED):
+        del parameters[key]
+    if unknown := unknown - set(RETIRED):
+        raise FileFormatError(f"{damaged}: unknown parameters {sorted(unknown)}")
+    wanted = [key for key in names if _is_known(key, method)]
     for key, value in load_arrays(path, "adapter file", wanted).items():
-        group, _, name = key.partition(".")
-        groups[group][name] = value
-    knowledge = groups["identifiability"]
-    if unknown := set(parameters) - allowed:
-        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: unknown parameters {sorted(unknown)}")
+        group, _, attribute = key.partition(".")
+        groups[group][attribute] = value
     try:
-        require_fitted(known[method], fitted)
-    except (InvalidInputError, TypeError, OverflowError) as error:
-        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
-    adapter = known[method](**parameters)
-    for name, value in fitted.items():
-        setattr(adapter, name, value)
-    if "report_" in fitted:
-        adapter.report_ = FieldReport.read(path, fitted["report_"])
-    if knowledge:
-        adapter.identifiability_ = _identifiability(path, knowledge)
+        if np.size(fitted.pop("turns_", ())):
+            raise InvalidInputError("it was fitted with turn=True, which this version does not have")
+        _require_fitted(method, fitted)
+        if groups["identifiability"]:
+            fitted["identifiability_"] = _knowledge_from(groups["identifiability"])
+        if "report_" in fitted:
+            fitted["report_"] = FieldReport.read(fitted["report_"])
+    except (InvalidInputError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise FileFormatError(f"{damaged}: {error}") from None
+    adapter = method(**parameters)
+    for attribute, value in fitted.items():
+        setattr(adapter, attribute, value)
     return adapter
 
 
-def _is_known(key: str, parameters: Collection[str], method: type) -> bool:
+def _is_shipped(method: type) -> bool:
+    return method.__module__.startswith("maniport.") and method.__name__ in REQUIRED_BY
+
+
+def _schema_of(method: type) -> Schema:
+    """Required attributes of a class of adapters, and the optional ones of a method of maniport."""
+    return REQUIRED | OPTIONAL | REQUIRED_BY[method.__name__] if _is_shipped(method) else REQUIRED
+
+
+def _is_known(key: str, method: type) -> bool:
     """Whether an array of a file is read; others are not even unpacked."""
     group, _, name = key.partition(".")
     if group == "fitted":
-        schema = schema_of(method)
-        return schema is None or name in schema
-    if group == "identifiability":
-        return name.removeprefix("optima.") in {
-            field.name for kind in (Identifiability, Optimum) for field in fields(kind)
-        }
-    return group == "parameters" and name in parameters
+        return name == "turns_" or name in _schema_of(method) or not _is_shipped(method)
+    return name in KNOWLEDGE if group == "identifiability" else group == "parameters"
 
 
-def _arrays(knowledge: Identifiability) -> dict[str, Any]:
-    """What is known about the rotation, as arrays; the optima become one array for each of their attributes."""
-    values = {field.name: getattr(knowledge, field.name) for field in fields(knowledge) if field.name != "optima"}
-    values |= {
-        f"optima.{field.name}": np.array([getattr(one, field.name) for one in knowledge.optima])
-        for field in fields(Optimum)
-    }
-    return {f"identifiability.{name}": value for name, value in values.items()}
-
-
-def _identifiability(path: str | os.PathLike[str], arrays: dict[str, Any]) -> Identifiability:
-    names = [field.name for field in fields(Optimum)]
-    try:
-        require_knowledge(arrays)
-        columns = [arrays.pop(f"optima.{name}") for name in names]
-        optima = tuple(
-            Optimum(rotation, float(cost), float(distance), int(count))
-            for rotation, cost, distance, count in zip(*columns, strict=True)
+def _require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
+    """Raise `InvalidInputError` unless the fitted attributes are complete, of the right shapes, finite and lawful."""
+    schema = _schema_of(method)
+    if missing := [name for name in schema if name not in OPTIONAL and name not in fitted]:
+        raise InvalidInputError(f"missing attributes {missing}")
+    d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
+    sizes: dict[str | int, int] = {"d": d, "D": d * (d + 1) // 2, 3: 3}
+    for name, (shape, law) in schema.items():
+        if name not in fitted or (name == "mounting_" and fitted[name] is None):
+            continue
+        value = np.asarray(fitted[name])
+        agrees = len(value.shape) == len(shape) and all(
+            sizes.get(size, found) == found for size, found in zip(shape, value.shape, strict=True)
         )
-        return Identifiability(optima=optima, **arrays)
-    except (KeyError, TypeError, ValueError) as error:
-        raise FileFormatError(f"{str(path)!r} is a damaged adapter file: {error}") from None
+        numeric = (
+            law in (_text, as_flag, _indices) or value.dtype == np.float64 or (not shape and value.dtype.kind in "iu")
+        )
+        if not agrees or not numeric:
+            wanted = str(tuple(sizes.get(size, size) for size in shape)).replace("'", "")
+            raise InvalidInputError(
+                f"{name} must be finite, of shape {wanted}; found {value.dtype} values of shape {value.shape}"
+            )
+        sizes |= dict(zip(shape, value.shape, strict=True))
+        law(fitted[name], name)
+
+
+def _option_classes(base: type) -> Iterator[type]:
+    kind: type
+    for kind in base.__subclasses__():
+        yield kind
+        yield from _option_classes(kind)
+
+
+def _option_name(kind: type) -> str:
+    """Name of a class of options in files; those from outside of maniport with their module."""
+    return kind.__name__ if kind.__module__.startswith("maniport.") else f"{kind.__module__}.{kind.__qualname__}"
+
+
+def _plain_options(value: Search | Correspondence) -> dict[str, Any]:
+    """Class and options of an object where these are numbers and words; else no options."""
+    options: dict[str, Any] = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
+    options = {name: one.item() if isinstance(one, np.generic) else one for name, one in options.items()}
+    held = is_dataclass(value) and all(isinstance(one, (bool, int, float, str, type(None))) for one in options.values())
+    return {"class": _option_name(type(value)), "options": options if held else None}
+
+
+def _options_from(value: Any) -> Any:
+    """Return the object of `_plain_options`; its name where the class is unknown or its options were not held."""
+    if not isinstance(value, dict):
+        return value
+    known: dict[str, type] = {_option_name(one): one for one in (Search, *_option_classes(Correspondence))}
+    kind, options = known.get(value["class"]), value["options"]
+    if kind is None or options is None:
+        return str(value["class"])
+    return kind(**{name: option for name, option in options.items() if name != "prior_weight"})
+
+
+def _knowledge_arrays(knowledge: Identifiability) -> dict[str, Any]:
+    """Arrays of an `Identifiability`; the optima become one array for each of their attributes."""
+    found = {}
+    for key in KNOWLEDGE:
+        group, _, name = key.rpartition(".")
+        found[key] = np.array([getattr(one, name) for one in knowledge.optima]) if group else getattr(knowledge, name)
+    return {f"identifiability.{key}": value for key, value in found.items()}
+
+
+def _knowledge_from(arrays: dict[str, Any]) -> Identifiability:
+    """Check the arrays of an `Identifiability` and return it."""
+    sizes: dict[str, int] = {}
+    if set(arrays) != set(KNOWLEDGE):
+        raise InvalidInputError(f"identifiability holds {sorted(arrays)}; needed are {sorted(KNOWLEDGE)}")
+    for name, shape in KNOWLEDGE.items():
+        value = np.asarray(arrays[name])
+        if len(value.shape) != len(shape) or any(
+            sizes.setdefault(size, found) != found for size, found in zip(shape, value.shape, strict=True)
+        ):
+            raise InvalidInputError(
+                f"identifiability.{name} has shape {value.shape}; the others need {shape} of {sizes}"
+            )
+        kind: Any = bool if name == "flat" else value.dtype if name == "optima.n_starts" else np.float64
+        if value.dtype != kind:
+            raise InvalidInputError(f"identifiability.{name} holds {value.dtype} values")
+        if value.size and name != "flat":
+            as_finite(value, f"identifiability.{name}")
+    columns = [arrays[f"optima.{field.name}"] for field in fields(Optimum)]
+    optima = tuple(
+        Optimum(rotation, float(cost), float(distance), int(count))
+        for rotation, cost, distance, count in zip(*columns, strict=True)
+    )
+    return Identifiability(optima=optima, **{key: value for key, value in arrays.items() if "." not in key})

@@ -1,38 +1,26 @@
-"""How far two clouds are apart under a rotation, without saying who matches whom.
+"""Distance between two clouds under a rotation, without matching them, and bootstrap samples of a cloud.
 
 Rotations are compared by the mean distance between all pairs, half of the energy distance (18) of `docs/method.md` up
-to a constant, with its sampling error. Drawing the clouds anew from themselves tells how far a fit depends on the draw:
-the bootstrap (Efron 1979).
+to a constant, with its sampling error. Resampling a cloud with replacement shows how far a fit depends on the draw: the
+bootstrap (Efron 1979).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.spatial import cKDTree
 
+from maniport.jit import kernel
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.mean import means_nearby
-from maniport.transfer.cloud_kernels import nearest_distances, sum_distances
-from maniport.transfer.rigid_map import recentre
 from maniport.validation import Array
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
-
-LARGEST = 1024
-"""Ellipsoids of each cloud that are compared at most; an eighth of it beyond d = 3, where there are more directions.
-Larger clouds are thinned evenly."""
-
-SEEKERS = 256
-"""Ellipsoids of the smaller cloud whose nearest are looked for; none of the others may be left out for that."""
 
 
 class Gain(NamedTuple):
-    """By how much a mean falls from one rotation to another, and its standard error over draws of both clouds."""
+    """Decrease of a mean from one rotation to another, and its standard error over draws of both clouds."""
 
     mean: float
     standard_error: float
@@ -44,23 +32,19 @@ class Gain(NamedTuple):
 
 
 class CloudPair:
-    """Two clouds of SPD matrices, (n, d, d) and (m, d, d), about the identity, the teacher dilated; as log-vectors."""
+    """Two clouds of SPD matrices, (n, d, d) and (m, d, d), about the identity; as log-vectors."""
 
-    def __init__(self, teacher: Array, student: Array):
-        limit = LARGEST if teacher.shape[-1] <= 3 else LARGEST // 8
-        self._whole = [to_vector(apply(cloud, np.log)) for cloud in (teacher, student)]
-        self.teacher, self.student = (thinned(vectors, limit) for vectors in self._whole)
-        self._known: dict[bytes, tuple[Array, Array]] = {}
+    def __init__(self, teacher: Array, student: Array, largest: int = 1024, seekers: int = 256):
+        limit = largest if teacher.shape[-1] <= 3 else largest // 8
+        whole = [to_vector(apply(cloud, np.log)) for cloud in (teacher, student)]
+        self.teacher, self.student = (subsample(vectors, limit) for vectors in whole)
+        self._teacher_seeks = len(teacher) <= len(student)
+        smaller, larger = whole if self._teacher_seeks else reversed(whole)
+        self._seeking, self._sought = subsample(smaller, seekers), np.ascontiguousarray(larger.T)
 
     def distances(self, rotation: Array) -> tuple[Array, Array]:
         """Mean distances, shapes (m,) and (n,), from each student's to all turned teachers and from these to all."""
-        key = rotation.tobytes()  # some are asked for more than once
-        if key not in self._known:
-            self._known[key] = self._distances(rotation)
-        return self._known[key]
-
-    def _distances(self, rotation: Array) -> tuple[Array, Array]:
-        return _mean_distances(self.student, _turning(rotation) @ self.teacher.T)
+        return _mean_distances(self.student, _mandel_rotation(rotation) @ self.teacher.T)
 
     def mean_distance(self, rotation: Array) -> float:
         """Mean of all distances |s_i − R t_j| under a rotation of the teacher."""
@@ -80,10 +64,9 @@ class CloudPair:
         return self.combination([(1.0, self.distances(start)), (-1.0, self.distances(end))])
 
     def nearest(self, rotation: Array) -> Array:
-        """Distances from some of the smaller cloud's to the nearest of the whole other one, shape (k,)."""
-        seeking, others, teacher_seeks = self._seekers
-        turning, found = _turning(rotation), np.empty(len(seeking))
-        nearest_distances(seeking @ (turning.T if teacher_seeks else turning), others, found)
+        """Distances from the seeking ellipsoids to the nearest of the other cloud, shape (k,)."""
+        turning, found = _mandel_rotation(rotation), np.empty(len(self._seeking))
+        _nearest_distances(self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought, found)
         return found
 
     @staticmethod
@@ -91,13 +74,6 @@ class CloudPair:
         """By how much more ellipsoids coincide than before, from `nearest` under two rotations."""
         change = (2.0 * after <= before).astype(float) - (2.0 * before <= after)
         return Gain(float(change.mean()), float(np.linalg.norm(change) / len(change)))
-
-    @cached_property
-    def _seekers(self) -> tuple[Array, Array, bool]:
-        teacher, student = self._whole
-        teacher_seeks = len(teacher) <= len(student)
-        seeking, other = (teacher, student) if teacher_seeks else (student, teacher)
-        return thinned(seeking, SEEKERS), np.ascontiguousarray(other.T), teacher_seeks
 
     @staticmethod
     def combination(terms: Sequence[tuple[float, tuple[Array, Array]]]) -> Gain:
@@ -107,14 +83,7 @@ class CloudPair:
         return Gain(float(np.mean(rows)), float(np.sqrt(variance)))
 
 
-def _mean_distances(vectors: Array, others: Array) -> tuple[Array, Array]:
-    """Mean distances from each vector (n, k) to the others, (k, m), and from these to all vectors."""
-    rows, columns = np.empty(len(vectors)), np.empty(others.shape[1])
-    sum_distances(vectors, np.ascontiguousarray(others), rows, columns)
-    return rows / len(columns), columns / len(rows)
-
-
-def thinned(vectors: Array, limit: int) -> Array:
+def subsample(vectors: Array, limit: int) -> Array:
     """Take at most `limit` of many vectors (n, k), one from each of as many equal parts of the cloud."""
     if len(vectors) <= limit:
         return vectors
@@ -123,14 +92,7 @@ def thinned(vectors: Array, limit: int) -> Array:
     return np.asarray(vectors[order[middles]])
 
 
-def in_turn(work: Callable[[Task], Result], tasks: Iterable[Task], n_jobs: int | None = None) -> list[Result]:
-    """Do one task after the other; through joblib where `n_jobs` is given."""
-    if n_jobs is None:
-        return [work(task) for task in tasks]
-    return list(Parallel(n_jobs=n_jobs)(delayed(work)(task) for task in tasks))
-
-
-def drawn_again(points: Array, random: np.random.Generator) -> Array:
+def resampled(points: Array, random: np.random.Generator) -> Array:
     """Draw as many of the points with replacement; not the same one every time, which would have no dispersion."""
     while True:
         drawn = np.asarray(points[random.integers(len(points), size=len(points))])
@@ -141,14 +103,54 @@ def drawn_again(points: Array, random: np.random.Generator) -> Array:
 def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
     """Fréchet means of clouds drawn from `points` with replacement; `center` is the mean of all."""
     n = len(points)
-    # about the identity, where the search for the others starts close to its end
-    whitened, back = recentre(points, center), roots(center)[0]
+    root, inverse_root = roots(center)
     weights = (np.bincount(random.integers(n, size=n), minlength=n) / n for random in randoms)
-    return [congruence(back, one) for one in means_nearby(whitened, weights)]
+    return [congruence(root, one) for one in means_nearby(congruence(inverse_root, points), weights)]
 
 
-def _turning(rotation: Array) -> Array:
+def _mandel_rotation(rotation: Array) -> Array:
     """Matrix that turns Mandel vectors as R X Rᵀ turns the matrices."""
     basis = mandel_basis(len(rotation))
     turned = (rotation @ basis @ rotation.T).reshape(len(basis), -1)
     return np.asarray(basis.reshape(len(basis), -1) @ turned.T)
+
+
+def _mean_distances(vectors: Array, others: Array) -> tuple[Array, Array]:
+    """Mean distances from each vector (n, k) to the others, (k, m), and from these to all vectors."""
+    rows, columns = np.empty(len(vectors)), np.empty(others.shape[1])
+    _sum_distances(vectors, np.ascontiguousarray(others), rows, columns)
+    return rows / len(columns), columns / len(rows)
+
+
+# The others, shape (k, m), lie side by side in memory, so that the innermost loops become vector instructions.
+
+
+@kernel(fastmath=True)
+def _sum_distances(vectors, others, sums, columns):  # type: ignore[no-untyped-def]
+    """Fill sums of |v_i − w_j| over j, shape (n,), and over i, shape (m,)."""
+    squares = np.empty(len(columns))
+    columns[:] = 0.0
+    for i in range(len(vectors)):
+        squares[:] = 0.0
+        for k in range(len(others)):
+            for j in range(len(squares)):
+                squares[j] += (others[k, j] - vectors[i, k]) ** 2
+        total = 0.0
+        for j in range(len(squares)):
+            squares[j] = np.sqrt(squares[j])
+            columns[j] += squares[j]
+        for j in range(len(squares)):
+            total += squares[j]
+        sums[i] = total
+
+
+@kernel(fastmath=True)
+def _nearest_distances(vectors, others, found):  # type: ignore[no-untyped-def]
+    """Fill the distance from each vector (n, k) to the nearest of the others (k, m)."""
+    squares = np.empty(others.shape[1])
+    for i in range(len(vectors)):
+        squares[:] = 0.0
+        for k in range(len(others)):
+            for j in range(len(squares)):
+                squares[j] += (others[k, j] - vectors[i, k]) ** 2
+        found[i] = np.sqrt(np.min(squares))

@@ -1,13 +1,12 @@
-"""Which rotations the domains can tell apart, and which they cannot; why, tells `docs/method.md`, section 6.
+"""Which rotations the domains can tell apart, and which they cannot; `docs/method.md`, section 6, explains why.
 
-The fitted rotation is turned by 30° in every direction, and what this does to the distance between the clouds is
-measured without matching anything (see `CloudPair`). Clouds that are symmetric as distributions but hold copies of the
-same ellipsoids are told by these: only the right rotation lays them onto one another.
+The fitted rotation is turned by 30° in every direction, and the change of the distance between the clouds is measured
+without matching (see `CloudPair`). In clouds that are symmetric as distributions but hold copies of the same ellipsoids
+the copies decide: only the right rotation makes them coincide.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,50 +18,17 @@ from maniport.transfer.rotation_group import rotation_angle, rotation_from_vecto
 from maniport.validation import Array
 
 LARGEST_EXAMINED = 6
-"""Largest size d whose rotations are examined. Their m = d (d − 1) / 2 directions need about 2 m² distances between the
-clouds, 8700 for d = 12, and descents from rival starts take each step's m × m derivatives: minutes."""
-
-TURN = np.pi / 6.0
-"""Angle of the finite differences [rad]; much smaller ones measure the graininess of the samples."""
-
-SCOUTING_TURN = np.pi / 12.0
-"""Angle by which principal directions are first found. At 30° oblique ones are off by up to 6°, for the cost is not
-quadratic so far away; measured again along the directions that 15° give, a flat axis is exact to 0.1°."""
-
-FLAT = 1e-3
-"""Curvature [1/rad²], relative to the mean distance, below which a direction counts as flat.
-
-Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, 4e-4 at most in the plane of a planar
-arm of two joints, at least 8.5e-3 in clouds with random covariance.
-"""
-
-CERTAIN = 2.0
-"""Standard errors by which a curvature must differ from zero."""
-
-COINCIDENT = 3.0
-"""Standard errors by which more ellipsoids of the two clouds must coincide here than after a turn."""
-
-SAME_OPTIMUM = np.deg2rad(5.0)
-"""Rotations closer than this are the same optimum."""
-
-ALONG = 15.0
-"""Degrees within which a flat axis is called by the name of a base axis."""
+"""Largest size d whose rotations are examined: their m = d (d − 1) / 2 directions need about 2 m² distances between the
+clouds, and descents from rival starts take m × m derivatives in each step: minutes for d = 12."""
 
 ADVICE = (
     "give mounting= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
-    "same task at the same time), or hold flat directions at the start with search=Search(prior_weight=...)"
+    "same task at the same time)"
 )
-"""What helps where the rotation is not determined."""
+"""Remedies where the rotation is not determined."""
 
 
-class Ending(NamedTuple):
-    """Where the search from one start ended."""
-
-    rotation: Array
-    cost: float
-
-
-class _Equal:
+class _EqualArrays:
     """Value objects of arrays are equal where all their arrays are."""
 
     def __eq__(self, other: object) -> bool:
@@ -74,61 +40,27 @@ class _Equal:
 
 
 @dataclass(frozen=True, eq=False)
-class Optimum(_Equal):
-    """One distinct rotation that searches ended at.
+class Optimum(_EqualArrays):
+    """One distinct rotation that searches ended at."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (d, d)
-    cost : float
-        Lowest cost of the matched pairs that was reached there.
-    cloud_distance : float
-        Energy distance of the clouds there, which knows no pairs.
-    n_starts : int
-        How many starts led there.
-    """
-
-    rotation: Array
-    cost: float
-    cloud_distance: float
-    n_starts: int
+    rotation: Array  # (d, d)
+    cost: float  # lowest cost of the matched pairs that was reached there
+    cloud_distance: float  # energy distance of the clouds there, without pairs
+    n_starts: int  # number of starts that led there
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability(ShownInNotebooks, _Equal):
-    """What the domains say about the rotation between two domains.
+class Identifiability(ShownInNotebooks, _EqualArrays):
+    """Which directions of the rotation between two domains they determine."""
 
-    Attributes
-    ----------
-    rotation : ndarray, shape (d, d)
-        The fitted one, R.
-    optima : tuple of Optimum
-        Distinct ends of the searches, lowest cost first.
-    curvature : ndarray, shape (m,)
-        m = d (d − 1) / 2. Second derivative of the mean distance between the clouds over that distance, in its
-        principal directions, ascending [1/rad²]. By finite differences of 30°. Beyond d = 6 it is not examined: this
-        and the other arrays of length m are then empty.
-    standard_error : ndarray, shape (m,)
-        Of `curvature`, over draws of the clouds.
-    directions : ndarray, shape (m, m)
-        Rows: the principal directions, as rotation vectors of recentred student ellipsoids. For d = 3 axes of turning.
-    flat : ndarray of bool, shape (m,)
-        Directions that the domains do not determine: relative curvature below 1e-3 or not certainly positive, and no
-        copies that only coincide at this rotation.
-    axes : ndarray, shape (m, 3)
-        For d = 3 the directions as axes in the student's base frame; otherwise empty.
-    resampled : ndarray, shape (k, d, d)
-        Rotations fitted to resampled domains (bootstrap); may be empty.
-    """
-
-    rotation: Array
-    optima: tuple[Optimum, ...]
-    curvature: Array
-    standard_error: Array
-    directions: Array
-    flat: NDArray[np.bool_]
-    axes: Array
-    resampled: Array
+    rotation: Array  # (d, d): the fitted one, R
+    optima: tuple[Optimum, ...]  # Distinct ends of the searches, lowest cost first
+    curvature: Array  # (m,): m = d (d − 1) / 2
+    standard_error: Array  # (m,): of `curvature`, over draws of the clouds
+    directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentred student ellipsoids
+    flat: NDArray[np.bool_]  # (m,)
+    axes: Array  # (m, 3): for d = 3 the directions as axes in the student's base frame
+    resampled: Array  # (k, d, d): rotations fitted to resampled domains (bootstrap)
 
     @property
     def examined(self) -> bool:
@@ -179,10 +111,10 @@ def identify(
     pair: CloudPair,
     rotation: Array,
     student_mean: Array,
-    endings: Iterable[Ending] = (),
+    endings: Iterable[tuple[Array, float]] = (),
     resampled: Sequence[Array] = (),
 ) -> Identifiability:
-    """Measure what the domains say about a rotation (d, d), where searches ended."""
+    """Examine a rotation (d, d); `endings` are rotation and cost of every search."""
     d = len(rotation)
     m = d * (d - 1) // 2
     if d <= LARGEST_EXAMINED:
@@ -206,11 +138,11 @@ def identify(
     )
 
 
-def axis_name(axis: Array) -> str:
-    """Name an axis of the student's base frame."""
+def axis_name(axis: Array, along: float = 15.0) -> str:
+    """Name an axis of the student's base frame; within `along` degrees of a base axis it gets its name."""
     nearest = int(np.argmax(np.abs(axis)))
     off = float(np.rad2deg(np.arccos(min(1.0, abs(float(axis[nearest]))))))
-    if off <= ALONG:
+    if off <= along:
         return f"the {'xyz'[nearest]} axis of the student's base ({off:.1f}° off)"
     upward = axis * np.sign(axis[nearest])
     return "the axis (" + ", ".join(f"{part:.2f}" for part in upward) + ") of the student's base"
@@ -220,33 +152,40 @@ def _turned(rotation: Array, vector: Array) -> Array:
     return rotation_from_vector(vector) @ rotation
 
 
-def _curvatures(pair: CloudPair, rotation: Array) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-    """Relative curvatures, their standard errors, principal directions, and which of them are flat."""
+def _curvatures(
+    pair: CloudPair, rotation: Array, turn: float = np.pi / 6.0, least: float = 1e-3, certainty: float = 2.0
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Relative curvatures, their standard errors, principal directions, and which of them are flat.
+
+    `turn` is the angle of the finite differences [rad]; much smaller ones measure the graininess of the samples. A
+    direction is flat where the curvature, relative to the mean distance, is below `least` [1/rad²], or not above zero
+    by `certainty` standard errors. Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, at
+    most 4e-4 in the plane of a planar arm of two joints, at least 8.5e-3 in clouds with random covariance.
+    """
     middle = pair.distances(rotation)
     here = float(middle[0].mean())
     d = len(rotation)
     directions = np.eye(d * (d - 1) // 2)
-    # beyond d = 3 directions have no names, and finding them twice takes long
-    for angle in (SCOUTING_TURN, TURN) if d <= 3 else (TURN,):
+    # at 30° oblique directions are off by up to 6°; measured again along those of 15° a flat axis is exact to 0.1°
+    for angle in (0.5 * turn, turn) if d <= 3 else (turn,):
         values, vectors = np.linalg.eigh(_hessian(pair, rotation, angle * directions, here) / angle**2)
         directions = vectors.T @ directions
     errors = np.empty_like(values)
-    for k, step in enumerate(TURN * directions):
+    for k, step in enumerate(turn * directions):
         ends = [(1.0, pair.distances(_turned(rotation, sign * step))) for sign in (-1.0, 1.0)]
-        errors[k] = pair.combination([*ends, (-2.0, middle)]).standard_error / TURN**2
+        errors[k] = pair.combination([*ends, (-2.0, middle)]).standard_error / turn**2
     curvature, errors = values / here, errors / here
-    flat = (curvature < FLAT) | (curvature < CERTAIN * errors)
-    flat[flat] = ~_coincident_only_here(pair, rotation, TURN * directions[flat])
+    flat = (curvature < least) | (curvature < certainty * errors)
+    if flat.any():
+        flat[flat] = ~_coincident_only_here(pair, rotation, turn * directions[flat])
     return curvature, errors, directions, flat
 
 
-def _coincident_only_here(pair: CloudPair, rotation: Array, steps: Array) -> NDArray[np.bool_]:
+def _coincident_only_here(pair: CloudPair, rotation: Array, steps: Array, certainty: float = 3.0) -> NDArray[np.bool_]:
     """Whether certainly more ellipsoids coincide here than after a step to either side, for each step, shape (k,)."""
-    if not len(steps):
-        return np.zeros(0, bool)
     here = pair.nearest(rotation)
     sides = [[pair.nearest(_turned(rotation, sign * step)) for sign in (-1.0, 1.0)] for step in steps]
-    return np.array([all(pair.coincidence(side, here).certainty >= COINCIDENT for side in both) for both in sides])
+    return np.array([all(pair.coincidence(side, here).certainty >= certainty for side in both) for both in sides])
 
 
 def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Array:
@@ -264,11 +203,11 @@ def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Arr
     return hessian
 
 
-def _distinct(pair: CloudPair, endings: Iterable[Ending]) -> tuple[Optimum, ...]:
-    """Group ends of searches that are the same rotation, lowest cost first."""
+def _distinct(pair: CloudPair, endings: Iterable[tuple[Array, float]]) -> tuple[Optimum, ...]:
+    """Group ends of searches that are the same rotation, within 5°; lowest cost first."""
     found: list[Optimum] = []
-    for rotation, cost in sorted(endings, key=lambda one: one.cost):
-        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < SAME_OPTIMUM), None)
+    for rotation, cost in sorted(endings, key=lambda end: end[1]):
+        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < np.deg2rad(5.0)), None)
         if at is None:
             found.append(Optimum(rotation, float(cost), pair.energy_distance(rotation), 1))
         else:

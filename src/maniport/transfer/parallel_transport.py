@@ -5,12 +5,9 @@ from numpy.typing import ArrayLike
 
 from maniport.spd.neighbors import nearest
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.identifiability import Ending, identify
+from maniport.transfer.identifiability import identify
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array
-
-RESAMPLES = 8
-"""Resampled domains that the rotation is computed for again."""
 
 
 class ParallelTransport(RigidAdapter):
@@ -44,10 +41,6 @@ class ParallelTransport(RigidAdapter):
     identifiability_ : Identifiability
         Which rotations the clouds could tell from this one.
 
-    See Also
-    --------
-    DomainAdapter : the other fitted attributes.
-
     References
     ----------
     Yair, Ben-Chen and Talmon, Parallel transport on the cone manifold of SPD matrices for domain adaptation, IEEE
@@ -76,7 +69,7 @@ class ParallelTransport(RigidAdapter):
         self._found_at_once("closed form", float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2))))
         if self._silent:
             return
-        again = self._transported_again(teacher, student, np.random.default_rng(0).spawn(RESAMPLES))
+        again = self._transported_again(teacher, student, np.random.default_rng(0).spawn(8))  # bootstrap
         clouds = CloudPair(*self._recentred(teacher, student))
-        end = Ending(self.rotation_, self.cost_)
-        self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_, [end], again)
+        ends = [(self.rotation_, self.cost_)]
+        self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_, ends, again)

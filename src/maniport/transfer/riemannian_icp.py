@@ -1,4 +1,4 @@
-"""Riemannian ICP: match ellipsoids, turn them onto their partners, repeat."""
+"""The adapter that fits its rotation by manifold-aware ICP."""
 
 import warnings
 from functools import partial
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
-from maniport.estimator import clone
-from maniport.transfer.cloud_pair import drawn_again, in_turn
+from maniport.spd.kernels import eigh
+from maniport.spd.mean import dispersion, mean
+from maniport.transfer.cloud_pair import CloudPair, resampled
+from maniport.transfer.icp.algorithm import ICP, Search
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.fit import RotationTask
-from maniport.transfer.icp.search import Search
-from maniport.transfer.icp.starts import KnownPairs, regular_pairs
+from maniport.transfer.icp.starts import best_rival, checked_pairs, rotations_of_pairs, start_is_kept, starts, voted
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
-from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.transfer.rigid_adapter import RigidAdapter, recentre
 from maniport.validation import Array, as_count, as_generator
 
 DEFAULTS = Search()
@@ -25,52 +25,40 @@ Pairs = tuple[ArrayLike, ArrayLike]
 class RiemannianICP(RigidAdapter):
     """Manifold-aware iterative closest point with parallel-transport start (Reithmeir et al. 2022, Algorithm 1).
 
-    Both domains are recentred at the identity and the teacher is dilated to the student's dispersion. Then every
-    teacher ellipsoid is matched with the student ellipsoid that resembles it most, the best rotation for these pairs
-    is found, and so on. There is no objective that falls in every iteration: the best iterate is kept, the start
-    included, and `stop_reason_` says why the search ended.
+    Both domains are recentred at the identity and the teacher is dilated to the student's dispersion. Then matching and
+    rotation alternate (`maniport.transfer.icp.algorithm`). The best iterate is kept, the start included, and
+    `stop_reason_` says why the search ended.
 
     Parameters
     ----------
     damping, floor, mounting, scale, dispersion, recenter
-        As in `ParallelTransport`. A given `mounting` is taken for knowledge: the search then starts there and
-        nowhere else.
+        As in `ParallelTransport`. With a given `mounting` the search has no other start.
     correspondence : {"ellipsoid", "log-ellipsoid", "geodesic", "one-to-one", "transport"} or Correspondence
-        Who matches whom: the largest score of direction and shape (the paper's), the same with shapes compared by
-        ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every ellipsoid
-        taken once or with equal masses; the last two treat at most 2000 ellipsoids of each domain. A name stands for
-        the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", trim=0.1, exponent=0)``, has its
-        own. Any object that derives from `maniport.transfer.Correspondence` will do.
+        How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes
+        compared by ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every
+        ellipsoid taken once or with equal masses; the last two match at most 2000 ellipsoids of each domain. A name
+        stands for the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", exponent=0)``, has its
+        own options.
     search : Search
-        Where, how widely and how long is searched, and what becomes of what is found, such as
-        ``Search(n_starts=0, compete=False)``.
+        Start, extent and acceptance of the search, such as ``Search(n_starts=0, compete=False)``.
     n_resamples : int
         On how many resampled domains (bootstrap) the fit is repeated, for `identifiability_`.
     random_state : None, int or numpy.random.Generator
         For resampling, and for random starts, which are only used when the clouds' frames say little.
-    n_jobs : int, optional
-        How many rivals, and resampled domains, are treated at the same time, through joblib: in processes, or as
-        ``joblib.parallel_config`` says. Worth while for large domains only; the result is the same. Default: one after
-        the other.
 
     Attributes
     ----------
     cost_ : float
-        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`; known pairs and
-        the penalty of the prior are included.
+        Weighted root mean squared distance of matched pairs, sqrt(Σ w^k d² / Σ w^k), at `rotation_`; known pairs are
+        included.
     start_rotation_, found_rotation_ : ndarray, shape (d, d)
-        Where the search that won started, and what it found.
+        Start and result of the best search.
     start_kept_ : bool
-        Whether `rotation_` is the first start, kept against what was found; then `stop_reason_` says why.
+        Whether `rotation_` is the first start rather than the result; then `stop_reason_` says why.
     identifiability_ : Identifiability
         Which rotations the domains can tell apart.
     correspondence_, matched_teacher_ : ndarray, shape (k,)
-        Indices of the student's and the teacher's (selected) ellipsoids that are matched at `rotation_`. With the
-        default direction and no trimming, `matched_teacher_` counts all of the teacher's.
-
-    See Also
-    --------
-    DomainAdapter : the other fitted attributes.
+        Indices of the student's and the teacher's (selected) ellipsoids that are matched at `rotation_`.
 
     References
     ----------
@@ -90,7 +78,6 @@ class RiemannianICP(RigidAdapter):
         search: Search = DEFAULTS,
         n_resamples: int = 8,
         random_state: Any = None,
-        n_jobs: int | None = None,
     ):
         super().__init__(damping, floor, mounting)
         self.scale = scale
@@ -100,7 +87,6 @@ class RiemannianICP(RigidAdapter):
         self.search = search
         self.n_resamples = n_resamples
         self.random_state = random_state
-        self.n_jobs = n_jobs
 
     def fit(self, teacher: ArrayLike, student: ArrayLike, pairs: Pairs | None = None) -> Self:
         """Learn the map from samples of both domains, and from known correspondences where there are any.
@@ -110,11 +96,10 @@ class RiemannianICP(RigidAdapter):
         teacher, student
             As in `DomainAdapter.fit`, which also says what is returned and raised.
         pairs : (array_like, array_like), shapes (k, d, d), optional
-            Teacher's and student's ellipsoids that belong together: the same task at the same time. They get the
-            regularisation of their domains. The search then starts at the rotation that suits them best, and in every
-            rotation step they have half of the weight, the matches the other half. Where several rotations suit them
-            equally (one pair leaves half turns about its axes open), the one nearest to `start` is taken, and the
-            others are rivals that have to be clearly better on the clouds.
+            Teacher's and student's ellipsoids of the same task at the same time. They get the regularization of their
+            domains. The search starts at the rotation that suits them best, and in every rotation step they have half
+            of the weight, the matches the other half. Where several rotations suit them equally (one pair leaves half
+            turns about its axes open), the one nearest to `start` comes first, and the others compete with it.
 
         Warns
         -----
@@ -135,43 +120,79 @@ class RiemannianICP(RigidAdapter):
         self._fit_rotation(teacher, student, pairs)
         self._settle()
 
-    def _task(self, teacher: Array, student: Array, pairs: Pairs | None) -> RotationTask:
-        """Both clouds about the identity, and known pairs treated as the clouds are."""
-        clouds, told = self._recentred(teacher, student), None
+    def _fit_rotation(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
+        random, search = as_generator(self.random_state), self.search
+        clouds = self._recentred(teacher, student)
+        known = None
         if pairs is not None:
             sides = self.teacher_side, self.student_side
-            told = KnownPairs(*self._recentred(*regular_pairs(pairs, sides, len(self.teacher_mean_))))
-        return RotationTask(*clouds, self.rotation_, correspondence_of(self.correspondence), self.search, told)
-
-    def _fit_rotation(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
-        random = as_generator(self.random_state)
-        found = self._task(teacher, student, pairs).solve(random, rivals=self.mounting is None, n_jobs=self.n_jobs)
-        course, result = found.course, found.result
-        self.rotation_, self.cost_, self.start_rotation_ = course.rotation, course.cost, course.start
-        self.found_rotation_, self.start_kept_ = result.best.rotation, found.start_kept
+            known = self._recentred(*checked_pairs(pairs, sides, len(self.teacher_mean_)))
+        first, rivals = self._starts(clouds, known, random)
+        icp = self._icp(clouds, known)
+        start = found = icp.run(first, search.max_iter)
+        courses = [start]
+        if rivals:
+            rival, others = best_rival(icp, rivals, search.n_starts, search.max_iter)
+            courses += others
+            if rival.cost < start.cost * (1.0 - search.margin) - 1e-6:
+                found = rival
+        pair = CloudPair(*clouds)
+        kept, reason = start_is_kept(pair, start, found) if search.compete else (False, found.reason)
+        self.found_rotation_, self.start_kept_, self.stop_reason_ = found.rotation, kept, reason
+        self.rotation_, self.cost_, matches, course = found.rotation, found.cost, found.matches, found
+        if kept:
+            self.rotation_, self.cost_, matches, course = first, start.history[0], icp.problem(first)[1], start
+        self.start_rotation_, self.converged_ = course.start, course.converged
         self.history_, self.n_iter_ = np.array(course.history), len(course.history) - 1
-        self.converged_, self.stop_reason_ = course.converged, course.reason
-        self.correspondence_, self.matched_teacher_ = course.matches.student, course.matches.teacher
-        if self._silent:
-            return
-        again = self._resampled(teacher, student, pairs, random.spawn(self.n_resamples))
-        self.identifiability_ = identify(found.clouds, self.rotation_, self.student_mean_, result.endings, again)
+        self.correspondence_, self.matched_teacher_ = matches.student, matches.teacher
+        if not self._silent:
+            again = self._resampled(teacher, student, known, random.spawn(self.n_resamples))
+            ends = [(one.rotation, one.cost) for one in courses]
+            self.identifiability_ = identify(pair, self.rotation_, self.student_mean_, ends, again)
+
+    def _starts(
+        self, clouds: tuple[Array, Array], known: tuple[Array, Array] | None, random: np.random.Generator
+    ) -> tuple[Array, list[Array]]:
+        """Return the first rotation, and those that may compete with it."""
+        d = len(self.rotation_)
+        first, rivals = self.rotation_ if self.search.start == "parallel-transport" else np.eye(d), list[Array]()
+        if known is not None:
+            first, *rivals = rotations_of_pairs(*known, first, random)
+        if self.mounting is not None or self.search.n_starts == 0 or d > LARGEST_EXAMINED:
+            return first, []
+        if known is None:
+            teacher, student = (most_singular(cloud, self.search.most_singular) for cloud in clouds)
+            rivals = [*voted(teacher, student), *starts(teacher, student, random)]
+        return first, rivals
+
+    def _icp(self, clouds: tuple[Array, Array], known: tuple[Array, Array] | None) -> ICP:
+        teacher, student = (most_singular(cloud, self.search.most_singular) for cloud in clouds)
+        return ICP(teacher, student, correspondence_of(self.correspondence), self.search.tol, known)
 
     def _resampled(
-        self, teacher: Array, student: Array, pairs: Pairs | None, randoms: list[np.random.Generator]
+        self, teacher: Array, student: Array, known: tuple[Array, Array] | None, randoms: list[np.random.Generator]
     ) -> list[Array]:
-        """Return the rotations that resampled domains lead to; none where following the search would take too long."""
-        if self.start_kept_ and pairs is None and self.search.start == "parallel-transport":
-            return self._transported_again(teacher, student, randoms)
-        if teacher.shape[-1] > LARGEST_EXAMINED:
+        """Rotations fitted to resampled domains (bootstrap): parallel transport where it is kept, else ICP."""
+        if self.start_kept_ and known is None:
+            transported = self.search.start == "parallel-transport"
+            return self._transported_again(teacher, student, randoms) if transported else []
+        if len(self.rotation_) > LARGEST_EXAMINED:
             return []
-        return in_turn(partial(self._fitted_again, teacher, student, pairs), randoms, self.n_jobs)
+        found = []
+        for random in randoms:
+            drawn = resampled(teacher, random), resampled(student, random)
+            means = [mean(points) for points in drawn]
+            spreads = [dispersion(points, center, self.dispersion) for points, center in zip(drawn, means, strict=True)]
+            ratio = spreads[1] / spreads[0] if self.scale else 1.0
+            icp = self._icp((recentre(drawn[0], means[0], ratio), recentre(drawn[1], means[1])), known)
+            found.append(icp.run(self.rotation_, self.search.max_iter).rotation)
+        return found
 
-    def _fitted_again(self, teacher: Array, student: Array, pairs: Pairs | None, random: np.random.Generator) -> Array:
-        """Fit the rotation to resampled domains: the same start, or the search from what was found."""
-        again = clone(self)
-        for name in ("teacher_damping_", "student_damping_", "mounting_"):
-            setattr(again, name, getattr(self, name))
-        drawn = [drawn_again(cloud, random) for cloud in (teacher, student)]
-        again._centre(*drawn)
-        return np.asarray(again._task(drawn[0], drawn[1], pairs).follow(None if self.start_kept_ else self.rotation_))
+
+def most_singular(points: Array, count: int | None) -> Array:
+    """Select the ellipsoids (n, d, d) with the largest condition number, in their order; all where `count` is None."""
+    if count is None or count >= len(points):
+        return points
+    values, _ = eigh(points)
+    chosen = np.sort(np.argsort(-values[:, -1] / values[:, 0], kind="stable")[:count])
+    return np.asarray(points[chosen])

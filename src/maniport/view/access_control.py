@@ -51,11 +51,7 @@ FIELDS = {
 
 
 class AccessControl:
-    """Refuses requests without the token, and messages that the page does not send.
-
-    `token` is the first part of the path of every address that is answered. On a loopback address only its names are
-    accepted as hosts.
-    """
+    """Refuses requests without the token, and messages that the page does not send."""
 
     def __init__(self, host: str):
         self.token = secrets.token_urlsafe(16)
@@ -223,10 +219,7 @@ def _quiet() -> logging.Logger:
 
 
 class Control:
-    """A control of the page whose value is always valid, whatever a browser sends.
-
-    It has options, or a range, or else is a switch.
-    """
+    """A control of the page whose value is always valid, whatever a browser sends."""
 
     def __init__(
         self,

@@ -40,11 +40,7 @@ class LiveMap:
 
 
 class Methods:
-    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any mounting.
-
-    `given` is a fitted adapter that is offered besides; `bank` has samples of the robot, otherwise each fit draws
-    random ones.
-    """
+    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any mounting."""
 
     def __init__(
         self,
@@ -90,11 +86,7 @@ def require_drawable(adapter: DomainAdapter) -> None:
 
 
 class Refitting:
-    """Keeps a map of each method, and fits them again, in a thread, when the mounting changes.
-
-    The method that is shown is fitted before the others, and keeps up while the mounting is dragged. Methods in `first`
-    (by default all) are fitted now, the others from `begin` on; `before` is called by the thread before its first fit.
-    """
+    """Keeps a map of each method, and fits them again, in a thread, when the mounting changes."""
 
     def __init__(self, methods: Methods, mounting: Array, first: Sequence[str] | None = None):
         self.methods = methods

@@ -28,11 +28,7 @@ OWN = "own"
 
 
 class Panel:
-    """The controls and numbers; the loop reads the controls, which call nothing.
-
-    `no_surface` is why there is no surface of the robot to show; `gizmo` is viser's handle of the rings that turn the
-    robot's base.
-    """
+    """The controls and numbers; the loop reads the controls, which call nothing."""
 
     def __init__(
         self, gui: Any, state: ViewState, method: str, mounting: Array, access: AccessControl, no_surface: str = ""

@@ -47,10 +47,7 @@ def camera_for(aspect: float, layout: Layout = LAYOUTS[1]) -> tuple[Array, Array
 
 
 class Scene:
-    """Everything in space: `sides`, and `gizmo`, viser's handle of the rings that turn the robot's base.
-
-    Surfaces are those of each of the robot's arms, bases the base frames of the person's arms in the frame of both [m].
-    """
+    """Everything in space: `sides`, and `gizmo`, viser's handle of the rings that turn the robot's base."""
 
     def __init__(
         self,

@@ -29,40 +29,7 @@ NUMBERS_PERIOD = 0.25
 
 
 class LiveView:
-    """A page that shows a state.
-
-    The server keeps the state and all controls: a browser that returns, or a second one, finds them unchanged, with the
-    last camera. Nothing moves without a browser.
-
-    Parameters
-    ----------
-    state : ViewState
-    method : str
-        Shown first.
-    mounting : ndarray, shape (3, 3)
-        The first one.
-    host : str
-        Address to listen on. With others than the default, whoever knows the address of the page can see and move
-        the arms from other machines.
-    port : int
-        Zero for a free one.
-
-    Attributes
-    ----------
-    url : str
-        Of the page. It holds a token, without which nobody is answered.
-    rate : float
-        Frames a second at present; zero without a browser.
-    no_surface : str
-        Why the robot is shown as a skeleton; empty where it has a surface.
-
-    Raises
-    ------
-    MissingPackageError
-        Without viser.
-    InvalidInputError
-        When nothing can listen there.
-    """
+    """A page that shows a state."""
 
     def __init__(self, state: ViewState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
         self.state, self.rate, self.no_surface = state, 0.0, ""
@@ -201,31 +168,7 @@ def _silent() -> Iterator[None]:
 
 
 class Onlooker:
-    """A page that shows the moments of `maniport.Live`, without controls.
-
-    Parameters
-    ----------
-    person : Arm
-        Of the fit, such as ``fit.arm``.
-    robot : Arm
-    host : str
-        Address to listen on. With others than the default, whoever knows the address of the page can see it from other
-        machines.
-    port : int
-        Zero for a free one.
-
-    Attributes
-    ----------
-    url : str
-        Of the page.
-
-    Raises
-    ------
-    MissingPackageError
-        Without viser.
-    InvalidInputError
-        When nothing can listen there.
-    """
+    """A page that shows the moments of `maniport.Live`, without controls."""
 
     def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
         self._person, self._robot = person, robot

@@ -75,11 +75,7 @@ def bones(skeleton: Array) -> tuple[Array, Array, Array]:
 
 
 class Skeleton:
-    """A polyline of an arm as tubes and balls.
-
-    Each bone is a frame with its tube and ball: only poses change, which a browser draws at once, while changed shapes
-    would come a few frames late.
-    """
+    """A polyline of an arm as tubes and balls."""
 
     def __init__(self, scene: Any, name: str, skeleton: Array, radius: float, color: Color):
         turns, starts, lengths = bones(skeleton)
@@ -129,11 +125,7 @@ def _same(surface: Surface, other: Surface, tolerance: float = 0.01) -> bool:
 
 
 class RobotBody:
-    """A robot's surface and its skeleton, of which one is visible; joints at a limit glow.
-
-    Each surface is one mesh that is sent once; only poses change afterwards. `joints` are the names of all joints of
-    the chain, in the order of a frame's links.
-    """
+    """A robot's surface and its skeleton, of which one is visible; joints at a limit glow."""
 
     def __init__(
         self, scene: Any, name: str, surfaces: tuple[Surface, ...], frame: Frame, joints: tuple[str, ...] = ()

@@ -76,12 +76,7 @@ class Frame:
 
 
 class Side:
-    """One arm of the person and one of the robot, and the maps between them.
-
-    The damping of `bank`, of the robot, is added to ellipsoids before they are compared. `place` is the placement of
-    the hand's path, but for its turn, which is that of the map in use; None while it is searched for. `base` is the
-    base frame of the person's arm in the frame of both arms, shape (3,) [m].
-    """
+    """One arm of the person and one of the robot, and the maps between them."""
 
     def __init__(
         self,

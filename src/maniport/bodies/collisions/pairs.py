@@ -29,11 +29,7 @@ _Body = tuple[Part, int]
 
 
 class Chosen(NamedTuple):
-    """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do.
-
-    `share`, shape (pairs,), is the share of padding and clearance that counts: 1/4 for links with at most two
-    coordinates between, which are always near one another, 1 for other pairs.
-    """
+    """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do."""
 
     pairs: Pairs
     always: Pairs
@@ -49,10 +45,7 @@ class Chosen(NamedTuple):
 
 
 class Meshes:
-    """Exact meshes of parts in 10 000 samples of the joint space, of which the first is at rest.
-
-    Each mesh is prepared when it is first needed, and no test is repeated.
-    """
+    """Exact meshes of parts in 10 000 samples of the joint space, of which the first is at rest."""
 
     def __init__(self, arm: Arm | Arms, tree: LinkTree):
         rest = np.clip(0.0, arm.lower, arm.upper)[None]

@@ -18,11 +18,7 @@ Pairs = NDArray[np.int64]
 
 
 class Solids:
-    """Hulls that an arm or a pair moves, and a table at a height [m], in the form that compiled code takes.
-
-    Pairs are rows of two indices of hulls, the second of which sits later on the chain or, with `TABLE` in its place,
-    is the table.
-    """
+    """Hulls that an arm or a pair moves, and a table at a height [m], in the form that compiled code takes."""
 
     def __init__(self, tree: LinkTree, hulls: Sequence[Hull], table: float):
         self.hulls, self.table, self._tree = tuple(hulls), table, tree
@@ -97,12 +93,7 @@ class Solids:
 
 
 class Watch:
-    """Pairs nearer than a threshold [m], asked for again and again, as `Collisions.gradient` returns them.
-
-    Pairs need a `share` of the clearance: their distances are divided by it. With `ahead`, calls for as many
-    configurations as before give the same sooner: the distance of a pair changes by no more than the joints between
-    the two turn, times how far from their axes the two can be, so that what was far apart is not looked at.
-    """
+    """Pairs nearer than a threshold [m], asked for again and again, as `Collisions.gradient` returns them."""
 
     def __init__(self, solids: Solids, pairs: Pairs, threshold: float, share: Array, ahead: bool = False):
         self._solids, self._pairs, self._threshold, self._share = solids, pairs, threshold * share, share

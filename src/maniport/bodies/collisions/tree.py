@@ -11,21 +11,7 @@ from maniport.validation import Array
 
 
 class LinkTree:
-    """The base, which is link 0, and the link after each joint of an arm or a pair.
-
-    Of a pair the left arm's joints come first, then those that the right arm does not share with it.
-
-    Attributes
-    ----------
-    parents : ndarray of int, shape (joints,)
-        The link that each joint is attached to.
-    coupling : ndarray, shape (joints, dof)
-        How the joints follow the degrees of freedom.
-    moves : ndarray of bool, shape (links, joints)
-        Whether a joint moves a link.
-    of_chain : list of (list of int)
-        For each arm, the link after so many joints of its chain.
-    """
+    """The base, which is link 0, and the link after each joint of an arm or a pair."""
 
     def __init__(self, arm: Arm | Arms):
         arms = arm.each if isinstance(arm, Arms) else (arm,)

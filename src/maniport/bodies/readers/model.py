@@ -33,11 +33,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class RobotXML:
-    """A robot file that was read as XML: what a format says that Pinocchio does not pass on.
-
-    Pinocchio reads the kinematics. A format adds the checks before that (its own messages do not name the fault), the
-    joints that follow other joints, what Pinocchio gets wrong, and what the links look like.
-    """
+    """A robot file that was read as XML: what a format says that Pinocchio does not pass on."""
 
     path: Path
     text: str

@@ -50,14 +50,7 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
 
 
 class Limbs:
-    """The limbs of a robot.
-
-    Fingers are what moves beyond a hand: a body with fewer joints in a row beyond it than before it, and beyond it
-    several branches, a joint that others follow which do not hang on it, or one joint that is called a gripper.
-
-    `names` has the one-degree-of-freedom joints that each joint of the model holds, `leaders` those that others follow,
-    and `wanted` joints that shall move, fingers or not.
-    """
+    """The limbs of a robot."""
 
     def __init__(
         self,

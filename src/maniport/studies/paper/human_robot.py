@@ -28,15 +28,8 @@ from maniport.studies.paper.tables import (
 from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy
 from maniport.validation import Array
 
-BASELINE_SAMPLES = 5000
 ALL = 400
 """Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th."""
-SIZES = (TEACHER_SAMPLES, STUDENT_SAMPLES)
-"""Sobol samples of the person and of the Panda, for the rows that the paper does not have."""
-STEP = "Table III: human arm to Panda"
-
-RANDOM_SETS = "random, drawn separately for each arm"
-SOBOL, LESS = "Sobol samples", "simpler ways"
 SAME_FRAME = np.eye(3)
 """How the Panda is mounted relative to the person."""
 REMEDIES: dict[str, dict[str, Any]] = {PAPER: {"floor": FLOOR}, OURS: {"damping": DAMPING}}
@@ -61,16 +54,7 @@ NOTES = (
 
 
 class AuthorsBaseline:
-    """Transfer ellipsoids by a lookup of volume-normalized samples and transported tangent vectors.
-
-    All samples are scaled to determinant 1, and each teacher sample T is paired with the nearest student sample S in
-    the log-Euclidean distance. An ellipsoid M is scaled to determinant 1; the tangent vector log_T(S) of the nearest
-    teacher sample T is transported in parallel from T to M; exp_M of it gets the volume of M. Unlike
-    `maniport.NearestNeighbor`, the answers are not among the student's ellipsoids, and they have the teacher's volume.
-
-    The program scales to volume 1 instead of determinant 1; the constant factor cancels. Its published version always
-    uses the first pair, since a loop compares the same sample each time. Here the nearest sample is used, as in § V-B.
-    """
+    """Transfer ellipsoids by a lookup of volume-normalized samples and transported tangent vectors."""
 
     def __init__(self, floor: float) -> None:
         self._regularization = Regularization(floor=floor)
@@ -106,10 +90,11 @@ def _coordinates(points: Array) -> Array:
 def human_robot(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`."""
     outcomes: list[Outcome] = []
-    facts: dict[str, Any] = {"naive baseline, samples of each domain": BASELINE_SAMPLES}
+    title, samples = "Table III: human arm to Panda", 5000
+    facts: dict[str, Any] = {"naive baseline, samples of each domain": samples}
     rows = paper_table("III")
-    theirs = evaluation(AuthorsBaseline(FLOOR).fit(*_uniform(BASELINE_SAMPLES, np.random.default_rng(seed))))
-    parts = pieces(Step(tell, STEP), *(1.0 for _ in REMEDIES))
+    theirs = evaluation(AuthorsBaseline(FLOOR).fit(*_uniform(samples, np.random.default_rng(seed))))
+    parts = pieces(Step(tell, title), *(1.0 for _ in REMEDIES))
     for (settings, remedy), part in zip(REMEDIES.items(), parts, strict=True):
         baseline, seconds = naive_baseline(remedy, seed)
         facts[f"naive baseline, seconds to build, {settings}"] = seconds
@@ -120,10 +105,10 @@ def human_robot(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> 
                 outcomes.append(_row(row, AUTHORS, seed, draws, theirs))
         outcomes += _doing_less(settings, seed, baseline, known)
     outcomes += _large(seed, known)
-    return Experiment("human-robot", STEP, NOTES, tuple(outcomes), facts)
+    return Experiment("human-robot", title, NOTES, tuple(outcomes), facts)
 
 
-def naive_baseline(remedy: dict[str, Any], seed: int, samples: int = BASELINE_SAMPLES) -> tuple[NearestNeighbor, float]:
+def naive_baseline(remedy: dict[str, Any], seed: int, samples: int = 5000) -> tuple[NearestNeighbor, float]:
     """Build the table of the naive baseline from uniform samples of both arms; also return the seconds it took."""
     teacher, student = _uniform(samples, np.random.default_rng(seed))
     started = clock.perf_counter()
@@ -151,7 +136,7 @@ def _row(row: PaperRow, settings: str, seed: int, draws: int, known: Known) -> O
     if row.data == TRAJECTORIES:
         return measure(adapter, [Draw(seed, *training(row.samples), known, exact)], settings, row.data, row)
     sets = [Draw(s, *_random(row.samples, s), known, exact) for s in range(seed, seed + draws)]
-    return measure(adapter, sets, settings, RANDOM_SETS, row)
+    return measure(adapter, sets, settings, "random, drawn separately for each arm", row)
 
 
 def _doing_less(settings: str, seed: int, baseline: NearestNeighbor, known: Known) -> list[Outcome]:
@@ -159,18 +144,21 @@ def _doing_less(settings: str, seed: int, baseline: NearestNeighbor, known: Know
     remedy, size = REMEDIES[settings], baseline.n_samples
     again = [Draw(seed + 1, *_uniform(size, np.random.default_rng(seed + 1)), known)]
     tasks = [Draw(seed, *training(ALL), known)]
+    data = "simpler ways"
     return [
-        measure(clone(baseline), again, settings, LESS, samples=str(size), method="naive baseline, redrawn"),
-        measure(RawCopy(**remedy), tasks, settings, LESS, samples="0", method="raw copy"),
-        measure(ParallelTransport(**remedy), tasks, settings, LESS, samples=str(ALL), method="PT only"),
+        measure(clone(baseline), again, settings, data, samples=str(size), method="naive baseline, redrawn"),
+        measure(RawCopy(**remedy), tasks, settings, data, samples="0", method="raw copy"),
+        measure(ParallelTransport(**remedy), tasks, settings, data, samples=str(ALL), method="PT only"),
     ]
 
 
 def _large(seed: int, known: Known) -> list[Outcome]:
     """Our defaults on domains of the size that they are meant for."""
     teacher, student = _arms()
-    draw = Draw(seed, *_ellipsoids(teacher.sample(SIZES[0], seed), student.sample(SIZES[1], seed + 1)), known)
-    return measure_defaults([draw], SOBOL, " and ".join(map(str, SIZES)), SAME_FRAME)
+    draw = Draw(
+        seed, *_ellipsoids(teacher.sample(TEACHER_SAMPLES, seed), student.sample(STUDENT_SAMPLES, seed + 1)), known
+    )
+    return measure_defaults([draw], "Sobol samples", f"{TEACHER_SAMPLES} and {STUDENT_SAMPLES}", SAME_FRAME)
 
 
 def _random(samples: int, seed: int) -> tuple[Array, Array]:

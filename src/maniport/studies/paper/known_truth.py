@@ -25,18 +25,9 @@ from maniport.studies.paper.tables import (
     paper_adapter,
     paper_table,
 )
-from maniport.transfer.rigid_map import RigidMap
+from maniport.transfer.rigid_adapter import RigidMap
 from maniport.transfer.rotation_group import random_rotation
 from maniport.validation import Array
-
-TOY_STEP = "Table I: toy data"
-SAMPLES, NEW = 100, 10
-STRETCH = 2.0
-"""The random dispersion ratio and the axes of the random mean lie between 1 / `STRETCH` and `STRETCH`."""
-
-RANDOM_SAMPLES = 500
-SIZES = (256, 1024, 4096)
-ARMS_STEP = "Table II: two-joint arms"
 
 SEPARATE, SAME = "random, drawn separately for each arm", "random, the same joint samples for both arms"
 SOBOL = "Sobol samples, drawn separately for each arm"
@@ -68,21 +59,21 @@ TOY_NOTES = (
 def toy(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the toy experiment on several draws, beginning with seed `seed`."""
     data = [toy_draw(seed + k) for k in range(draws)]
-    outcomes, rows = [], paper_table("I")
-    for row in counted(rows, len(rows), Step(tell, TOY_STEP)):
+    title, outcomes, rows = "Table I: toy data", [], paper_table("I")
+    for row in counted(rows, len(rows), Step(tell, title)):
         outcomes.append(measure(paper_adapter(row, floor=None), data, PAPER, row.data, row))
         outcomes.append(measure(our_adapter(row, damping=None), data, OURS, row.data, row))
-    return Experiment("toy", TOY_STEP, TOY_NOTES, tuple(outcomes))
+    return Experiment("toy", title, TOY_NOTES, tuple(outcomes))
 
 
-def toy_draw(seed: int) -> Draw:
+def toy_draw(seed: int, samples: int = 100, new: int = 10) -> Draw:
     """Draw the Panda's ellipsoids and a rigid transform of them, which is the teacher."""
     random = np.random.default_rng(seed)
     arm = trajectories.robot_arm()
-    samples = arm.manipulability(arm.sample(SAMPLES + NEW, random, "uniform"))
-    student, new = np.split(Regularization(floor=FLOOR).apply(samples, "samples"), [SAMPLES])
+    ellipsoids = arm.manipulability(arm.sample(samples + new, random, "uniform"))
+    student, others = np.split(Regularization(floor=FLOOR).apply(ellipsoids, "samples"), [samples])
     away = RigidMap(mean(student), _random_mean(random), _rotation(random), float(_stretch(random)))
-    return Draw(seed, away.apply(student), student, {TOY[0]: (away.apply(new), new)})
+    return Draw(seed, away.apply(student), student, {TOY[0]: (away.apply(others), others)})
 
 
 def _random_mean(random: np.random.Generator) -> Array:
@@ -95,22 +86,23 @@ def _rotation(random: np.random.Generator) -> Array:
 
 
 def _stretch(random: np.random.Generator, size: int | None = None) -> Array:
-    return np.exp(random.uniform(-np.log(STRETCH), np.log(STRETCH), size))
+    """Factors between 1/2 and 2: the dispersion ratio and the axes of the mean."""
+    return np.exp(random.uniform(-np.log(2.0), np.log(2.0), size))
 
 
 def two_dof(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment with two-joint arms; random sets begin with seed `seed`."""
-    jobs = list(_jobs(seed, draws))
+    title, sample_sizes, jobs = "Table II: two-joint arms", (256, 1024, 4096), list(_jobs(seed, draws))
     outcomes: list[Outcome] = []
-    rows, sizes = pieces(Step(tell, ARMS_STEP), 0.8, 0.2)
+    rows, sizes = pieces(Step(tell, title), 0.8, 0.2)
     for row, data, sets in counted(jobs, len(jobs), rows):
         both = {PAPER: paper_adapter(row), OURS: our_adapter(row, trajectories.MOUNTING)}
         printed = None if data == SAME else row  # the paper has no such data
         for settings, adapter in both.items():
             outcomes.append(measure(adapter, sets, settings, data, printed, samples=row.label, method=row.method))
-    for size in counted(SIZES, len(SIZES), sizes):
+    for size in counted(sample_sizes, len(sample_sizes), sizes):
         outcomes += _at_size(size, seed, draws)
-    return Experiment("two-dof", ARMS_STEP, ARMS_NOTES, tuple(outcomes))
+    return Experiment("two-dof", title, ARMS_NOTES, tuple(outcomes))
 
 
 def evaluation() -> dict[str, tuple[Array, Array]]:
@@ -140,8 +132,8 @@ def _random(samples: int, seed: int, how: str) -> tuple[Array, Array]:
     """Ellipsoids of both arms at uniform joint samples, every n-th of 500."""
     teacher, student = trajectories.two_dof_arms()
     random = np.random.default_rng(seed)
-    first = teacher.sample(RANDOM_SAMPLES, random, "uniform")
-    second = first if how == SAME else student.sample(RANDOM_SAMPLES, random, "uniform")
+    first = teacher.sample(500, random, "uniform")
+    second = first if how == SAME else student.sample(500, random, "uniform")
     return _ellipsoids(trajectories.every(first, samples), trajectories.every(second, samples))
 
 

@@ -174,13 +174,9 @@ def place_paths(
     given = given_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "place the path")
-    maps, seeds = [], []
-    for i, arm in enumerate(arms):
-        seeds.append(StartBank.given_or_built(banks[i] if banks else None, arm, spec, generator))
-        atlas, model = atlases[i] if atlases else None, collisions[i] if collisions else None
-        maps.append(Atlas(arm, spec, random_state=generator, collisions=model) if atlas is None else atlas)
-        maps[i].require_fits(arm, spec)
-        bounds[0, 2] = max(bounds[0, 2], table_height(maps[i].collisions, given[0]))
+    seeds = [StartBank.given_or_built(banks[i] if banks else None, arm, spec, generator) for i, arm in enumerate(arms)]
+    maps = _maps(arms, spec, generator, atlases, collisions)
+    bounds[0, 2] = max(bounds[0, 2], *(table_height(atlas.collisions, given[0]) for atlas in maps))
     for atlas in maps:
         require_reach(atlas, bounds)
     problems, center, rotation = problems_of(objectives, paths, profiles, time, turn, given, bounds)
@@ -191,8 +187,7 @@ def place_paths(
     found = best_placements(group, whole, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(found):
         raise InvalidInputError(f"rank must be at most {len(found)}, as many as places were found; found {rank}")
-    best, placed = found[chosen], []
-    parts = pieces(between(step, 0.85, 1.0), *[1.0] * count)
+    best, placed, parts = found[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * count)
     for i, (problem, bank, part) in enumerate(zip(problems, seeds, parts, strict=True)):
         candidates = tuple(_named(one.place, one.distance[i]) for one in found)
         placement = best.place, center, rotation, candidates
@@ -200,6 +195,22 @@ def place_paths(
     medians = ", ".join(f"{np.median(one.distance):.2f}" for one in placed)
     step.end(f"scale {placed[0].scale:.3f}, node floor {medians} (median)")
     return tuple(placed)
+
+
+def _maps(
+    arms: Sequence[Arm],
+    spec: EllipsoidSpec,
+    generator: np.random.Generator,
+    atlases: Sequence[Atlas | None] | None,
+    collisions: Sequence[Collisions | bool | None] | None,
+) -> list[Atlas]:
+    """Reachability maps of the arms, as far as given, else new ones."""
+    maps = []
+    for i, arm in enumerate(arms):
+        atlas, model = atlases[i] if atlases else None, collisions[i] if collisions else None
+        maps.append(Atlas(arm, spec, random_state=generator, collisions=model) if atlas is None else atlas)
+        maps[i].require_fits(arm, spec)
+    return maps
 
 
 def _require_each(count: int, **sequences: Sequence[Any] | None) -> None:

@@ -1,7 +1,7 @@
-"""Where to start the search for a rotation between two sets of ellipsoids: frames, votes of copies, and known pairs."""
+"""Initial rotations of the ICP, the search from several of them, and whether its result displaces the first."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import permutations, product
 
@@ -12,77 +12,54 @@ from scipy.spatial import cKDTree
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
 from maniport.subsample import evenly_spaced
-from maniport.transfer.cloud_kernels import count_above
-from maniport.transfer.icp.rotation import RotationPrior, RotationProblem
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.icp.algorithm import ICP, Registration
+from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
 from maniport.validation import Array, as_points
 
-NEAR_ISOTROPIC = 0.1
 
-SEEKERS = 128
-"""Ellipsoids of the smaller cloud that vote for rotations."""
-
-RESEMBLING = 3
-"""How many ellipsoids of the other cloud each of them takes for its copy."""
-
-AGREEING = np.deg2rad(10.0)
-"""Rotations closer than this vote for one another [rad]."""
-
-ELECTED = 4
-"""Rotations that are elected."""
-
-VOTES = 4096
-"""Rotations that are compared at most."""
-
-Side = Callable[[ArrayLike, str], Array]
-"""Treats ellipsoids, shape (k, d, d), as those of a domain were; also takes their name, for messages."""
-
-TIE_BREAK = 1e-6
-"""Weight of a prior, relative to the pairs' own size, that decides between rotations that suit the pairs equally."""
-
-DISTINCT = 0.01
-"""Angle [rad] from which on rotations are different ones."""
-
-
-def starts(teacher: Array, student: Array, random: np.random.Generator) -> list[Array]:
-    """Rotations worth starting from: those that align the frames of the two sets' arithmetic means."""
+def starts(teacher: Array, student: Array, random: np.random.Generator, near_isotropic: float = 0.1) -> list[Array]:
+    """Rotations that align the frames of the two sets' arithmetic means; random ones where these say little."""
     value_t, frame_t = eigh(teacher.mean(axis=0))
     value_s, frame_s = eigh(student.mean(axis=0))
     d = len(value_t)
-    found = [frame_s @ turn @ frame_t.T for turn in signed_permutations(d)]
-    found = [orthonormal(r) if np.linalg.det(r) > 0 else orthonormal(_mirrored(r, frame_t)) for r in found]
+    mirror = np.eye(d) - 2.0 * frame_t[:, :1] @ frame_t[:, :1].T
+    aligned = [frame_s @ turn @ frame_t.T for turn in signed_permutations(d)]
+    found = [orthonormal(rotation if np.linalg.det(rotation) > 0 else rotation @ mirror) for rotation in aligned]
     gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
-    if d > 3 or gaps.min() < NEAR_ISOTROPIC:
+    if d > 3 or gaps.min() < near_isotropic:
         found += [random_rotation(d, random) for _ in range(16)]
     return found
 
 
-def voted(teacher: Array, student: Array) -> list[Array]:
-    """Rotations that many pairs of ellipsoids with equal axes agree on, the most popular first."""
+def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3, elected: int = 4) -> list[Array]:
+    """Rotations that many pairs of ellipsoids with nearly equal eigenvalues agree on, most votes first.
+
+    Up to `voters` ellipsoids of the smaller cloud each propose the rotations onto their most similar `candidates`.
+    """
     if len(teacher) > len(student):
-        return [rotation.T for rotation in voted(student, teacher)]
+        return [rotation.T for rotation in voted(student, teacher, voters, candidates, elected)]
     d = teacher.shape[-1]
     signs = np.array([np.diag(turn) for turn in signed_permutations(d) if np.diag(turn).all()])
-    count = min(SEEKERS, len(teacher), VOTES // (len(signs) * RESEMBLING))
+    count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
     if count < 3:
         return []
     (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly_spaced(len(teacher), count)]), eigh(student)
     for frame in (frame_t, frame_s):
         frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
-    like = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(RESEMBLING, len(student)) + 1)])[1]
-    turns = (frame_s[like][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
+    _, similar = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)])
+    turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
     proposals = turns.reshape(-1, d * d)
-    radius = 2.0 * np.sqrt(2.0) * np.sin(AGREEING / 2.0)  # |R - R'| of a turn in one plane
-    agreeing = d - 0.5 * radius**2  # tr(RᵀR') of rotations that far apart
-    votes = np.empty(len(proposals))
-    count_above(proposals, np.ascontiguousarray(proposals.T), agreeing, votes)
-    found = list[Array]()
-    for place in np.argsort(-votes, kind="stable"):
-        if len(found) == ELECTED:
+    radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)  # |R - R'| for 10° apart in one plane
+    tree, found = cKDTree(proposals), list[Array]()
+    for place in np.argsort(-tree.query_ball_point(proposals, radius, return_length=True), kind="stable"):
+        if len(found) == elected:
             break
-        here = orthonormal(proposals[proposals @ proposals[place] > agreeing].mean(axis=0).reshape(d, d))
-        if all(np.linalg.norm(here - other) > 2.0 * radius for other in found):
-            found.append(here)
+        agreeing = tree.query_ball_point(proposals[place], radius, return_sorted=True)
+        rotation = orthonormal(proposals[agreeing].mean(axis=0).reshape(d, d))
+        if all(np.linalg.norm(rotation - other) > 2.0 * radius for other in found):
+            found.append(rotation)
     return found
 
 
@@ -101,39 +78,38 @@ def signed_permutations(d: int) -> tuple[Array, ...]:
     return tuple(found[:64])
 
 
-def _mirrored(rotation: Array, frame: Array) -> Array:
-    """Flip the first axis of the frame, so that the determinant changes sign."""
-    axis = frame[:, :1]
-    return np.asarray(rotation @ (np.eye(len(rotation)) - 2.0 * axis @ axis.T))
+def rotations_of_pairs(
+    teacher: Array,
+    student: Array,
+    near: Array,
+    random: np.random.Generator,
+    equal: float = 1e-6,
+    distinct: float = 0.01,
+) -> list[Array]:
+    """Rotations that turn known pairs (k, d, d) onto each other best, equally well; the nearest to `near` first.
+
+    Costs that differ by less than `equal`, relative to the size of the pairs, are equal; rotations less than `distinct`
+    [rad] apart are the same.
+    """
+    count = len(teacher)
+    problem = RotationProblem(student, teacher, np.full(count, 1.0 / count))
+    ends = [problem.minimize(start, tol=1e-12) for start in [near, *starts(teacher, student, random)]]
+    size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([teacher, student]))) ** 2) / count
+    highest = min(end.cost for end in ends) + equal * (1.0 + float(size))
+    found = list[Array]()
+    # the one that was reached from `near` is the nearest of a continuum
+    for rotation in sorted(
+        (end.rotation for end in ends if end.cost <= highest), key=lambda r: rotation_angle(r, near)
+    ):
+        if all(rotation_angle(rotation, other) > distinct for other in found):
+            found.append(rotation)
+    return found
 
 
-@dataclass(frozen=True)
-class KnownPairs:
-    """Ellipsoids that belong together, teacher[i] and student[i], shapes (k, d, d)."""
-
-    teacher: Array
-    student: Array
-
-    def rotations(self, near: Array, random: np.random.Generator) -> list[Array]:
-        """Return the rotations that turn the teacher's ellipsoids best onto the student's, equally well."""
-        count = len(self.teacher)
-        size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([self.teacher, self.student]))) ** 2) / count
-        prior = RotationPrior(near, TIE_BREAK * (1.0 + float(size)))
-        problem = RotationProblem(self.student, self.teacher, np.full(count, 1.0 / count), prior)
-        first = [near, *starts(self.teacher, self.student, random)]
-        ends = sorted((problem.minimize(start, tol=1e-12) for start in first), key=lambda end: end.cost)
-        found = [ends[0].rotation]
-        equal = ends[0].cost + 2.0 * len(near) * prior.weight  # the largest penalty there is
-        for end in ends:
-            if end.cost <= equal and min(rotation_angle(end.rotation, other) for other in found) > DISTINCT:
-                found.append(end.rotation)
-        return found
-
-
-def regular_pairs(
-    pairs: tuple[ArrayLike, ArrayLike], sides_of: tuple[Side, Side], dimension: int
+def checked_pairs(
+    pairs: tuple[ArrayLike, ArrayLike], sides: Sequence[Callable[[ArrayLike, str], Array]], d: int
 ) -> tuple[Array, Array]:
-    """Check known pairs and treat each side as its domain was; shapes (k, d, d)."""
+    """Check known pairs and regularize both sides as their domains, by a function each; shapes (k, d, d)."""
     try:
         teacher, student = pairs
     except (TypeError, ValueError):
@@ -141,13 +117,58 @@ def regular_pairs(
             "pairs must be two sets of ellipsoids, (teacher, student), each of shape (k, d, d); "
             f"found {type(pairs).__name__}" + (f" of {len(pairs)}" if hasattr(pairs, "__len__") else "")
         ) from None
-    first, other = (
-        as_points(own(side, name), name, dimension, minimum=1)
-        for name, side, own in zip(("pairs[0]", "pairs[1]"), (teacher, student), sides_of, strict=True)
-    )
-    if len(first) != len(other):
+    first = as_points(sides[0](teacher, "pairs[0]"), "pairs[0]", d, minimum=1)
+    second = as_points(sides[1](student, "pairs[1]"), "pairs[1]", d, minimum=1)
+    if len(first) != len(second):
         raise InvalidInputError(
             "pairs must hold equally many ellipsoids of teacher and student, the same task at the same time; "
-            f"found {len(first)} and {len(other)}"
+            f"found {len(first)} and {len(second)}"
         )
-    return first, other
+    return first, second
+
+
+def best_rival(
+    icp: ICP, candidates: Sequence[Array], n_starts: int, max_iter: int, most: int = 400
+) -> tuple[Registration, list[Registration]]:
+    """Follow the most promising candidates for two iterations and the best of them to its end; return it, and all.
+
+    They are followed on at most `most` ellipsoids of the smaller cloud, and chosen on half as many.
+    """
+    small, scout = icp.subsampled(most // 2), icp.subsampled(most)
+    costs = [small.problem(rotation)[0].cost(rotation) for rotation in candidates]
+    chosen = [candidates[i] for i in np.argsort(costs, kind="stable")[:n_starts]]
+    courses = [scout.run(start, min(2, max_iter), gradient_tol=1e-3) for start in chosen]
+    place = min(range(len(courses)), key=lambda i: courses[i].cost)
+    # a part of the cloud may mislead: the best rival has to beat the first start on all of it
+    courses[place] = replace(icp.run(courses[place].rotation, max_iter), start=chosen[place])
+    return courses[place], courses
+
+
+def start_is_kept(
+    clouds: CloudPair, first: Registration, found: Registration, certainty: float = 3.0, share: float = 0.1
+) -> tuple[bool, str]:
+    """Whether the start is kept because the found rotation does not clearly bring the clouds nearer; and the reason.
+
+    The found rotation is taken where the matches are so good that chance does not explain them, where the mean distance
+    between the clouds falls by `certainty` standard errors and a `share` of their energy distance, or where certainly
+    more ellipsoids coincide. Measured on ten draws of 4096 and 16384 ellipsoids: where the start was right, −0.6 to 0.4
+    standard errors (Panda to Panda); where the domains differ in shape, −1.9 to 3.8 and at most 4 % (human to Panda);
+    where the start was 30° off, 3.9 to 5.9 and more than half.
+    """
+    start, end = first.start, found.rotation
+    angle = rotation_angle(start, end)
+    if angle < 1e-6:
+        return True, found.reason
+    # independent draws reach 0.62 of the start's cost (12 ellipsoids) or 0.89 (400)
+    if found.cost <= 0.5 * first.history[0]:
+        return False, found.reason
+    gain = clouds.gain(start, end)
+    gained = 2.0 * gain.mean / clouds.energy_distance(start)
+    if gain.certainty >= certainty and gained >= share:
+        return False, found.reason
+    if clouds.coincidence(clouds.nearest(start), clouds.nearest(end)).certainty >= certainty:
+        return False, found.reason
+    text = f"the start is kept: the rotation found ({found.reason}), {np.rad2deg(angle):.1f}° away,"
+    if gain.mean <= 0.0:
+        return True, f"{text} does not bring the domains nearer"
+    return True, f"{text} brings the domains nearer by {gained:.1%} ± {gained / gain.certainty:.1%} only"

@@ -1,1 +1,1 @@
-"""The parts of `maniport.transfer.LengthsField`: its map, its inverse, its fit, whom it asks, what it reports."""
+"""The parts of `maniport.transfer.LengthsField`: map, kernels, inverse, fit, report."""

@@ -1,105 +1,68 @@
-"""The map that changes lengths: its terms, its image and its derivative."""
+"""The map that rescales eigenvalues: its image, its derivative, and its features about an axis of symmetry.
 
-from dataclasses import dataclass
+A student whose first joint goes round can turn every ellipsoid about that joint's axis. The field then depends only on
+features that no such turn changes, so that it needs to see each ellipsoid only once.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, in_parts, mandel_basis
-from maniport.spd.matrix_functions import apply, from_vector, to_vector
-from maniport.transfer.lengths.kernels import ROUNDED, fill_fields
-from maniport.transfer.lengths.symmetry import SOFTENED, features, features_changing, harmonics
-from maniport.validation import SPD_TOLERANCE, Array
+from maniport.spd.kernels import compose, congruence, eigh, in_parts, mandel_basis
+from maniport.spd.matrix_functions import from_vector, to_vector
+from maniport.transfer.lengths.kernels import map_many
+from maniport.validation import SPD_TOLERANCE, Array, as_numbers
 
 KAPPA = 1e-4
 """κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it."""
-JITTER = 1e-6
-"""Added to the kernel's matrix, which centres near to one another make singular."""
-EQUAL = 1e-5
-"""Difference of logarithms up to which two eigenvalues are equal for divided differences."""
-OUT_OF_RANGE = f"have an image with an eigenvalue beyond {MIN_EIGENVALUE:g} to {MAX_EIGENVALUE:g}"
+
+NO_AXIS = np.zeros(0)
 
 
 @dataclass(frozen=True)
 class LengthsMap:
-    """f(T) = exp(L + h(x, L) + U(x) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel).
+    """f(T) = exp(L + h(x, L) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel)."""
 
-    With the kernel values k_j = exp(−|φ(x) − φ(c_j)|² / 2w²) it is h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j k_j a_jr, r = 0, 1, 2,
-    a number for each eigenvalue ℓ of L. φ holds what no turn about the student's axis changes, see
-    `maniport.transfer.lengths.symmetry`; where there is none φ(x) = x. U(x) = Σ_j exp(−|x − c_j|² / 2w²) B_j, which
-    such a turn turns along, is left out where all axes are kept.
+    power: float  # s
+    shift: float  # c
+    level: float  # ℓ̄
+    width: float  # w
+    centers: Array  # c_j, (m, D), D = d (d + 1) / 2
+    lengths: Array  # a_jr, (m, 3)
+    axis: Array  # unit vector (3,), or (0,) where there is none
 
-    Attributes
-    ----------
-    power, shift, level : float
-        s, c and ℓ̄.
-    width : float
-        w.
-    centers : ndarray, shape (m, D)
-        c_j, D = d (d + 1) / 2.
-    lengths : ndarray, shape (m, 3)
-        a_jr.
-    turns : ndarray, shape (m', D), or (0, D) where all axes are kept
-        vec B_j, of the first m' of the centres.
-    axis : ndarray, shape (3,), or (0,) where there is none
-        About which what the student can make may be turned.
-    """
+    def unscaled(self) -> "LengthsMap":
+        """Return the map without its field."""
+        return replace(self, lengths=0.0 * self.lengths)
 
-    power: float
-    shift: float
-    level: float
-    width: float
-    centers: Array
-    lengths: Array
-    turns: Array
-    axis: Array
+    def terms(self) -> tuple[Array, Array, Array, Array]:
+        """Terms for `maniport.transfer.lengths.kernels`: base, harmonics, centers and their squares, lengths."""
+        base = np.array([self.power, self.shift, self.level, self.width**-2, self._softening**2])
+        centers = self.features(self.centers)
+        weighed = np.column_stack([centers, -0.5 * np.sum(centers**2, axis=1)]) / self.width**2
+        return base, harmonics(self.axis), weighed, np.ascontiguousarray(self.lengths)
 
-    def terms(self) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Terms for `maniport.transfer.lengths.kernels.map_one`: base, harmonics, centers, lengths, pivots, turns."""
-        base = np.array([self.power, self.shift, self.level, self.width**-2, (SOFTENED * self.width) ** 2])
-        centers, pivots = (self._weighed(each) for each in (self.features(self.centers), self.centers))
-        lengths, turns = np.ascontiguousarray(self.lengths), np.ascontiguousarray(self.turns)
-        return base, harmonics(self.axis), centers, lengths, pivots[: len(turns)], turns
-
-    def _weighed(self, centers: Array) -> Array:
-        squares = np.sum(centers**2, axis=1, keepdims=True)
-        return np.concatenate([centers, -0.5 * squares], axis=1) / self.width**2
+    @property
+    def _softening(self) -> float:
+        """Distance from the axis below which features no longer change at once, so that they are smooth there."""
+        return 0.5 * self.width
 
     def apply(self, points: Array, epsilon: float | None = None) -> Array:
         """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it."""
-        results, terms = np.empty(points.shape), self.terms()
+        base, *terms = self.terms()
+        points, results = np.ascontiguousarray(points), np.empty(points.shape)
+        numbers = np.array([0.0, 0.0, -1.0 if epsilon is None else epsilon, KAPPA, *base])
+        mounting = np.eye(points.shape[-1])
 
         def work(first: int, last: int) -> None:
-            results[first:last] = self._apply(points[first:last], terms, epsilon)
+            if map_many(points[first:last], mounting, numbers, *terms, results[first:last]):
+                raise NotSPDError("points, or their images, are too ill-conditioned for floating-point numbers")
 
         in_parts(work, len(points), points.shape[-1])
         return results
-
-    def _apply(self, points: Array, terms: tuple[Array, ...], epsilon: float | None) -> Array:
-        """Map a part of a batch; without BLAS, so that an ellipsoid gets the same bits alone and in any batch."""
-        base, parts, centers, lengths, pivots, turns = terms
-        values, vectors = eigh(points)
-        if not np.all(values[:, 0] > ROUNDED * values.sum(axis=1)):
-            if np.all(values[:, 0] > 0.0):
-                raise InvalidInputError(f"points {OUT_OF_RANGE}")
-            raise NotSPDError("points are too ill-conditioned: rounding makes them indefinite when they are turned")
-        values = self.power * np.log(values) + self.shift
-        x = to_vector(compose(values, vectors))
-        field, turning = np.empty((len(x), 3)), np.empty(x.shape)
-        fill_fields(x, parts, base[4], centers, lengths, base[3], field)
-        t = np.tanh(0.5 * values)
-        values = values + field[:, :1] + t * (field[:, 1:2] + t * field[:, 2:])
-        if len(turns):
-            fill_fields(x, parts[:0], base[4], pivots, turns, base[3], turning)
-            values, vectors = eigh(compose(values, vectors) + from_vector(turning))
-        with np.errstate(over="ignore"):
-            images = np.exp(values + self.level)
-        if epsilon is not None:
-            images = released(images, epsilon)
-        if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
-            raise InvalidInputError(f"points {OUT_OF_RANGE}")
-        return compose(images, vectors)
 
     def base(self, points: Array) -> tuple[Array, Array]:
         """Eigenvalues (n, d) and -vectors (n, d, d) of L of SPD matrices (n, d, d)."""
@@ -108,39 +71,35 @@ class LengthsMap:
 
     def features(self, x: Array) -> Array:
         """φ(x), shape (n, D), of vectors (n, D)."""
-        return features(x @ harmonics(self.axis).T, SOFTENED * self.width) if len(self.axis) else x
+        return features(x @ harmonics(self.axis).T, self._softening) if len(self.axis) else x
 
     def kernel(self, x: Array) -> Array:
-        """Kernel values (n, m) of the lengths at vectors (n, D)."""
-        return self._kernel(self.features(x), self.features(self.centers))
-
-    def turning_kernel(self, x: Array) -> Array:
-        """Kernel values (n, m') of the field that turns at vectors (n, D)."""
-        return self._kernel(x, self.centers[: len(self.turns)])
-
-    def _kernel(self, x: Array, centers: Array) -> Array:
+        """Kernel values (n, m) at vectors (n, D)."""
+        x, centers = self.features(x), self.features(self.centers)
         squares = np.sum(x**2, axis=1)[:, None] + np.sum(centers**2, axis=1) - 2.0 * x @ centers.T
         return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / self.width**2))
 
     def logarithms(self, values: Array, vectors: Array) -> Array:
         """Log f − ℓ̄ I, shape (n, d, d), where L has these eigenvalues and -vectors."""
         x = to_vector(compose(values, vectors))
-        found = compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
-        return found + from_vector(self.turning_kernel(x) @ self.turns) if len(self.turns) else found
+        return compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
 
-    def slopes(self, values: Array, vectors: Array) -> Array:
-        """Derivatives (n, D, D) of vec(log f) by vec L."""
+    def slopes(self, values: Array, vectors: Array, equal: float = 1e-5) -> Array:
+        """Derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
         x = to_vector(compose(values, vectors))
         near, d = self.kernel(x), values.shape[1]
         field, t = near @ self.lengths, powers(values)
-        pulls = self._pulls(near, self.lengths, self.features(x), self.features(self.centers))
+        # ∂k_j/∂φ = k_j (φ(c_j) − φ(x)) / w²
+        phi, centers = self.features(x), self.features(self.centers)
+        drawn = near @ (self.lengths[:, :, None] * centers[:, None]).reshape(len(centers), -1)
+        pulls = (drawn.reshape(*field.shape, phi.shape[1]) - field[:, :, None] * phi[:, None]) / self.width**2
         if len(self.axis):
             turn = harmonics(self.axis)
-            pulls = pulls @ (features_changing(x @ turn.T, SOFTENED * self.width) @ turn)
+            pulls = pulls @ (features_changing(x @ turn.T, self._softening) @ turn)
         along = np.einsum("nrk,nir->nik", pulls, t)
         rates = axiswise(field, powers_changing(values))
         gaps = values[:, :, None] - values[:, None, :]
-        apart = np.abs(gaps) > EQUAL
+        apart = np.abs(gaps) > equal
         # tanh is analytic, so that its divided differences are exact where the eigenvalues are not too near
         images = axiswise(field, t)
         ratios = (images[:, :, None] - images[:, None, :]) / np.where(apart, gaps, 1.0)
@@ -148,31 +107,18 @@ class LengthsMap:
         basis = congruence(np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d))  # (n, D, d, d): Vᵀ E_k V
         turned = stretch[:, None] * basis
         turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
-        slopes = np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
-        if len(self.turns):
-            slopes = slopes + self._pulls(self.turning_kernel(x), self.turns, x, self.centers[: len(self.turns)])
-        return np.asarray(slopes)
-
-    def _pulls(self, near: Array, coefficients: Array, x: Array, centers: Array) -> Array:
-        """Derivatives (n, r, D) of a field, shape (n, r), by x: ∂k_j/∂x = k_j (c_j − x) / w²."""
-        field = near @ coefficients
-        drawn = near @ (coefficients[:, :, None] * centers[:, None]).reshape(len(centers), -1)
-        return np.asarray((drawn.reshape(*field.shape, x.shape[1]) - field[:, :, None] * x[:, None]) / self.width**2)
-
-    def image(self, values: Array, vectors: Array) -> Array:
-        """Images (n, d, d) where L has these eigenvalues and -vectors, as `apply` makes them."""
-        return apply(self.logarithms(values, vectors), lambda lengths: np.exp(lengths + self.level))
+        return np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
 
     def singular_values(self, points: Array) -> Array:
         """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
         return least_singular(self.slopes(*self.base(points)))
 
-    def novelty(self, points: Array) -> Array:
-        """How little the centres say about SPD matrices (n, d, d): 1 − kᵀ K⁻¹ k of their kernel values, from 0 to 1."""
+    def novelty(self, points: Array, jitter: float = 1e-6) -> Array:
+        """1 − kᵀ K⁻¹ k of the kernel values at SPD matrices (n, d, d), from 0 to 1; `jitter` keeps K regular."""
         near = self.kernel(to_vector(compose(*self.base(points))))
-        among = self.kernel(self.centers) + JITTER * np.eye(len(self.centers))
-        told = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
-        return np.asarray(np.clip(1.0 - told, 0.0, 1.0))
+        among = self.kernel(self.centers) + jitter * np.eye(len(self.centers))
+        explained = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
+        return np.asarray(np.clip(1.0 - explained, 0.0, 1.0))
 
 
 def least_singular(slopes: Array) -> Array:
@@ -206,9 +152,60 @@ def damped(points: Array, epsilon: float) -> Array:
     return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
 
 
-def released(values: Array, epsilon: float) -> Array:
-    """Undo `damped` for eigenvalues: the y with y (y + ε) / (y + κ ε) = value."""
-    gap = values - epsilon
-    root = np.sqrt(gap * gap + (4.0 * KAPPA * epsilon) * values)
-    low = 2.0 * KAPPA * epsilon * values / np.where(gap > 0.0, 1.0, root - gap)
-    return np.where(gap > 0.0, 0.5 * (gap + root), low)
+def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:
+    """Return a unit vector, shape (3,), or none, shape (0,), for None."""
+    if axis is None:
+        return NO_AXIS
+    direction = as_numbers(axis, name, 3)
+    length = np.linalg.norm(direction)
+    if size != 3 or not length > 0.0:
+        raise InvalidInputError(
+            f"{name} must be None or, for 3×3 ellipsoids, a direction; found {axis!r} for d = {size}"
+        )
+    return direction / length
+
+
+def harmonics(axis: Array) -> Array:
+    """Orthogonal matrix (6, 6) that takes vec L to how its parts change in a turn about the axis; (0, 6) for none."""
+    if not len(axis):
+        return np.zeros((0, 6))
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(axis, across), axis])
+    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, from_vector(np.eye(6)))).T
+    return np.stack([zz, (xx + yy) / np.sqrt(2.0), xz, yz, (xx - yy) / np.sqrt(2.0), xy])
+
+
+def features(parts: Array, soft: float) -> Array:
+    """Smooth functions (n, 6) of `harmonics` (n, 6) that no turn about the axis changes."""
+    along, mean, a, b, c, e = parts.T
+    once, twice, both = _radii(parts, soft)
+    together, against = (a * a - b * b) * c + 2.0 * a * b * e, 2.0 * a * b * c - (a * a - b * b) * e
+    scale = 1.0 / (once * both)
+    return np.stack([along, mean, once, twice, together * scale, against * scale], axis=1)
+
+
+def features_changing(parts: Array, soft: float) -> Array:
+    """Derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
+    _, _, a, b, c, e = parts.T
+    once, twice, both = _radii(parts, soft)
+    scale, found = 1.0 / (once * both), np.zeros((len(parts), 6, 6))
+    found[:, 0, 0] = found[:, 1, 1] = 1.0
+    found[:, 2, 2:4] = parts[:, 2:4] / once[:, None]
+    found[:, 3, 4:6] = parts[:, 4:6] / twice[:, None]
+    zero = np.zeros_like(a)
+    shrinking = np.stack([a / once**2, b / once**2, zero, zero], axis=1)
+    shrinking += np.stack([a, b, 4.0 * c, 4.0 * e], axis=1) / both[:, None] ** 2
+    squares, product = a * a - b * b, 2.0 * a * b
+    rates = (
+        (squares * c + product * e, [2.0 * (a * c + b * e), 2.0 * (a * e - b * c), squares, product]),
+        (product * c - squares * e, [2.0 * (b * c - a * e), 2.0 * (a * c + b * e), product, -squares]),
+    )
+    for row, (value, rate) in enumerate(rates, start=4):
+        found[:, row, 2:] = scale[:, None] * (np.stack(rate, axis=1) - value[:, None] * shrinking)
+    return found
+
+
+def _radii(parts: Array, soft: float) -> tuple[Array, Array, Array]:
+    once, twice = (np.sum(parts[:, first : first + 2] ** 2, axis=1) for first in (2, 4))
+    return np.sqrt(once + soft**2), np.sqrt(twice + soft**2), np.sqrt(once + 4.0 * twice + soft**2)

@@ -1,181 +1,171 @@
-"""The fit of a lengths field: ask what is nearest to the images, move the lengths there smoothly, ask again."""
+"""The fit of a length field: find the nearest feasible ellipsoids to the images, rescale toward them, repeat."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
+from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.spd.kernels import compose, congruence, mandel_basis
+from maniport.spd.kernels import compose, congruence, symmetrize
 from maniport.spd.matrix_functions import apply, logarithm, to_vector
-from maniport.spd.regularization import HINT
+from maniport.spd.neighbors import NeighborIndex
 from maniport.transfer.lengths.field import LengthsMap, axiswise, powers
-from maniport.transfer.lengths.projector import Asking
-from maniport.validation import Array, as_spd
+from maniport.validation import Array, as_finite, as_points, require_shape
 
-NEIGHBORS = 3
-"""Samples beside each one whose postures a search tries, too."""
-SOFT, LEAST = 0.05, 0.1
-"""γ, what motion of the joints costs beside the error that it removes, and α, what such an error costs."""
-TURN_ROUNDS, TURN_SHARE = 3, 2 / 3
-"""Rounds of the field that turns, and the share of the centres that it has. It knows no axis, so that it needs more
-samples than the lengths do."""
-TURN_GAPS = 1e-3, 0.09
-"""Where the lengths leave a mean gap g of 0.09 or more the field that turns has their ridge, else (0.09 / g)⁴ times as
-much: what the student cannot follow is worth turns, what it nearly can is not. Smaller gaps count as the first."""
-TURN_LEAST, TURNING = 0.5, 0.6
-"""α of that field, and β: what turning the longest axis costs beside the error."""
-NEVER_SINGULAR = 1e-8
+Projector = Callable[[Array], Any]
+"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones, damped alike.
+
+An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
+attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
+"""
+
 TIE = 1e-6
 """Difference of logarithms, and of their squared distances, up to which samples are equally suited. It is far above
 rounding (1e-13), so that rounding does not choose between the mirror images in a symmetric domain."""
 
 
-@dataclass(frozen=True)
+class ProjectorSearch(Protocol):
+    """A search that starts from its last results."""
+
+    def nearest(self, points: Array, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
+        """Return the nearest ellipsoids (n, d, d), and how the way there changes with each joint, (n, k, d, d)."""
+        ...
+
+
+@runtime_checkable
+class SearchingProjector(Protocol):
+    """A projector that is faster, and whose fit is better, since it returns where the student can move."""
+
+    def search(self, damping: float) -> ProjectorSearch:
+        """Begin a search among ellipsoids that carry this damping ε [unit of M]."""
+        ...
+
+
+class NearestSamples:
+    """The projector without a model of the student: the nearest of its samples, damped, shape (m, d, d)."""
+
+    def __init__(self, student: Array):
+        self._index = NeighborIndex(student)
+
+    def __call__(self, points: Array) -> Array:
+        """Return the nearest sample to each point."""
+        return np.asarray(self._index.points[self._index.query(points)[0]])
+
+
+def as_projector(projector: Any) -> Any:
+    """Check that a projector is callable or can search."""
+    if not callable(projector) and not isinstance(projector, SearchingProjector):
+        raise InvalidInputError(
+            f"projector must be callable, such as maniport.FeasibleProjector(arm); found {projector!r}"
+        )
+    return projector
+
+
 class Samples:
-    """The teacher's samples that a field is fitted to, and what stays the same in all rounds.
+    """The teacher's samples (n, d, d) that a field is fitted to or measured at."""
 
-    Attributes
-    ----------
-    plain : LengthsMap
-        The map with its centres, but without a field.
-    values, vectors : ndarray, shapes (n, d) and (n, d, d)
-        Eigenvalues and -vectors of L.
-    x : ndarray, shape (n, D)
-        vec L.
-    near, among : ndarray, shapes (n, m) and (m, m)
-        Kernel values of the lengths at the samples and between the centres.
-    neighbors : ndarray of int, shape (n, NEIGHBORS), or None
-    asking : Asking
-    """
+    def __init__(self, field: LengthsMap, points: Array, projector: Any, damping: float, neighbors: int = 3):
+        self.points = points
+        self.values, self.vectors = field.base(points)
+        self.x = to_vector(compose(self.values, self.vectors))
+        self._neighbors = None
+        if len(points) > neighbors:
+            found = cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1]
+            self._neighbors = np.asarray(found, dtype=np.intp)
+        self._projector = projector
+        self._search = projector.search(damping) if isinstance(projector, SearchingProjector) else None
 
-    plain: LengthsMap
-    values: Array
-    vectors: Array
-    x: Array
-    near: Array
-    among: Array
-    neighbors: NDArray[np.intp] | None
-    asking: Asking
-
-    @classmethod
-    def of(cls, plain: LengthsMap, points: Array, projector: Any, damping: float) -> "Samples":
-        """Prepare samples (n, d, d) for a map that has its centres."""
-        values, vectors = plain.base(points)
-        x = to_vector(compose(values, vectors))
-        neighbors = None
-        if len(x) > NEIGHBORS:
-            neighbors = np.asarray(cKDTree(x).query(x, k=[*range(2, NEIGHBORS + 2)])[1], dtype=np.intp)
-        asking = Asking(projector, damping)
-        return cls(plain, values, vectors, x, plain.kernel(x), plain.kernel(plain.centers), neighbors, asking)
-
-    def beside(self, others: "Samples") -> "Samples":
-        """The same, asked for from what was found for the nearest of others."""
-        alike = np.asarray(cKDTree(others.x).query(self.x)[1], dtype=np.intp)
-        return replace(self, asking=others.asking.beside(alike))
-
-    def asked(self, field: LengthsMap, alone: bool = False) -> tuple[Array, Array, Array | None]:
-        """Return the samples' images A, the nearest M to them, and the student's ways there, where they are known."""
-        images = as_spd(field.image(self.values, self.vectors), "images of the teacher", hint=HINT, copy=False)
-        return images, *self.asking.nearest(images, None if alone else self.neighbors)
+    def projected(self, images: Array) -> tuple[Array, Array | None]:
+        """Return the nearest ellipsoids (n, d, d) to the images, and the ways there (n, k, d, d) where known."""
+        found: Any
+        if self._search is None:
+            found, ways = self._projector(images.copy()), None
+        else:
+            name = "the second of projector.search(damping).nearest(points)"
+            found, ways = self._search.nearest(images, self._neighbors)
+            ways = symmetrize(as_finite(ways, name))
+            require_shape(ways, name, (len(images), "k", *images.shape[1:]))
+        array = as_finite(found, "projector(points)")
+        require_shape(array, "projector(points)", images.shape, ", as the points")
+        nearest = as_points(array, "projector(points)", minimum=1)
+        few = isinstance(self._projector, NearestSamples)  # one sample may be the nearest to all
+        if not few and _all_equal(nearest) and not _all_equal(images):
+            raise InvalidInputError(
+                f"projector(points) is the same ellipsoid for all {len(images)} points; it must be the nearest to each"
+            )
+        return nearest, ways
 
 
-def fitted(
-    samples: Samples, more: Samples | None, ridge: float, rounds: int, turn: bool
-) -> tuple[LengthsMap, list[float]]:
-    """Fit the field in rounds; return it and the mean distance to the nearest ellipsoids, before and after each."""
-    field, history = samples.plain, list[float]()
-    for number in range(rounds):
-        images, nearest, ways = samples.asked(field)
+def _all_equal(points: Array) -> bool:
+    return bool(np.abs(points - points[0]).max() <= 1e-12 * np.abs(points[0]).max())
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """Kernel values of a field that do not change during the fit."""
+
+    near: Array  # (n, m): at the samples
+    among: Array  # (m, m): between the centers
+
+
+def fitted(base: LengthsMap, samples: Samples, ridge: float, rounds: int) -> tuple[LengthsMap, list[float]]:
+    """Fit a field with centers in rounds; return it and the mean distance to the feasible set before and after each."""
+    field, history = base, list[float]()
+    kernels = Kernels(field.kernel(samples.x), field.kernel(field.centers))
+    for number in range(rounds + 1):
+        images = field.apply(samples.points)
+        nearest, ways = samples.projected(images)
         history.append(float(np.mean(distance_unchecked(images, nearest))))
-        error = displacements(images, nearest, samples.vectors)
-        field = replace(field, lengths=_lengths(field, samples, error, None if number == 0 else ways, ridge))
-    turning = [samples] if more is None else [samples, more.beside(samples)]
-    for number in range(TURN_ROUNDS if turn else 0):
-        pulls = [_turning(some, *some.asked(field, alone=number > 0)) for some in turning]
-        far, error, weights, costs = (np.concatenate(each) for each in zip(*pulls, strict=True))
-        history.append(float(far[: len(samples.x)].mean()))
-        if number == 0:
-            ridge *= (TURN_GAPS[1] / np.clip(far.mean(), *TURN_GAPS)) ** 4
-        x = np.concatenate([some.x for some in turning])
-        field = replace(field, turns=_turns(field, x, error, weights, costs, ridge))
-    images, nearest, _ = samples.asked(field, alone=turn)
-    history.append(float(np.mean(distance_unchecked(images, nearest))))
+        if number < rounds:
+            error = displacements(images, nearest, samples.vectors)
+            lengths = _lengths(field.lengths, samples, kernels, error, None if number == 0 else ways, ridge)
+            field = replace(field, lengths=lengths)
     return field, history
 
 
 def displacements(images: Array, nearest: Array, vectors: Array) -> Array:
     """Vᵀ log(A^-½ M A^-½) V, shape (n, d, d), of images A, the nearest M and axes V."""
-    return congruence(np.swapaxes(vectors, -1, -2), logarithm(congruence(apply(images, _inverse_root), nearest)))
+    whitening = apply(images, lambda values: 1.0 / np.sqrt(values))
+    return congruence(np.swapaxes(vectors, -1, -2), logarithm(congruence(whitening, nearest)))
 
 
-def _inverse_root(values: Array) -> Array:
-    return np.asarray(1.0 / np.sqrt(values))
-
-
-def _lengths(field: LengthsMap, samples: Samples, error: Array, ways: Array | None, ridge: float) -> Array:
-    """Coefficients (m, 3) that move the lengths where the nearest ellipsoids are, by weighted ridge regression."""
+def _lengths(
+    lengths: Array, samples: Samples, kernels: Kernels, error: Array, ways: Array | None, ridge: float
+) -> Array:
+    """Coefficients (m, 3) that rescale toward the nearest ellipsoids, by weighted ridge regression; (39) and (40)."""
     n, d = samples.values.shape
-    t, m = powers(samples.values), samples.near.shape[1]
-    done = axiswise(samples.near @ field.lengths, t)
+    near, t = kernels.near, powers(samples.values)
+    m, rank = near.shape[1], t.shape[2]
     vector = to_vector(error)
-    wanted = done + vector[:, :d]
+    wanted = axiswise(near @ lengths, t) + vector[:, :d]
     if ways is None:
         weights, pull = np.broadcast_to(np.eye(d), (n, d, d)), wanted
     else:
         moves = np.swapaxes(to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], ways)), 1, 2)
-        beside = _beside(moves)
-        weights = beside[:, :d, :d] + LEAST * np.eye(d)
-        pull = (weights @ wanted[..., None])[..., 0] + (beside[:, :d, d:] @ vector[:, d:, None])[..., 0]
-    rank = t.shape[2]
+        residual = _unreachable(moves)
+        weights = residual[:, :d, :d] + 0.1 * np.eye(d)  # α, the cost of an error that motion of the joints removes
+        pull = (weights @ wanted[..., None])[..., 0] + (residual[:, :d, d:] @ vector[:, d:, None])[..., 0]
     mixed = np.swapaxes(t, 1, 2) @ weights @ t  # (n, 3, 3)
     normal = np.empty((rank, m, rank, m))
     for r in range(rank):
         for s in range(r, rank):
-            normal[r, :, s] = samples.near.T @ (mixed[:, r, s, None] * samples.near)
+            normal[r, :, s] = near.T @ (mixed[:, r, s, None] * near)
             normal[s, :, r] = normal[r, :, s]
-        normal[r, :, r] += ridge * n * (samples.among + NEVER_SINGULAR * np.eye(m))
-    right = np.einsum("nir,ni->rn", t, pull) @ samples.near
+        normal[r, :, r] += ridge * n * (kernels.among + 1e-8 * np.eye(m))
+    right = np.einsum("nir,ni->rn", t, pull) @ near
     found = cho_solve(cho_factor(normal.reshape(rank * m, rank * m)), right.ravel())
     return np.ascontiguousarray(found.reshape(rank, m).T)
 
 
-def _beside(moves: Array) -> Array:
-    """N = I − J (JᵀJ + γ I)⁻¹ Jᵀ, shape (n, D, D), of what joints change, J (n, D, k): what they cannot reach."""
-    inner = np.swapaxes(moves, 1, 2) @ moves + SOFT * np.eye(moves.shape[2])
+def _unreachable(moves: Array, gamma: float = 0.05) -> Array:
+    """N = I − J (JᵀJ + γ I)⁻¹ Jᵀ, shape (n, D, D), of the changes along the joints J (n, D, k): the rest."""
+    inner = np.swapaxes(moves, 1, 2) @ moves + gamma * np.eye(moves.shape[2])
     return np.asarray(np.eye(moves.shape[1]) - moves @ np.linalg.solve(inner, np.swapaxes(moves, 1, 2)))
-
-
-def _turning(samples: Samples, images: Array, nearest: Array, ways: Array | None) -> tuple[Array, Array, Array, Array]:
-    """How far images are from the nearest ellipsoids (n,), what is missing there (n, D), and with ways W = N + α I."""
-    error = to_vector(apply(nearest, np.log) - apply(images, np.log))
-    size, d = error.shape[1], samples.values.shape[1]
-    weights = np.broadcast_to(np.eye(size), (len(error), size, size))
-    if ways is not None:
-        weights = _beside(np.swapaxes(to_vector(ways), 1, 2)) + TURN_LEAST * np.eye(size)
-    entries = d + np.flatnonzero(np.triu_indices(d, 1)[1] == d - 1)  # of vec, beside the longest axis
-    off = to_vector(congruence(np.swapaxes(samples.vectors, -1, -2)[:, None], mandel_basis(d)))[:, :, entries]
-    return distance_unchecked(images, nearest), error, weights, TURNING * off @ np.swapaxes(off, 1, 2)
-
-
-def _turns(field: LengthsMap, x: Array, error: Array, weights: Array, costs: Array, ridge: float) -> Array:
-    """Coefficients (m', D) of the field that turns: Σ (u − e)ᵀ W (u − e) + β uᵀ P u is least."""
-    m, size = ceil(TURN_SHARE * len(field.centers)), x.shape[1]
-    turns = field.turns if len(field.turns) else np.zeros((m, size))
-    near, among = (replace(field, turns=turns).turning_kernel(each) for each in (x, field.centers[:m]))
-    normal, both = np.empty((size, m, size, m)), weights + costs
-    for r in range(size):
-        for s in range(r, size):
-            normal[r, :, s] = near.T @ (both[:, r, s, None] * near)
-            normal[s, :, r] = normal[r, :, s]
-        normal[r, :, r] += ridge * len(near) * (among + NEVER_SINGULAR * np.eye(m))
-    right = (weights @ (near @ turns + error)[..., None])[..., 0].T @ near
-    found = cho_solve(cho_factor(normal.reshape(size * m, size * m)), right.ravel())
-    return np.ascontiguousarray(found.reshape(size, m).T)
 
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:

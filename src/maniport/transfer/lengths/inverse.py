@@ -1,4 +1,4 @@
-"""The inverse of the map that changes lengths, where it has one: Newton's method, and searches for a second origin."""
+"""The inverse of the map that rescales eigenvalues, where it has one: Newton's method from several starts."""
 
 from dataclasses import dataclass
 
@@ -10,67 +10,47 @@ from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.transfer.lengths.field import LengthsMap, least_singular
 from maniport.validation import Array
 
-NEWTON_STEPS, HALVINGS, EXACT, FOUND = 40, 12, 1e-13, 1e-10
-"""Most steps of the inverse, and halvings of one; errors, relative to 1 + |x|, up to which it goes on and counts."""
-FOLDED, MOST_FOLDED = 0.02, 0.02
-"""Smallest singular value of the map's derivative below which no inverse is told, and the share of the centers where it
-may be as small; above, whole regions have several origins, and no search is sure to come upon a second one."""
-NEARLY, SCATTERED, STARTS, APART = 0.15, 1200, 24, 1e-6
-"""The inverse is searched for again from where the singular value is below the first: from the centers and so many
-points scattered around them, of these from those with the nearest images. A search ends elsewhere when it is as far
-apart as the last, relative to 1 + |x|."""
-AT_ONCE = 64
-"""Images whose searches go together."""
+FOLDED = 0.02
+MOST_FOLDED = 0.02
+"""Smallest singular value of the derivative below which no inverse is returned, and the share of the centers where it
+may be as small; above, whole regions have several origins, and a search may miss a second one."""
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """Finds where images come from.
-
-    A map that is the base far away has one origin for every image unless it turns left into right somewhere, and then
-    one of the origins lies there. From such places it is searched for anew: where a search ends elsewhere, the image
-    has several origins. That none does is evidence, no proof, that there is one only.
-
-    Attributes
-    ----------
-    field : LengthsMap
-    folded : float
-        Share of the centers where the map folds, or nearly so.
-    starts, images : ndarray, shape (k, D)
-        Vectors where it nearly folds, and vec log f there.
-    """
+    """Finds the origins of images."""
 
     field: LengthsMap
-    folded: float
-    starts: Array
-    images: Array
+    folded: float  # share of the centers where the map folds, or nearly so
+    starts: Array  # (k, D): vectors where it nearly folds
+    images: Array  # (k, D): vec log f there
 
     @classmethod
-    def of(cls, field: LengthsMap) -> "Inverse":
-        """Prepare the inverse of a map with centers."""
+    def of(cls, field: LengthsMap, scattered: int = 1200, nearly: float = 0.15) -> "Inverse":
+        """Prepare the inverse; starts are centers and `scattered` others with a singular value below `nearly`."""
         centers = field.centers
-        often = -(-SCATTERED // len(centers))
+        often = -(-scattered // len(centers))
         around = field.width * np.random.default_rng(0).standard_normal((often, *centers.shape))
         places = np.concatenate([centers, (centers + around).reshape(-1, centers.shape[1])])
         values, vectors = eigh(from_vector(places))
         singular = least_singular(field.slopes(values, vectors))
-        near = singular < NEARLY
+        near = singular < nearly
         images = to_vector(field.logarithms(values[near], vectors[near]))
         return cls(field, float(np.mean(singular[: len(centers)] < FOLDED)), places[near], images)
 
     def __call__(self, points: Array) -> Array:
         """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds."""
-        blocks = [self._inverted(points[first : first + AT_ONCE]) for first in range(0, len(points), AT_ONCE)]
+        blocks = [self._inverted(points[first : first + 64]) for first in range(0, len(points), 64)]
         return np.concatenate([points[:0], *blocks])
 
-    def _inverted(self, points: Array) -> Array:
+    def _inverted(self, points: Array, starts: int = 24, same: float = 1e-6) -> Array:
         field = self.field
         wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
         x = self._newton(wanted, wanted)
-        order = np.argsort(cdist(wanted, self.images), axis=1)[:, :STARTS]
+        order = np.argsort(cdist(wanted, self.images), axis=1)[:, :starts]
         rows = np.repeat(np.arange(len(x)), order.shape[1])
         other = self._newton(wanted[rows], self.starts[order.ravel()])
-        apart = np.linalg.norm(other - x[rows], axis=1) > APART * (1.0 + np.linalg.norm(other, axis=1))
+        apart = np.linalg.norm(other - x[rows], axis=1) > same * (1.0 + np.linalg.norm(other, axis=1))
         x[rows[apart]] = np.nan
         found = np.flatnonzero(np.isfinite(x[:, 0]))
         values, vectors = eigh(from_vector(x[found]))
@@ -79,16 +59,16 @@ class Inverse:
         back[found[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
         return back
 
-    def _newton(self, wanted: Array, start: Array) -> Array:
+    def _newton(self, wanted: Array, start: Array, steps: int = 40, halvings: int = 12) -> Array:
         """Solve for the vec L (n, D) whose image is `wanted`, with steps halved until it is nearer; else nan."""
         x, scale = start.copy(), 1.0 + np.linalg.norm(wanted, axis=1)
         off, rows = self._off(x, wanted), np.arange(len(x))
-        for _ in range(NEWTON_STEPS):
-            rows = rows[np.linalg.norm(off[rows], axis=1) > EXACT * scale[rows]]
+        for _ in range(steps):
+            rows = rows[np.linalg.norm(off[rows], axis=1) > 1e-13 * scale[rows]]
             if not len(rows):
                 break
             step, share, pending = self._step(x[rows], off[rows]), 1.0, np.arange(len(rows))
-            for _ in range(HALVINGS):
+            for _ in range(halvings):
                 here = rows[pending]
                 trial = x[here] + share * step[pending]
                 left = self._off(trial, wanted[here])
@@ -98,7 +78,7 @@ class Inverse:
                 if not len(pending):
                     break
             rows = np.delete(rows, pending)  # no step leads nearer
-        x[np.linalg.norm(off, axis=1) > FOUND * scale] = np.nan
+        x[np.linalg.norm(off, axis=1) > 1e-10 * scale] = np.nan
         return x
 
     def _off(self, x: Array, wanted: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The compiled length field: its values for many ellipsoids, and the whole map for one in a control loop."""
+"""The compiled length field: the map of one ellipsoid, for control loops, and of many."""
 
 import numpy as np
 
@@ -8,38 +8,22 @@ from maniport.spd.kernels.loops import diagonalize_one
 from maniport.spd.kernels.single import admit, compose, congruence
 from maniport.validation import SPD_TOLERANCE
 
-ROOT2 = 2.0**0.5
 ROUNDED = 0.1 * SPD_TOLERANCE
 """Share of the trace up to which an eigenvalue may be a zero that was rounded up."""
 
 
 @kernel
-def fill_fields(x, parts, soft, centers, coefficients, inverse_square, fields):  # type: ignore[no-untyped-def]
-    """Fill fields (n, k) at vectors x (n, D), of `features` where there are harmonics; see `map_one`."""
-    count, size = x.shape
-    u, field = np.empty(size), np.empty(fields.shape[1])
-    for i in range(count):
-        for k in range(size):
-            u[k] = x[i, k]
-        for k in range(len(field)):
-            field[k] = 0.0
-        if len(parts) > 0:
-            _turn_features(u, parts, soft)
-        _add_field(u, centers, coefficients, inverse_square, field)
-        for k in range(len(field)):
-            fields[i, k] = field[k]
+def map_one(point, mounting, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
+    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor.
 
-
-@kernel
-def map_one(point, mounting, numbers, parts, centers, lengths, pivots, turns, out):  # type: ignore[no-untyped-def]
-    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor."""
+    The terms are those of `LengthsMap.terms`; the return value is that of `maniport.transfer.control.map_one`.
+    """
     n = len(mounting)
-    size = n * (n + 1) // 2
     if point.shape != (n, n) or out.shape != (n, n):
         return 3
-    a, b, v, x = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n)
-    u, turning, field = np.empty(size), np.zeros(size), np.zeros(3)
-    failed = admit(point, a, v, x, numbers[0], numbers[1])
+    epsilon, floor, release, kappa, power, shift, level, inverse_square, soft = numbers
+    a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
+    failed = admit(point, a, v, x, epsilon, floor)
     if failed != 0:
         return failed
     congruence(mounting, a, b)
@@ -50,24 +34,15 @@ def map_one(point, mounting, numbers, parts, centers, lengths, pivots, turns, ou
     for i in range(n):
         if not a[i, i] > ROUNDED * trace:
             return 2
-        x[i] = numbers[4] * np.log(a[i, i]) + numbers[5]
+        x[i] = power * np.log(a[i, i]) + shift
     compose(x, v, a)
     _fill_mandel(a, u)
-    _add_field(u, pivots, turns, numbers[7], turning)
     if len(parts) > 0:
-        _turn_features(u, parts, numbers[8])
-    _add_field(u, centers, lengths, numbers[7], field)
+        _fill_features(u, parts, soft)
+    first, second, third = _field(u, centers, lengths, inverse_square)
     for i in range(n):
         t = np.tanh(0.5 * x[i])
-        x[i] += field[0] + t * (field[1] + t * field[2])
-    if len(turns) > 0:
-        compose(x, v, a)
-        _add_mandel(a, turning)
-        diagonalize_one(a, v)
-        for i in range(n):
-            x[i] = a[i, i]
-    for i in range(n):
-        x[i] = _released(np.exp(x[i] + numbers[6]), numbers[2], numbers[3])
+        x[i] = _released(np.exp(x[i] + first + t * (second + t * third) + level), release, kappa)
         if not MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE:
             return 2
     compose(x, v, a)
@@ -77,10 +52,20 @@ def map_one(point, mounting, numbers, parts, centers, lengths, pivots, turns, ou
     return 0
 
 
+@kernel
+def map_many(points, mounting, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
+    """Fill `out`, shape (n, d, d), with the maps of many; return 0, or the reason why one has none."""
+    for i in range(len(points)):
+        failed = map_one(points[i], mounting, numbers, parts, centers, lengths, out[i])
+        if failed != 0:
+            return failed
+    return 0
+
+
 @part
-def _add_field(u, centers, coefficients, inverse_square, field):  # type: ignore[no-untyped-def]
-    """Add the sum of kernel values at u times coefficients (m, k) to the field (k,)."""
-    square = 0.0
+def _field(u, centers, lengths, inverse_square):  # type: ignore[no-untyped-def]
+    """Sum of kernel values at u times coefficients (m, 3)."""
+    first, second, third, square = 0.0, 0.0, 0.0, 0.0
     for k in range(len(u)):
         square += u[k] * u[k]
     for j in range(len(centers)):
@@ -88,33 +73,24 @@ def _add_field(u, centers, coefficients, inverse_square, field):  # type: ignore
         for k in range(len(u)):
             exponent += centers[j, k] * u[k]
         near = np.exp(exponent)
-        for k in range(len(field)):
-            field[k] += coefficients[j, k] * near
+        first += lengths[j, 0] * near
+        second += lengths[j, 1] * near
+        third += lengths[j, 2] * near
+    return first, second, third
 
 
 @part
 def _fill_mandel(a, u):  # type: ignore[no-untyped-def]
-    row = len(a)
+    row, root2 = len(a), np.sqrt(2.0)
     for i in range(len(a)):
         u[i] = a[i, i]
         for j in range(i + 1, len(a)):
-            u[row] = ROOT2 * a[i, j]
+            u[row] = root2 * a[i, j]
             row += 1
 
 
 @part
-def _add_mandel(a, u):  # type: ignore[no-untyped-def]
-    """Add the matrix of a Mandel vector to the upper triangle of A."""
-    row = len(a)
-    for i in range(len(a)):
-        a[i, i] += u[i]
-        for j in range(i + 1, len(a)):
-            a[i, j] += u[row] / ROOT2
-            row += 1
-
-
-@part
-def _turn_features(u, parts, soft):  # type: ignore[no-untyped-def]
+def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
     """Replace u by its `features` about an axis, whose `harmonics` (6, 6) are `parts`, with δ²."""
     h = np.zeros(6)
     for i in range(6):
@@ -135,5 +111,5 @@ def _released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
     if epsilon < 0.0:
         return value
     gap = value - epsilon
-    way = np.sqrt(gap * gap + (4.0 * kappa * epsilon) * value)
-    return 0.5 * (gap + way) if gap > 0.0 else 2.0 * kappa * epsilon * value / (way - gap)
+    root = np.sqrt(gap * gap + (4.0 * kappa * epsilon) * value)
+    return 0.5 * (gap + root) if gap > 0.0 else 2.0 * kappa * epsilon * value / (root - gap)

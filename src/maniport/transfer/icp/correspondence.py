@@ -1,0 +1,194 @@
+"""Correspondences by affine-invariant distance (nearest, one to one, optimal transport), and all of them by name."""
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+
+from maniport.errors import InvalidInputError
+from maniport.optional import optimal_transport
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.spd.matrix_functions import congruence
+from maniport.spd.neighbors import NeighborIndex
+from maniport.transfer.icp.matches import Correspondence, Indices, Matches, Matching, Seeking, trimmed_count
+from maniport.transfer.icp.score import EllipsoidCorrespondence, LogEllipsoidCorrespondence
+from maniport.validation import Array, as_choice, as_number
+
+LIMIT = 2000
+"""Largest number of ellipsoids on a side that are matched as a whole: about 1 s under each rotation, growing with the
+third power."""
+
+
+@dataclass(frozen=True)
+class GeodesicCorrespondence(Seeking):
+    """Match every ellipsoid with the one at the smallest affine-invariant distance, found exactly.
+
+    All matches weigh the same. Equal matches lower the cost in every iteration: matching and rotation have one
+    objective (Besl and McKay 1992).
+
+    Parameters
+    ----------
+    direction : {"smaller", "teacher", "student", "both"}
+        The side each of whose ellipsoids gets a partner: the smaller cloud, the teacher's where both are of one size;
+        the teacher, as in the paper; the student; or both, with half of the weight each.
+    trim : float
+        Fraction, in [0, 1), of the worst matches (lowest score or largest distance) that is dropped each time.
+
+    References
+    ----------
+    Besl and McKay, A method for registration of 3-D shapes, IEEE TPAMI 14, 1992.
+    """
+
+    def one_way(self, teacher: Array, student: Array) -> Matching:
+        """Match with the nearest."""
+        return partial(self._match, teacher, NeighborIndex(student))
+
+    def _match(self, teacher: Array, student: NeighborIndex, rotation: Array) -> Matches:
+        index, distance = student.query(congruence(rotation, teacher))
+        return Matches.trimmed(np.arange(len(index)), index, np.ones(len(index)), distance, self.trim)
+
+
+@dataclass(frozen=True)
+class Assignment(Correspondence):
+    """Base of the correspondences that minimize the sum of squared distances over all matches."""
+
+    trim: float = 0.0
+    name: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        as_number(self.trim, "trim", minimum=0.0, below=1.0)
+
+    @abstractmethod
+    def assign(self, cost: Array) -> tuple[Indices, Indices, Array]:
+        """Return rows, columns and masses, shapes (k,), that minimize the sum of mass times cost (n, m)."""
+
+    def between(self, teacher: Array, student: Array) -> Matching:
+        """Match both clouds as a whole; raise where they are too large."""
+        if max(len(teacher), len(student)) > LIMIT:
+            raise InvalidInputError(
+                f"correspondence={self.name!r} matches at most {LIMIT} ellipsoids of each domain, since its time grows "
+                f"with the third power; found {len(teacher)} and {len(student)}: give smaller domains, "
+                f"search=Search(most_singular={LIMIT}), or correspondence='geodesic'"
+            )
+        return partial(self._match, teacher, student)
+
+    def _match(self, teacher: Array, student: Array, rotation: Array) -> Matches:
+        turned = congruence(rotation, teacher)
+        step = max(1, 200_000 // len(student))  # distances at a time, against memory
+        rows = [distance_unchecked(turned[i : i + step, None], student) for i in range(0, len(turned), step)]
+        first, second, mass = self.assign(np.concatenate(rows) ** 2)
+        return Matches(first, second, mass / mass.sum())
+
+
+@dataclass(frozen=True)
+class OneToOneCorrespondence(Assignment):
+    """Give every ellipsoid of the smaller cloud its own partner; the sum of squared distances is minimal.
+
+    Solved exactly by SciPy's `linear_sum_assignment` (Crouse 2016), O(n³); rectangular problems leave ellipsoids of
+    the larger cloud unmatched. All matches weigh the same.
+
+    Parameters
+    ----------
+    trim : float
+        Fraction, in [0, 1), that is dropped. It is chosen together with the matches.
+
+    References
+    ----------
+    Crouse, On implementing 2D rectangular assignment algorithms, IEEE Trans. Aerosp. Electron. Syst. 52, 2016.
+    """
+
+    name = "one-to-one"
+
+    def assign(self, cost: Array) -> tuple[Indices, Indices, Array]:
+        """Solve the linear assignment."""
+        from scipy.optimize import linear_sum_assignment  # slow to load
+
+        n, m = cost.shape
+        rows, columns = linear_sum_assignment(_with_dummies(cost, trimmed_count(min(n, m), self.trim)))
+        real = (rows < n) & (columns < m)
+        return np.asarray(rows[real], np.intp), np.asarray(columns[real], np.intp), np.ones(int(real.sum()))
+
+
+@dataclass(frozen=True)
+class TransportCorrespondence(Assignment):
+    """Transport the teacher's cloud, masses 1/n, onto the student's, masses 1/m, at the least total cost.
+
+    The cost is the squared affine-invariant distance: the 2-Wasserstein distance on the manifold. The plan of POT's
+    exact network simplex has at most n + m − 1 matches (Bonneel et al. 2011); their masses are the weights. Clouds of
+    equal size are matched one to one.
+
+    Parameters
+    ----------
+    trim : float
+        See `OneToOneCorrespondence`.
+
+    References
+    ----------
+    Bonneel, van de Panne, Paris and Heidrich, Displacement interpolation using Lagrangian mass transport,
+    ACM TOG 30, 2011.
+    """
+
+    name = "transport"
+
+    def assign(self, cost: Array) -> tuple[Indices, Indices, Array]:
+        """Solve the transport."""
+        emd = optimal_transport().emd  # slow to load
+
+        n, m = cost.shape
+        supply, demand = np.full(n, 1.0 / n), np.full(m, 1.0 / m)
+        if self.trim > 0.0:  # partial transport by dummy points (Chapel et al. 2020)
+            cost, supply, demand = _with_dummies(cost, 1), np.append(supply, self.trim), np.append(demand, self.trim)
+        plan, log = emd(supply, demand, cost, numItermax=10_000_000, log=True)
+        if log["warning"]:
+            raise InvalidInputError(
+                f"the transport of {n} onto {m} ellipsoids could not be solved ({log['warning']}); "
+                "give smaller domains or another correspondence"
+            )
+        plan = plan[:n, :m]
+        rows, columns = np.nonzero(plan > 1e-9 / max(n, m))  # smaller masses are rounding
+        return rows, columns, np.asarray(plan[rows, columns])
+
+
+def _with_dummies(cost: Array, count: int) -> Array:
+    """Add free rows and columns for the matches that are dropped; dummies are not matched with each other."""
+    n, m = cost.shape
+    padded = np.zeros((n + count, m + count))
+    padded[:n, :m] = cost
+    padded[n:, m:] = 2.0 * cost.max() + 1.0
+    return padded
+
+
+CORRESPONDENCES: dict[str, type[Correspondence]] = {
+    "ellipsoid": EllipsoidCorrespondence,
+    "log-ellipsoid": LogEllipsoidCorrespondence,
+    "geodesic": GeodesicCorrespondence,
+    "one-to-one": OneToOneCorrespondence,
+    "transport": TransportCorrespondence,
+}
+"""The correspondences by the names that `RiemannianICP` takes."""
+
+
+def correspondence_of(value: str | Correspondence) -> Correspondence:
+    """Return a correspondence: the one of that name with its defaults, or the given one."""
+    if isinstance(value, Correspondence):
+        return value
+    if isinstance(value, str):
+        return CORRESPONDENCES[as_choice(value, "correspondence", tuple(CORRESPONDENCES))]()
+    raise InvalidInputError(
+        f"correspondence must be one of {', '.join(map(repr, CORRESPONDENCES))} or a Correspondence; found {value!r}"
+    )
+
+
+__all__ = [
+    "CORRESPONDENCES",
+    "Correspondence",
+    "EllipsoidCorrespondence",
+    "GeodesicCorrespondence",
+    "LogEllipsoidCorrespondence",
+    "Matches",
+    "OneToOneCorrespondence",
+    "TransportCorrespondence",
+    "correspondence_of",
+]
