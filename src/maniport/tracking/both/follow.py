@@ -105,8 +105,7 @@ def track_arms(
         require_trackable(arm, meant)
         objective = Objective.of(arm, meant, damping, settings.position_cost, positive=True)
         objectives.append(objective.keeping(settings.keep, settings.orientation_weight))
-        own = postures[..., columns]
-        schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, own))
+        schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, postures[..., columns]))
     follower = Follower(objectives, settings, pair)
     step = Step(progress, "move both arms")
     whole = replace(schedules[0], postures=postures), replace(schedules[1], postures=None)
@@ -115,14 +114,13 @@ def track_arms(
         for one, objective in zip(whole, objectives, strict=True)
     )
     joints, held = follower.follow(np.clip(postures[0], pair.lower, pair.upper), sampled, step)
-    sides = [
+    left, right = (
         evaluated(objective, one, sampled[0].time, joints[:, columns], held, follower.velocity_limits[columns])
         for objective, one, columns in zip(objectives, schedules, pair.columns, strict=True)
-    ]
+    )
     together = {}
     for name in ("joint_positions", "control_positions", "control_velocities", "control_accelerations"):
-        together[name] = pair.joined(*(getattr(side, name) for side in sides))
-    left, right = sides
+        together[name] = pair.joined(getattr(left, name), getattr(right, name))
     result = TrackedArms(
         joint_names=pair.joint_names, joint_units=pair.joint_units, time=left.time, control_time=left.control_time,
         left=left, right=right, held=held, **together,
