@@ -7,7 +7,7 @@ import maniport as mp
 from maniport.bodies import load_arm
 from maniport.bodies.human import middle_of
 from maniport.demonstrations import Recording, fit_arms, performed, read_recording
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.errors import ManiportWarning, RecordingError
 
 SIDES = ("left", "right")
 
@@ -70,20 +70,6 @@ def test_a_recording_of_one_arm_is_refused_at_once():
     single = performed(load_arm("rhuman"), np.zeros((4, 7)), np.arange(4.0))
     with pytest.raises(RecordingError, match="shows the right one alone"):
         fit_arms(single)
-
-
-@pytest.mark.parametrize(
-    ("markers", "message"),
-    [
-        ({"elbow": ["RELB"]}, r"markers of both arms must be those of each.*found \['elbow'\]"),
-        ("RELB", "markers of both arms must be those of each"),
-        ({"left": ["LELB"]}, "markers must map roles to names"),
-    ],
-)
-def test_markers_are_those_of_each_arm(markers, message):
-    """Points are named for each arm; another form is refused, and said."""
-    with pytest.raises(InvalidInputError, match=message):
-        fit_arms(read_recording("both-arms"), markers=markers)
 
 
 @pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
