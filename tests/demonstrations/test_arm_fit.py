@@ -153,9 +153,13 @@ def test_freeform_is_followed_closely(freeform):
     assert freeform.at_limit[3] > 0.3
 
 
-@pytest.mark.parametrize("person", bodies.PERSONS)
-@pytest.mark.parametrize(("pair", "segment", "joint"), [(("ROWR", "RIWR"), "forearm", "wrist"),
-                                                        (("RIEL", "RELB"), "upper arm", "elbow")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("person", "pair", "segment", "joint"),
+    [
+        ("myoarm", ("ROWR", "RIWR"), "forearm", "wrist"),
+        ("rhuman", ("RIEL", "RELB"), "upper arm", "elbow"),
+    ],
+)
 def test_exchanged_markers_are_told(person, pair, segment, joint):
     """Wrist or elbow points under each other's names turn the segment by far: a warning names them, and the cure."""
     recording = read_recording("freeform")

@@ -70,14 +70,3 @@ def test_a_recording_of_one_arm_is_refused_at_once():
     single = performed(load_arm("rhuman"), np.zeros((4, 7)), np.arange(4.0))
     with pytest.raises(RecordingError, match="shows the right one alone"):
         fit_arms(single)
-
-
-@pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
-def test_own_markers_serve_one_arm_and_the_trunk_both():
-    """What is said of one arm leaves the other as it is; the trunk of the right one is that of both."""
-    recording = read_recording("both-arms").crop(5.1, 5.6)
-    line = (["RFSH", "RBSH"], ["LFSH", "LBSH"])
-    fits = fit_arms(recording, markers={"left": {"elbow": "LELB"}, "right": {"trunk_left": line}})
-    assert (fits.left.roles["elbow"], fits.right.roles["elbow"]) == (("LELB",), ("RELB", "RIEL"))
-    assert "trunk_front" not in fits.left.roles | fits.right.roles
-    assert fits.left.roles["trunk_left"] == fits.right.roles["trunk_left"]

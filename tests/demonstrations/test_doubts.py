@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion
-from maniport.demonstrations import Recording, fit_arm, read_recording
+from maniport.demonstrations import Recording, read_recording
 from maniport.demonstrations.roles import assign_roles
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.errors import InvalidInputError, RecordingError
 
 
 @pytest.fixture(scope="module")
@@ -75,15 +75,6 @@ def test_points_on_the_other_side_are_refused_whatever_their_names(skeleton, wro
     change = {"arm": left, "elbow": {"elbow": left["elbow"]}, "trunk": {"trunk_left": right["trunk_left"][::-1]}}
     with pytest.raises(RecordingError, match=r"of the right arm: .* to the left of"):
         assign_roles(recording, right | change[wrong])
-
-
-def test_left_handed_axes_show_in_elbows_that_bend_backward():
-    """Names tell the sides of a skeleton; that its axes are a mirror image shows in what the arm would have to do."""
-    ladder = read_recording("ladder").crop(11, 12)
-    with pytest.warns(
-        ManiportWarning, match="elbow_flexion would go beyond its limit of 0°.*change the sign of one axis"
-    ):
-        fit_arm(replace(ladder, positions=ladder.positions * np.array([-1.0, 1.0, 1.0])))
 
 
 def test_of_several_bodies_one_is_taken(tmp_path, made):

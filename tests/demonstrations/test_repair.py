@@ -104,15 +104,3 @@ def test_jitter_is_smoothed_as_far_as_the_data_say(swinging):
     np.testing.assert_array_equal(clean.point("elbow"), swinging.point("elbow"))
     assert "wrist jitter by" in clean.doubts[0]
     assert "smooth='off' leaves them as they are" in clean.doubts[0]
-
-
-def test_smoothing_may_be_asked_for_and_forbidden(swinging):
-    """A cutoff smooths every point alike; an infinite one none, and jitter is told nevertheless."""
-    shaken = replace(swinging, positions=swinging.positions + np.random.default_rng(2).normal(0, 0.01, (300, 12, 3)))
-    off = smoothed(shaken, np.inf)
-    np.testing.assert_array_equal(off.positions, shaken.positions)
-    assert "smooth='auto' smooths them" in off.doubts[0]
-    asked = smoothed(swinging, 2.0)
-    assert not asked.doubts
-    assert "motion is followed up to 2 Hz, as asked for" in asked.notes[-1]
-    assert 0 < np.abs(asked.positions - swinging.positions).max() < 0.01

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from sklearn.base import clone
 from sklearn.mixture import GaussianMixture
 
 from maniport import spd
-from maniport.errors import ConvergenceWarning
 from maniport.profiles import ProfileGMM
 
 
@@ -97,10 +95,3 @@ def test_bic_finds_the_number_of_separate_components(count, scatter):
     assert model.n_components_ == count
     assert model.bic_curve_.argmin() == count - 1
     assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)
-
-
-def test_too_few_steps_warn(taught):
-    """EM that ends before its stopping rule is met says so."""
-    time, _, demos, model = taught
-    with pytest.warns(ConvergenceWarning, match="6 components stopped after 2 steps"):
-        clone(model).set_params(max_iter=2).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))

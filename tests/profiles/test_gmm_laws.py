@@ -81,15 +81,6 @@ def test_saved_model_is_the_same(model, tmp_path):
     assert_array_equal(loaded.history_, model.history_)
 
 
-def test_failed_fit_leaves_the_model(demos):
-    """A fit that fails leaves the model as it was."""
-    model = ProfileGMM(2, random_state=0).fit(*demos)
-    before = model.means_
-    with pytest.raises(InvalidInputError):
-        model.fit(demos[0][:5], demos[1][:5])
-    assert model.means_ is before
-
-
 EYES = np.broadcast_to(np.eye(3), (40, 3, 3)) * (1 + TIME[:, None, None])
 BAD = {
     "nan": (lambda: ProfileGMM(1).fit(TIME, np.where(TIME[:, None, None] > 0.5, np.nan, EYES)), "ellipsoids must be f"),
