@@ -31,12 +31,12 @@ def planar_error(n, seed, search=DEFAULTS):
 
 @pytest.fixture(scope="module")
 def panda_draws():
-    """Two pairs of independent draws of the Panda's domain."""
+    """A pair of independent draws of the Panda's domain."""
     panda = mp.load_arm("panda")
-    return [[mp.sample_domain(panda, 2048, 10 * seed + i) for i in (0, 1)] for seed in range(2)]
+    return [[mp.sample_domain(panda, 4096, 10 * seed + i) for i in (0, 1)] for seed in range(1)]
 
 
-@pytest.mark.parametrize(("n", "wanted", "draws"), [(256, 0.1, 5), (1024, 0.01, 3)])
+@pytest.mark.parametrize(("n", "wanted", "draws"), [(256, 0.1, 5), (1024, 0.01, 5)])
 def test_planar_pair_with_known_mounting(n, wanted, draws):
     """Independent samples of the planar pair: the median error over some draws stays below what is promised."""
     errors, adapters = zip(*(planar_error(n, seed) for seed in range(draws)), strict=True)
@@ -45,7 +45,7 @@ def test_planar_pair_with_known_mounting(n, wanted, draws):
 
 
 def test_identity_test_of_the_panda(panda_draws):
-    """Panda to Panda, two draws: the defaults change an ellipsoid by at most 0.15 where nothing should change."""
+    """Panda to Panda: the defaults change an ellipsoid by at most 0.15 where nothing should change."""
     for first, second in panda_draws:
         for frame in (None, np.eye(3)):
             adapter = mp.RiemannianICP(damping=0.01, mounting=frame, n_resamples=0, random_state=0).fit(first, second)
