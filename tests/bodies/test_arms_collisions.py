@@ -8,7 +8,6 @@ import pytest
 
 import maniport as mp
 from maniport.bodies.chain import Frame, Joint, Shape, pose
-from maniport.bodies.collisions import free_postures
 from maniport.bodies.looks.meshes import box
 from maniport.errors import InvalidInputError
 
@@ -105,18 +104,3 @@ def test_bases_that_stand_in_one_another_are_refused():
     arms = mp.load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
     with pytest.raises(InvalidInputError, match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'"):
         mp.Collisions.of(arms)
-
-
-def test_a_pair_without_surfaces_is_not_known():
-    """Where one arm's shape is unknown nothing is said of the pair."""
-    arms = mp.Arms(*(replace_shapes(limb(side)) for side in ("left", "right")))
-    collisions = mp.Collisions.of(arms)
-    assert not collisions.known
-    assert "known by its joints alone" in collisions.why
-    with pytest.raises(InvalidInputError, match="collisions belong to 'crane'"):
-        free_postures(mp.load_arm("panda"), 4, 0, "sobol", collisions)
-
-
-def replace_shapes(arm):
-    """The same arm, of which no surface is known."""
-    return mp.Arm(replace(arm.chain, shapes=None))

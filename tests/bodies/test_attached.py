@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from maniport import bodies
-from maniport.bodies.attached import Attached, axis_of
 
 
 def sliding():
@@ -22,15 +21,3 @@ def test_points_agree_with_pinocchio(arm):
             own = [arm.joint_names.index(joint) for joint in part.joint_names]
             np.testing.assert_allclose(values[:, k], part.forward(q[:, own])[:, :3, 3], atol=1e-13)
             np.testing.assert_allclose(slopes[:, k][..., own], part.jacobian(q[:, own])[:, :3], atol=1e-13)
-
-
-@pytest.mark.parametrize("arm", [bodies.myoarm(), bodies.rhuman()], ids=lambda arm: arm.name)
-@pytest.mark.parametrize(("joint", "above"), [(3, 3), (6, 5), (6, 6)])
-def test_axes_stand_as_if_the_joints_before_them_were_at_zero(arm, joint, above):
-    """The axis of a joint is that of the same posture with the coordinates between at zero, to 1e-13."""
-    q = arm.sample(20, random_state=1)
-    still = q.copy()
-    still[:, above:joint] = 0.0
-    values, slopes = Attached(arm.chain, [], [axis_of(arm.chain, joint, above)])(q)
-    np.testing.assert_allclose(values[:, 0], arm.axis_direction(still, arm.joint_names[joint]), atol=1e-13)
-    assert not slopes[..., above:].any()

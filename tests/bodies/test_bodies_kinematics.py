@@ -1,7 +1,5 @@
 """Laws of forward kinematics and Jacobians, on every kind of arm."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
@@ -36,15 +34,6 @@ def test_angular_jacobian_is_the_derivative_of_orientation(arm):
     spin = np.einsum("nijk,nlj->nilk", change, arm.forward(q)[:, :3, :3])
     omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
     np.testing.assert_allclose(arm.jacobian(q)[:, 3:], omega, atol=1e-8)
-
-
-def test_threads_may_share_an_arm(arm):
-    """Several threads at work on one arm get what one thread gets."""
-    batches = [arm.sample(300, random_state=seed) for seed in range(4)]
-    with ThreadPoolExecutor(4) as pool:
-        shared = list(pool.map(lambda q: arm.point_jacobians(q, arm.frames), batches))
-    for q, jacobians in zip(batches, shared, strict=True):
-        np.testing.assert_array_equal(jacobians, arm.point_jacobians(q, arm.frames))
 
 
 def test_modified_dh_table_gives_the_panda():

@@ -1,15 +1,11 @@
 """Meshes: simple solids, welding, reducing."""
 
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maniport.bodies.chain import read_shapes
 from maniport.bodies.looks.meshes import box, capsule, cylinder, ellipsoid, reduced
-from maniport.errors import FileFormatError
 
 
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:
@@ -61,21 +57,3 @@ def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
         assert np.all(new_points >= points.min(axis=0) - 1e-6)
         assert np.all(new_points <= points.max(axis=0) + 1e-6)
         np.testing.assert_array_equal(np.unique(new_triangles), np.arange(len(new_points)))
-
-
-def test_meshes_are_reduced_without_the_package_too(monkeypatch):
-    """Where fast-simplification is not installed, welding alone leaves at most as many triangles, near the shape."""
-    monkeypatch.setitem(sys.modules, "fast_simplification", None)
-    points, triangles = reduced(ellipsoid((1.0, 1.0, 1.0)), 300)
-    assert 150 < len(triangles) <= 300
-    np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1.0, atol=0.01)
-
-
-@pytest.mark.parametrize("content", [b"", b"no zip at all", b"PK\x03\x04 cut off", None])
-def test_broken_shape_data_are_refused(tmp_path, content):
-    """An empty, foreign, cut off or missing file is named in the error."""
-    path = tmp_path / "shapes.npz"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(FileFormatError, match=r"shapes\.npz"):
-        read_shapes(path, ["upper"])

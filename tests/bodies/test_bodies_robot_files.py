@@ -89,17 +89,13 @@ def test_two_arms_are_ambiguous(write):
 
 
 def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
-    """A name from robot_descriptions is looked up in that package when it is installed, which expands xacro files."""
+    """A name from robot_descriptions is looked up in that package when it is installed."""
     package = urdf.parent / "robot_descriptions"
     package.mkdir()
     (package / "__init__.py").write_text("")
     (package / "_descriptions.py").write_text("DESCRIPTIONS = {'crane_description': 0, 'ladder_description': 0}\n")
     (package / "crane_description.py").write_text(f"URDF_PATH = {str(urdf)!r}\n")
     (package / "offline_description.py").write_text("raise OSError('no network')\n")
-    (package / "lift_description.py").write_text(f"XACRO_PATH = 'lift.xacro'\nXACRO_ARGS = {{'n': {str(urdf)!r}}}\n")
-    (package / "stuck_description.py").write_text("XACRO_PATH = 'lift.xacro'\nXACRO_ARGS = {}\n")
-    expand = "def get_urdf_path(module):\n    if not module.XACRO_ARGS: raise ValueError('no n')\n"
-    (package / "_xacro.py").write_text(f"{expand}    return module.XACRO_ARGS['n']\n")
     monkeypatch.syspath_prepend(str(urdf.parent))
     for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
         monkeypatch.delitem(sys.modules, name)  # the real package, where it is installed and was used before
@@ -110,10 +106,6 @@ def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
             load_arm("cran_description")
         with pytest.raises(UnknownNameError, match=r"'offline_description' could not be fetched.*no network"):
             load_arm("offline_description")
-        pytest.importorskip("xacrodoc")
-        assert load_arm("robot_descriptions/lift_description").joint_names == load_arm(urdf).joint_names
-        with pytest.raises(FileFormatError, match=r"'stuck_description': robot_desc.* cannot expand its xacro.*no n"):
-            load_arm("stuck_description")
     finally:
         for name in set(sys.modules) - before:
             if name.startswith("robot_descriptions"):

@@ -15,8 +15,8 @@ from real_robots import NEEDS_ROBOTS
 
 NIGHTLY = bool(os.environ.get("MANIPORT_NIGHTLY"))
 ROBOTS = PACKAGES["example-robot-data"]
-NAMES = ("panda", *ROBOTS.names) if NIGHTLY else ("panda", "ur5", "g1_left_arm")
-COUNT = 5000 if NIGHTLY else 400
+NAMES = ("panda", *ROBOTS.names) if NIGHTLY else ("panda", "ur5")
+COUNT = 5000 if NIGHTLY else 100
 
 
 def file_of(name):

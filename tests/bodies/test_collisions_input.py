@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maniport.bodies import load_arm
-from maniport.bodies.collisions import Box, Collisions, as_collisions, read_boxes
+from maniport.bodies.collisions import Box, Collisions, read_boxes
 from maniport.errors import FileFormatError, InvalidInputError
 
 
@@ -116,15 +116,3 @@ def test_faulty_srdfs(panda, tmp_path, text, error, message):
         Collisions.of(panda, srdf=path)
     with pytest.raises(FileFormatError, match="no such file"):
         Collisions.of(panda, srdf=tmp_path / "none.srdf")
-
-
-def test_collisions_belong_to_an_arm(panda):
-    """True makes an arm's own; those of another arm, and other things, are refused."""
-    assert as_collisions(None, panda) is as_collisions(False, panda) is None
-    own = as_collisions(True, panda)
-    assert own.pairs == Collisions.of(panda).pairs
-    assert as_collisions(own, panda) is own
-    with pytest.raises(InvalidInputError, match="collisions belong to 'panda' with joints panda_joint1"):
-        as_collisions(own, load_arm("myoarm"))
-    with pytest.raises(InvalidInputError, match="must be a Collisions object, True, False or None; found str"):
-        as_collisions("yes", panda)

@@ -6,7 +6,6 @@ from robot_packages import model_of
 
 import maniport as mp
 from maniport.bodies.readers.packages import PACKAGES
-from maniport.errors import InvalidInputError, NotSPDError
 from real_robots import HERE, MISSING
 
 KINDS = ("relative", "absolute")
@@ -92,16 +91,3 @@ def test_jacobians_of_a_humanoid_are_those_of_mujoco(talos):
         np.testing.assert_allclose(talos.jacobian(q), tips, atol=1e-9)
         np.testing.assert_allclose(talos.relative.jacobian(q), tips[1] - tips[0], atol=1e-9)
         np.testing.assert_allclose(talos.absolute.jacobian(q), (tips[0] + tips[1]) / 2, atol=1e-9)
-
-
-def test_wrong_requests_are_told(pandas):
-    """Singular force ellipsoids and wrong shapes are named as those of an arm are."""
-    planar = mp.Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
-    other = mp.Arm.from_dh("other", [[0, 0, 2, 0], [0, 0, 1, 0]], joint_names=["a", "b"], base=np.eye(4))
-    flat = mp.Arms(planar, other)
-    with pytest.raises(NotSPDError, match="singular"):
-        flat.manipulability(np.zeros(flat.dof), "force", of="relative")
-    with pytest.raises(InvalidInputError, match=r"q must have shape \(..., 14\)"):
-        pandas.relative.forward(np.zeros(7))
-    with pytest.raises(InvalidInputError, match="joint_weights"):
-        pandas.manipulability(np.zeros(14), joint_weights=np.ones(7), of="relative")

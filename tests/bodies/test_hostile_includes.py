@@ -26,15 +26,6 @@ def test_bodies_in_bodies_count_over_all_files(tmp_path):
         load_arm(tmp_path / "a.xml")
 
 
-def test_elements_count_over_all_files(tmp_path, monkeypatch):
-    """Each file may have as many as one may; no further one is opened once all of them have more."""
-    monkeypatch.setattr("maniport.bodies.readers.mjcf_tree.TAGS", 100)
-    parts = "".join(part(tmp_path, f"{k}.xml", "<geom/>" * 60) for k in range(2)) + '<include file="no.xml"/>'
-    (tmp_path / "a.xml").write_text(ROBOT.format(parts))
-    with pytest.raises(FileFormatError, match=r"has 129 elements with those of the files.*at most 100 are read"):
-        load_arm(tmp_path / "a.xml")
-
-
 XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><link name="base"/>{}</robot>'
 DOUBLING = "".join(
     f'<xacro:macro name="m{k}" params=""><xacro:m{k + 1}/><xacro:m{k + 1}/></xacro:macro>' for k in range(40)

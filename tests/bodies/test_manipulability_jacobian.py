@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.bodies import Arm, EllipsoidSpec, load_arm
-from maniport.errors import InvalidInputError
 
 STEP = 1e-5
 
@@ -60,20 +59,3 @@ def test_force_derivative_is_that_of_finite_differences(arm, part, weighted):
     assert regular.sum() > 5
     scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True)
     assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"q": np.zeros(6)}, r"q must have shape \(..., 7\)"),
-        ({"q": np.full(7, np.nan)}, "q must be finite"),
-        (
-            {"spec": EllipsoidSpec(joint_weights=[1.0, 2.0])},
-            r"joint_weights must be 7 numbers above 0; found shape \(2,\)",
-        ),
-    ],
-)
-def test_wrong_arguments_are_named(arguments, message):
-    """A wrong argument gets an error that says what was found and what is allowed."""
-    with pytest.raises(InvalidInputError, match=message):
-        load_arm("panda").manipulability_jacobian(**{"q": np.zeros(7), **arguments})

@@ -8,7 +8,6 @@ import pytest
 from maniport.bodies import Arm, load_arm
 from maniport.bodies.chain import PRISMATIC, Shape
 from maniport.bodies.restriction import mirrored
-from maniport.errors import InvalidInputError
 
 S = np.diag([1.0, -1.0, 1.0])
 ENDS = ("shoulder", "elbow", "wrist", "hand")
@@ -56,17 +55,3 @@ def test_the_mirror_image_of_the_mirror_image_is_the_arm():
 
 def _shapes_of(mesh):
     return lambda links: [Shape("elbow", mesh)]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"side": "both"}, "side"),
-        ({"height": 180}, r"height \[m\] must be a number in \[1, 2.5\]; found 180"),
-        ({"height": float("nan")}, "height"),
-    ],
-)
-def test_wrong_sides_and_heights_are_refused(wrong, words):
-    """The message names the argument and what is allowed."""
-    with pytest.raises(InvalidInputError, match=words):
-        load_arm("myoarm", **wrong)

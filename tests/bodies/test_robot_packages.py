@@ -79,17 +79,6 @@ def test_two_arms_are_named_by_their_side():
     assert set(tips[2:]) == {"left_ankle_roll_link", "right_ankle_roll_link"}
 
 
-def test_a_named_arm_stays_on_its_side():
-    """With another tip on the arm it begins where it did; frames of the other arm, of legs and head are not on it."""
-    require("example-robot-data")
-    arm = load_arm("talos_right_arm", frame="arm_right_5_link")
-    assert (arm.chain.base, arm.dof) == ("torso_2_link", 5)
-    assert load_arm("talos_right_arm", frame="arm_right_5_link", base="base_link").dof == 7
-    for frame in ("arm_left_5_link", "right_sole_link", "rgbd_link"):
-        with pytest.raises(InvalidInputError, match=f"the frame '{frame}' is not on 'talos_right_arm', whose tip is"):
-            load_arm("talos_right_arm", frame=frame)
-
-
 def test_unknown_robots_are_told_how_to_get(monkeypatch):
     """A name that a missing package has says how to install it; others list the nearest ones."""
     for package in PACKAGES.values():

@@ -7,7 +7,7 @@ import maniport as mp
 from maniport.bodies import load_arm
 from maniport.bodies.human import middle_of
 from maniport.demonstrations import Recording, fit_arms, performed, read_recording
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.errors import ManiportWarning, RecordingError
 
 SIDES = ("left", "right")
 
@@ -70,28 +70,3 @@ def test_a_recording_of_one_arm_is_refused_at_once():
     single = performed(load_arm("rhuman"), np.zeros((4, 7)), np.arange(4.0))
     with pytest.raises(RecordingError, match="shows the right one alone"):
         fit_arms(single)
-
-
-@pytest.mark.parametrize(
-    ("markers", "message"),
-    [
-        ({"elbow": ["RELB"]}, r"markers of both arms must be those of each.*found \['elbow'\]"),
-        ("RELB", "markers of both arms must be those of each"),
-        ({"left": ["LELB"]}, "markers must map roles to names"),
-    ],
-)
-def test_markers_are_those_of_each_arm(markers, message):
-    """Points are named for each arm; another form is refused, and said."""
-    with pytest.raises(InvalidInputError, match=message):
-        fit_arms(read_recording("both-arms"), markers=markers)
-
-
-@pytest.mark.filterwarnings("ignore::maniport.errors.ManiportWarning")
-def test_own_markers_serve_one_arm_and_the_trunk_both():
-    """What is said of one arm leaves the other as it is; the trunk of the right one is that of both."""
-    recording = read_recording("both-arms").crop(5.1, 5.6)
-    line = (["RFSH", "RBSH"], ["LFSH", "LBSH"])
-    fits = fit_arms(recording, markers={"left": {"elbow": "LELB"}, "right": {"trunk_left": line}})
-    assert (fits.left.roles["elbow"], fits.right.roles["elbow"]) == (("LELB",), ("RELB", "RIEL"))
-    assert "trunk_front" not in fits.left.roles | fits.right.roles
-    assert fits.left.roles["trunk_left"] == fits.right.roles["trunk_left"]

@@ -51,18 +51,3 @@ def test_the_printed_template_completes_the_arm(run, strange, tmp_path):
     words = shlex.split(line.split("`")[1].replace(" markers.json", f" {markers}"))[1:-2]
     code, _, err = run(*words, "--robot", "nobody", "-o", tmp_path / "out")
     assert "unknown robot 'nobody'" in err  # the recording was taken
-
-
-@pytest.mark.parametrize(
-    ("options", "found"),
-    [
-        (("--unit", "m"), "--unit m makes the upper arm (RightArm to RightForeArm) 30 m long; those of people have"),
-        (("--unit", "m"), "--unit cm makes it 0.3 m"),
-        (("--up", "sideways"), "unknown up 'sideways'"),
-    ],
-)
-def test_what_is_contradicted_is_told_in_options(run, bvh_file, options, found):
-    """A unit that makes no person ends with a sentence that names the option that does."""
-    code, _, err = run("info", bvh_file(), *options)
-    assert code == 2
-    assert found in err

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion
-from maniport.demonstrations import Recording, fit_arm, read_recording
+from maniport.demonstrations import Recording, read_recording
 from maniport.demonstrations.roles import assign_roles
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.errors import InvalidInputError, RecordingError
 
 
 @pytest.fixture(scope="module")
@@ -47,18 +46,6 @@ def test_an_axis_along_which_nobody_stands_is_doubted(bvh_file, up):
     assert "up='y' lets it stand 0° off" in doubt
 
 
-def test_people_who_crawl_are_not_contradicted(tmp_path, skeleton):
-    """Where the trunk lies and the legs kneel, the axis along which the hips are above the feet is not doubted."""
-    positions = skeleton.positions @ Rotation.from_euler("y", 80, degrees=True).as_matrix().T
-    feet = [i for i, name in enumerate(skeleton.names) if name.endswith("Foot")]
-    hips = [skeleton.names.index(name.replace("Foot", "UpLeg")) for name in np.array(skeleton.names)[feet]]
-    positions[:, feet] = positions[:, hips] - [0.3, 0.0, 0.45]
-    file = tmp_path / "crawl.npz"
-    replace(skeleton, positions=positions).save(file)
-    assert read_recording(file, up="z").doubts == ()
-    assert len(read_recording(file, up="y").doubts) == 1
-
-
 @pytest.mark.parametrize("role", ["shoulder", "elbow", "wrist"])
 def test_points_with_names_of_the_other_arm_are_refused(skeleton, role):
     """The error names the role, the point and the option that takes the other arm."""
@@ -88,15 +75,6 @@ def test_points_on_the_other_side_are_refused_whatever_their_names(skeleton, wro
     change = {"arm": left, "elbow": {"elbow": left["elbow"]}, "trunk": {"trunk_left": right["trunk_left"][::-1]}}
     with pytest.raises(RecordingError, match=r"of the right arm: .* to the left of"):
         assign_roles(recording, right | change[wrong])
-
-
-def test_left_handed_axes_show_in_elbows_that_bend_backward():
-    """Names tell the sides of a skeleton; that its axes are a mirror image shows in what the arm would have to do."""
-    ladder = read_recording("ladder").crop(11, 12)
-    with pytest.warns(
-        ManiportWarning, match="elbow_flexion would go beyond its limit of 0°.*change the sign of one axis"
-    ):
-        fit_arm(replace(ladder, positions=ladder.positions * np.array([-1.0, 1.0, 1.0])))
 
 
 def test_of_several_bodies_one_is_taken(tmp_path, made):

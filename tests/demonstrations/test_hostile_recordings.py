@@ -1,15 +1,12 @@
 """Recordings made to harm, or damaged in a way that nobody foresaw, end with a message: soon, and in little memory."""
 
-import os
 import time
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 from maniport.demonstrations import Recording, read_recording
-from maniport.demonstrations.cleaning import without_leaps
-from maniport.demonstrations.readers import keypoints, mvnx, npz
+from maniport.demonstrations.readers import mvnx, npz
 from maniport.errors import FileFormatError, InvalidInputError
 
 QUALISYS = "NO_OF_FRAMES\t2\n{}MARKER_NAMES\tA\n1\t2\t3\n1\t2\t4\n"
@@ -36,13 +33,6 @@ def test_tables_that_are_none_end_soon(tmp_path, name):
     assert time.process_time() - begin < 2
 
 
-def test_each_event_of_qualisys_has_a_line(tmp_path):
-    """However many lines of a header begin alike, the numbers begin below them."""
-    events = "FREQUENCY\t100\nEVENT\tbegin\t1\t0.00\nEVENT\tend\t2\t0.01\n"
-    (tmp_path / "a.tsv").write_text(QUALISYS.format(events))
-    assert_allclose(read_recording(tmp_path / "a.tsv", unit="m").point("A"), [[1, 2, 3], [1, 2, 4]])
-
-
 MVNX = '<mvnx version="4"><subject frameRate="60"><segments><segment label="A"/></segments>{}</subject></mvnx>'
 FRAME = '<frame type="normal"><position>{}</position><position>9</position></frame>'
 
@@ -64,36 +54,6 @@ def test_mvnx_that_is_too_much(tmp_path, monkeypatch, content, told):
     (tmp_path / "a.mvnx").write_text(content)
     with pytest.raises(FileFormatError, match=told):
         read_recording(tmp_path / "a.mvnx")
-
-
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        ("[" + "[]," * 60 + "[]]", "has 62 lists and mappings; at most 50 are read"),
-        ("[" + "1," * 60 + "1]", "has 61 frames; at most 50 are read"),
-        ('{"frames": [{"joints": ' + '{"position": ' * 45 + "[1]" + "}" * 46 + "]}", "not readable as keypoints"),
-    ],
-)
-def test_keypoints_that_are_too_many(tmp_path, monkeypatch, content, told):
-    """Lists in lists, frames without end and places within places are told."""
-    monkeypatch.setattr(keypoints, "MOST_ITEMS", 50)
-    monkeypatch.setattr(keypoints, "FRAMES", 50)
-    (tmp_path / "a.json").write_text(content)
-    with pytest.raises(FileFormatError, match=told):
-        read_recording(tmp_path / "a.json", rate=30)
-
-
-def test_folders_of_keypoints_are_bounded_as_a_whole(tmp_path, monkeypatch):
-    """Each file may be as large as settings are, all of them no larger than one file may be; pipes are refused."""
-    monkeypatch.setattr(keypoints, "KEYPOINTS_BYTES", 2000)
-    for name in ("a.json", "b.json", "c.json"):
-        (tmp_path / name).write_text("[" + " " * 700 + "]")
-    with pytest.raises(FileFormatError, match="has 2106 bytes in its files; at most 2000 are read"):
-        read_recording(tmp_path, rate=30)
-    (tmp_path / "a.json").unlink()
-    os.mkfifo(tmp_path / "a.json")
-    with pytest.raises(FileFormatError, match="a pipe, a socket or a device"):
-        read_recording(tmp_path, rate=30)
 
 
 def header(text):
@@ -118,17 +78,6 @@ def test_arrays_that_are_too_much(tmp_path, monkeypatch, content, told):
     (tmp_path / "a.npy").write_bytes(content)
     with pytest.raises(FileFormatError, match=told):
         read_recording(tmp_path / "a.npy", rate=30)
-
-
-def test_leaps_of_points_are_found_soon_at_any_rate():
-    """Ten thousand frames a second are compared over no more frames than others."""
-    track = np.cumsum(np.full((20_000, 1, 3), 1e-5), axis=0)
-    track[5000:5050] += 1.0
-    begin = time.process_time()
-    found = without_leaps(Recording(("a",), track, np.arange(20_000) / 1e4))
-    assert time.process_time() - begin < 2
-    assert np.flatnonzero(found.missing) == [0]
-    assert np.flatnonzero(np.isnan(found.positions[:, 0, 0])).tolist() == list(range(5000, 5050))
 
 
 @pytest.mark.filterwarnings("error")

@@ -51,20 +51,11 @@ def test_joints_go_evenly_over_leaps(leaping):
 @pytest.mark.parametrize(
     ("upper", "held", "words"),
     [
-        (
-            (0.0, -1.0, 0.0),
-            30,
-            "in a T-pose, as for calibration, held for 0.97 s; to leave it out crop the recording: start=1.0",
-        ),
+        ((0.0, -1.0, 0.0), 30, "in a T-pose, as for calibration, held for 0.97 s"),
         ((0.1, 0.7, -0.7), 30, "in an A-pose, as for calibration, held for 0.97 s"),
-        (
-            (0.0, -1.0, 0.0),
-            1,
-            "in a T-pose, as for calibration, left at once; to leave it out crop the recording: start=0.03",
-        ),
+        ((0.0, -1.0, 0.0), 1, "in a T-pose, as for calibration, left at once"),
         ((0.0, -1.0, 0.0), 10, ""),  # not long enough, and left gently
         ((0.0, 0.0, -1.0), 30, ""),  # the arm hangs
-        ((1.0, 0.0, 0.0), 30, ""),  # it points forward
         ((0.0, -1.0, 0.0), 120, ""),  # nothing else is recorded
     ],
 )

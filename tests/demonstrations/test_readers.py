@@ -37,51 +37,6 @@ def test_bvh_unit_is_recognised(bvh_file, unit):
     assert any(f"recognised as {unit} " in note for note in recording.notes)
 
 
-def test_bvh_position_channels_below_the_root_are_left_out(bvh_file):
-    """Six channels on every joint are read like three, with a note."""
-    plain = read_recording(bvh_file())
-    file = bvh_file(name="six.bvh")
-    lines = file.read_text().splitlines()
-    row = lines.index("MOTION") + 3
-    body = [line.replace("CHANNELS 3", "CHANNELS 6 Xposition Yposition Zposition") for line in lines[:row]]
-    for line in lines[row:]:
-        values = line.split()
-        joints = [values[i : i + 3] for i in range(6, 24, 3)]
-        body.append(" ".join(values[:6] + [v for joint in joints for v in ["1", "2", "3", *joint]]))
-    file.write_text("\n".join(body))
-    recording = read_recording(file)
-    np.testing.assert_allclose(recording.positions, plain.positions)
-    assert any("position channels" in note for note in recording.notes)
-
-
-MIXED = """HIERARCHY
-ROOT hips
-{
- OFFSET 5 5 5
- CHANNELS 4 Zposition Xposition Yposition Yrotation
- JOINT RightArm
- {
-  OFFSET 0 10 0
-  CHANNELS 2 zrotation Xrotation
-  JOINT RightForeArm
-  {
-   OFFSET 30 0 0
-   CHANNELS 0
-   End Site
-   {
-    OFFSET 0 0 25
-   }
-  }
- }
-}
-MOTION
-Frames: 2
-Frame Time: 0.0416
-3 1 2 40 25 -70
-3 1 2 0 0 0
-"""
-
-
 def test_bvh_rest_pose_in_front_is_left_out(bvh_file):
     """A first frame from which the whole body jumps away is dropped, with a note."""
     file = bvh_file(frames=8)
@@ -99,22 +54,16 @@ def test_bvh_rest_pose_in_front_is_left_out(bvh_file):
     ("damage", "message"),
     [
         (lambda text: text[: text.index("JOINT RightForeArm")], "cut off in its hierarchy"),
-        (lambda text: text[: text.index("MOTION")], "cut off in its hierarchy"),
-        (lambda text: text[: text.index("Frames:")], "must be followed by 'Frames:'"),
         (lambda text: text[: text.index("Frame Time")], "must be followed by 'Frames:'"),
         (lambda text: "\n".join(text.splitlines()[:-3]), "cut off: its header says 6 frames, and there are 3"),
-        (lambda text: text[:-12], "cut off at line .* values instead of 24"),
         (lambda text: text.replace("Frames: 6", "Frames: 600"), "cut off: its header says 600 frames, and there are 6"),
         (lambda text: text.replace("0.02", "0.00"), "Frame Time at line .* positive number; found '0.00'"),
-        (lambda text: text.replace("0.02", "soon"), "Frame Time at line .* positive number; found 'soon'"),
         (lambda text: text.replace("100", "abc", 1), "not readable as BVH"),
         (lambda text: text.replace("}", "", 1), "closing braces"),
-        (lambda text: text.replace("OFFSET -30", "OFFSET x"), "not readable as BVH"),
         (lambda text: text.replace("CHANNELS 3 Z", "CHANNELS 4 Z", 1), "does not list the channels"),
         (lambda text: text.replace("CHANNELS 3", "CHANNELS 1 Xrotation\nCHANNELS 3", 1), "of this joint stand twice"),
         (lambda text: text.replace("Frames: 6", "Frames: " + "9" * 5000), "must be followed by 'Frames:'"),
         (lambda text: text[: text.index("Frame Time")] + "Frame Time: 0.02\n", "holds no frames"),
-        (lambda text: "nonsense\n" + text[500:], "does not begin with HIERARCHY"),
         (lambda text: "\x00\xff\x17" * 300, "does not begin with HIERARCHY"),
     ],
 )
@@ -129,14 +78,6 @@ def test_damaged_bvh_gets_one_clear_error(bvh_file, damage, message):
 
 
 # ---- C3D ----------------------------------------------------------------------------------------------------------
-
-
-def test_c3d_points_come_back(c3d_file):
-    """What is written in millimetres is read in metres, with rate and up axis."""
-    recording = read_recording(c3d_file(still(), ARM))
-    np.testing.assert_allclose(recording.positions, still() / 1000, atol=1e-7)
-    assert recording.rate == pytest.approx(100)
-    assert (recording.names, recording.up) == (ARM, "z")
 
 
 def test_c3d_drop_outs_are_missing(c3d_file):
@@ -166,7 +107,7 @@ def test_c3d_up_axis_is_seen_in_the_body(c3d_file, order, up):
     assert read_recording(file, up="-x").up == "-x"
 
 
-@pytest.mark.parametrize("size", [1, 511, 512, 700, 1024, 1500, 2000, 40000, 83000, 83900])
+@pytest.mark.parametrize("size", [1, 512, 1500, 40000, 83900])
 def test_truncated_c3d_gets_one_clear_error(tmp_path, size):
     """Wherever a file is cut off, the error names it and no library speaks."""
     whole = shipped_recording("freeform").read_bytes()
@@ -189,14 +130,6 @@ def test_empty_missing_and_folder(tmp_path, suffix):
         read_recording(tmp_path / f"emty{suffix}")
     with pytest.raises(FileFormatError, match="is a folder"):
         read_recording(tmp_path / f"folder{suffix}")
-
-
-def test_unknown_suffix_lists_the_allowed(tmp_path):
-    """Another format is refused with the formats that are read."""
-    file = tmp_path / "motion.odd"
-    file.write_text("x")
-    with pytest.raises(FileFormatError, match=r"'.odd' is not known; allowed are .bvh, .c3d"):
-        read_recording(file)
 
 
 def test_shipped_recordings_read_by_name_and_path():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from maniport import bodies
-from maniport.demonstrations import Recording, read_recording
+from maniport.demonstrations import read_recording
 from maniport.demonstrations.cleaning import exchanged_back, in_one_unit, in_order, without_leaps, without_zeros
 from maniport.demonstrations.roles import assign_roles
 from maniport.demonstrations.smoothing import smoothed
@@ -71,42 +71,6 @@ def test_two_recordings_in_one_and_coarse_times_are_refused(time, words):
         in_order(time, np.zeros((len(time), 1)))
 
 
-def test_zeros_are_missing_but_for_the_origin_of_the_recording(swinging):
-    """A point that is elsewhere at other times is not at the origin; one point that is always there is."""
-    lost = without_zeros(changed(swinging, "wrist", slice(50, 60), 0.0))
-    assert np.flatnonzero(np.isnan(lost.point("wrist")[:, 0])).tolist() == list(range(50, 60))
-    assert "wrist: exactly at the origin in 10 frames, taken as missing (1.67–1.97 s)" in lost.notes
-    assert without_zeros(swinging) is swinging  # its shoulder is the origin
-    both = without_zeros(changed(swinging, "hand", slice(None), 0.0))
-    assert np.isnan(both.point("hand")).all()
-
-
-def test_exchanged_sides_are_given_back(swinging):
-    """Left and right wrist under each other's names for some frames come back to the last bit, and it is said."""
-    names = tuple({"wrist": "RightWrist", "elbow": "RightElbow"}.get(name, name) for name in swinging.names)
-    left = swinging.positions[:, [names.index("RightWrist")]] * [1.0, -1.0, 1.0] + [0.0, 0.5, 0.0]
-    whole = Recording((*names, "LeftWrist"), np.concatenate([swinging.positions, left], axis=1), swinging.time)
-    wrong = changed(whole, "RightWrist", slice(100, 130), whole.point("LeftWrist")[100:130])
-    wrong = changed(wrong, "LeftWrist", slice(100, 130), whole.point("RightWrist")[100:130])
-    back = exchanged_back(wrong, ["RightWrist"])
-    np.testing.assert_array_equal(back.positions, whole.positions)
-    assert back.doubts == ("LeftWrist and RightWrist had each other's places in 30 frames and were given back "
-                           "(3.34–4.31 s)",)  # fmt: skip
-    assert exchanged_back(whole, whole.names) is whole
-
-
-@pytest.mark.parametrize("factor", [1000.0, 0.01])
-def test_a_second_unit_in_the_file_is_scaled_back(swinging, factor):
-    """Frames in another metric unit come back to the last digits, and it is said when."""
-    roles = assign_roles(swinging)
-    positions = swinging.positions.copy()
-    positions[200:] *= factor
-    back = in_one_unit(replace(swinging, positions=positions), roles)
-    np.testing.assert_allclose(back.positions, swinging.positions, rtol=1e-15)
-    assert f"{factor:g} times as large as else in 100 frames, which were scaled back" in back.doubts[0]
-    assert "(6.69–10.00 s)" in back.doubts[0]
-
-
 def test_a_body_of_another_size_is_refused(swinging):
     """A change of size that is no metric unit may be another person: refused with the time."""
     positions = swinging.positions.copy()
@@ -140,15 +104,3 @@ def test_jitter_is_smoothed_as_far_as_the_data_say(swinging):
     np.testing.assert_array_equal(clean.point("elbow"), swinging.point("elbow"))
     assert "wrist jitter by" in clean.doubts[0]
     assert "smooth='off' leaves them as they are" in clean.doubts[0]
-
-
-def test_smoothing_may_be_asked_for_and_forbidden(swinging):
-    """A cutoff smooths every point alike; an infinite one none, and jitter is told nevertheless."""
-    shaken = replace(swinging, positions=swinging.positions + np.random.default_rng(2).normal(0, 0.01, (300, 12, 3)))
-    off = smoothed(shaken, np.inf)
-    np.testing.assert_array_equal(off.positions, shaken.positions)
-    assert "smooth='auto' smooths them" in off.doubts[0]
-    asked = smoothed(swinging, 2.0)
-    assert not asked.doubts
-    assert "motion is followed up to 2 Hz, as asked for" in asked.notes[-1]
-    assert 0 < np.abs(asked.positions - swinging.positions).max() < 0.01

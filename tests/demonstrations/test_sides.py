@@ -17,11 +17,10 @@ DIFFER = pytest.mark.filterwarnings("ignore:the model of the arm and the person 
 
 
 @DIFFER
-@pytest.mark.parametrize("person", ["myoarm", "rhuman"])
-@pytest.mark.parametrize("name", ["ladder", "freeform"])
+@pytest.mark.parametrize(("name", "person"), [("ladder", "rhuman"), ("freeform", "myoarm")])
 def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person):
     """The left arm of the mirrored recording has the right one's joint angles; path and ellipsoids are mirrored."""
-    recording = read_recording(name).crop(0, 4)
+    recording = read_recording(name).crop(0, 1)
     right, left = fit_arm(recording, person), fit_arm(in_a_mirror(recording), person)
     assert (right.arm.side, left.arm.side, left.arm.name) == ("right", "left", f"{person}_left")
     assert right.side_reason == left.side_reason == "the only one that the recording shows whole"
@@ -94,13 +93,6 @@ def test_lengths_that_are_not_recorded_come_of_the_height(arm, slow_motion, reco
     assert any("hand: 0.062 m by the body height of 1.8 m, as the recording does not show it" in n for n in fit.notes)
     ends = fit.arm.point_positions(np.zeros(7), ("wrist", "hand"))
     assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(1.8 * FRACTIONS["hand"])
-    giant = record(arm, time, q)
-    giant = Recording(giant.names, giant.positions * 3.0, giant.time)
-    fit = fit_arm(giant, arm.name, height=1.8)
-    assert fit.segment_lengths == pytest.approx({name: 1.8 * part for name, part in FRACTIONS.items()})
-    assert any(
-        note.startswith("forearm: 0.278 m") and "0.184 and 0.373 m, those of adults" in note for note in fit.notes
-    )
     for wrong in (180, -1, float("nan"), "tall"):
         with pytest.raises(InvalidInputError, match="height"):
-            fit_arm(giant, arm.name, height=wrong)
+            fit_arm(record(arm, time, q), arm.name, height=wrong)

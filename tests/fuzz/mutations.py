@@ -3,7 +3,7 @@
 import io
 import random
 import re
-import zipfile
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,10 +18,14 @@ def mutated(content: bytes, others: list[bytes], generator: random.Random) -> by
     """Change a file in one to four ways; in a text mostly numbers, names, elements and lines."""
     if content[:2] == b"PK" and generator.random() < 0.8:
         return _other_arrays(content, generator)
-    text = b"\0" not in content[:512]
-    ways = WAYS + ([_number] * 4 + [_name, _name, _element, _line] if text else [])
+    ways = [_flip, _cut, _repeat, _insert, _binary_number]
+    if b"\0" not in content[:512]:
+        ways += [_number] * 5 + [_name, _name, _element, _element, _line, _line]
     for _ in range(generator.choice((1, 1, 2, 4))):
-        content = generator.choice(ways)(content, others, generator)
+        content = generator.choice(ways)(content, generator)
+    if generator.random() < 0.1:  # the beginning of one file and the end of another
+        other = generator.choice(others)
+        content = content[: _place(content, generator)] + other[_place(other, generator) :]
     return content
 
 
@@ -29,82 +33,65 @@ def _place(content: bytes, generator: random.Random) -> int:
     return generator.randrange(len(content) + 1)
 
 
-def _flip(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+def _flip(content: bytes, generator: random.Random) -> bytes:
     changed = bytearray(content)
     for _ in range(generator.choice((1, 1, 3, 20)) if changed else 0):
         changed[generator.randrange(len(changed))] = generator.choice((0, 255, 127, 128, generator.randrange(256)))
     return bytes(changed)
 
 
-def _cut(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+def _cut(content: bytes, generator: random.Random) -> bytes:
     start, length = _place(content, generator), generator.choice((1, 2, 4, 16, 100, 512, len(content)))
     return content[:start] + content[start + length :]
 
 
-def _twice(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+def _repeat(content: bytes, generator: random.Random) -> bytes:
     start, length = _place(content, generator), generator.choice((1, 4, 30, 300, 3000))
-    place = generator.choice((start, _place(content, generator)))
-    return content[:place] + content[start : start + length] * generator.choice((1, 1, 5, 50)) + content[place:]
+    return content[:start] + content[start : start + length] * generator.choice((1, 5, 50)) + content[start:]
 
 
-def _word(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+def _insert(content: bytes, generator: random.Random) -> bytes:
     place = _place(content, generator)
     return content[:place] + generator.choice(WORDS) * generator.choice((1, 1, 1, 300)) + content[place:]
 
 
-def _number(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
-    found = list(re.finditer(rb"(?<![\w.])-?\d[\d.eE+-]*", content[:20_000]))
-    if not found:
-        return _flip(content, others, generator)
-    old = generator.choice(found)
-    return content[: old.start()] + generator.choice(NUMBERS) + content[old.end() :]
-
-
-def _line(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
-    lines = content.split(b"\n")
-    first, second = generator.randrange(len(lines)), generator.randrange(len(lines))
-    way = generator.randrange(3)
-    if way == 0:
-        lines[first], lines[second] = lines[second], lines[first]
-    elif way == 1:
-        lines.insert(second, lines[first])
-    else:
-        del lines[first]
-    return b"\n".join(lines)
-
-
-def _name(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
-    """Put one name of the file in the place of another."""
-    names = list(re.finditer(rb"[A-Za-z_][\w-]{1,30}", content[:20_000]))
-    if not names:
-        return _flip(content, others, generator)
-    old, new = generator.choice(names), generator.choice(names)
-    return content[: old.start()] + new[0] + content[old.end() :]
-
-
-def _element(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
-    """Put an element of XML somewhere else, or several times."""
-    starts = [match.start() for match in re.finditer(rb"<[a-z]", content[:50_000])]
-    if not starts:
-        return _line(content, others, generator)
-    start, place = generator.choice(starts), generator.choice(starts)
-    piece = content[start : content.find(b">", start) + 1]
-    return content[:place] + piece * generator.choice((1, 2, 40)) + content[place:]
-
-
-def _splice(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
-    other = generator.choice(others)
-    return content[: _place(content, generator)] + other[_place(other, generator) :]
-
-
-def _binary_number(content: bytes, others: list[bytes], generator: random.Random) -> bytes:
+def _binary_number(content: bytes, generator: random.Random) -> bytes:
     width = generator.choice((2, 4))
     place = max(0, _place(content, generator) - width)
     value = generator.choice((0, 1, 2 ** (8 * width) - 1, 2 ** (8 * width - 1), 2 ** (8 * width - 1) - 1))
     return content[:place] + value.to_bytes(width, generator.choice(("little", "big"))) + content[place + width :]
 
 
-WAYS = [_flip, _cut, _twice, _word, _number, _line, _name, _element, _splice, _binary_number]
+def _line(content: bytes, generator: random.Random) -> bytes:
+    lines = content.split(b"\n")
+    line = lines.pop(generator.randrange(len(lines)))
+    for _ in range(generator.randrange(3)):
+        lines.insert(generator.randrange(len(lines) + 1), line)
+    return b"\n".join(lines)
+
+
+def _number(content: bytes, generator: random.Random) -> bytes:
+    return _replaced(content, rb"(?<![\w.])-?\d[\d.eE+-]*", NUMBERS, generator)
+
+
+def _name(content: bytes, generator: random.Random) -> bytes:
+    names = rb"[A-Za-z_][\w-]{1,30}"
+    return _replaced(content, names, re.findall(names, content[:20_000]), generator)
+
+
+def _element(content: bytes, generator: random.Random) -> bytes:
+    """Replace an opening tag of XML by several of another one."""
+    tags = [tag * count for tag in re.findall(rb"<[a-z][^>]*>", content[:20_000]) for count in (0, 1, 2, 40)]
+    return _replaced(content, rb"<[a-z][^>]*>", tags, generator)
+
+
+def _replaced(content: bytes, pattern: bytes, values: Sequence[bytes], generator: random.Random) -> bytes:
+    """Replace one match by one of the values."""
+    found = list(re.finditer(pattern, content[:20_000]))
+    if not found:
+        return _flip(content, generator)
+    old = generator.choice(found)
+    return content[: old.start()] + generator.choice(values) + content[old.end() :]
 
 
 def _other_arrays(content: bytes, generator: random.Random) -> bytes:
@@ -112,31 +99,18 @@ def _other_arrays(content: bytes, generator: random.Random) -> bytes:
     with np.load(io.BytesIO(content)) as archive:
         arrays = dict(archive)
     name = generator.choice(sorted(arrays))
-    value = arrays[name]
-    numbers, way = value.dtype.kind in "fi" and value.size > 0, generator.randrange(8)
-    if way == 0:
-        del arrays[name]
-    elif way == 1:
-        arrays[name] = value[..., :-1] if value.ndim else np.array([value, value])
-    elif way == 2:
-        arrays[generator.choice(sorted(arrays))] = value
-    elif way == 3 and numbers:
+    value = arrays.pop(name)
+    changes = [value[..., :-1] if value.ndim else np.array([value, value]), value.reshape(-1), value[None]]
+    if value.dtype.kind in "fi" and value.size > 0:
+        wild = value.astype(np.float64)
+        wild.reshape(-1)[generator.randrange(value.size)] = generator.choice((np.nan, np.inf, -1.0, 0.0, 1e308, 1e18))
         kind = generator.choice(("S3", "U3", "c16", "i1", "?", "f2"))
-        arrays[name] = value.astype(kind, casting="unsafe", copy=True)
-    elif way == 4 and numbers:
-        arrays[name] = value.astype(np.float64)
-        wild = generator.choice((np.nan, np.inf, -1.0, 0.0, 1e308, 1e-320, 1e18))
-        arrays[name].reshape(-1)[generator.randrange(value.size)] = wild
-    elif way == 5 and numbers:
-        arrays[name] = generator.choice((-value, value * 1e300, value[None]))
-    elif way == 6 and value.dtype.kind == "U":
+        changes += [wild, wild, wild, -value, value * 1e300, value.astype(kind, casting="unsafe")]
+    if value.dtype.kind == "U":
         text = str(value.reshape(-1)[0]).encode()
-        arrays[name] = np.array(mutated(text, [text], generator).decode("utf-8", "replace"))
-    else:
-        arrays[name] = value.reshape(-1)
+        changes += [np.array(mutated(text, [text], generator).decode("utf-8", "replace"))] * 3
+    if generator.random() < 0.8:
+        arrays[generator.choice((name, name, name, *arrays))] = generator.choice(changes)
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for key, array in arrays.items():
-            with archive.open(f"{key}.npy", "w") as entry:
-                np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
+    np.savez(stream, **arrays)
     return stream.getvalue()

@@ -9,10 +9,10 @@ from maniport.profiles import ProfileGMM, align
 from maniport.profiles.agreement import agreement, axis_deviations
 from maniport.spd.ellipsoid import lengths
 
-TIME = np.linspace(0.0, 1.0, 24)
+TIME = np.linspace(0.0, 1.0, 16)
 
 
-def judged(profiles, components=3):
+def judged(profiles, components=2):
     """Agreement of profiles, after alignment."""
     alignment = align(profiles)
     model = ProfileGMM(components, random_state=0).fit(*alignment.stacked())
@@ -42,13 +42,6 @@ def test_the_odd_one_is_found(four):
     assert np.argmax(four.held_out.nearest) == 3
     assert_allclose(four.apart, four.apart.T)
     assert_allclose(four.apart[:3, :3], 0.0, atol=1e-6)
-
-
-def test_alignment_takes_away_what_pace_adds(truth):
-    """Demonstrations of one motion at different paces differ before alignment, and hardly after."""
-    found = judged([truth(TIME), truth(TIME**2), truth(TIME**0.6)])
-    assert found.before > 0.3
-    assert found.after < 0.4 * found.before
 
 
 def test_deviations_of_axes_are_those_of_samples(truth, scatter):

@@ -1,7 +1,6 @@
 """Fitted adapters are written and read whole, without pickled objects, and damaged files are named."""
 
 import json
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from sklearn.base import clone
 
 import maniport as mp
 from maniport import files
-from maniport.errors import FileFormatError, OutputError
+from maniport.errors import FileFormatError
 from maniport.transfer import EllipsoidCorrespondence, Search
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
@@ -75,11 +74,11 @@ def test_truncated_and_altered_files_are_refused(saved, tmp_path):
     whole, image = path.read_bytes(), adapter.transform(teacher)
     damaged = tmp_path / "damaged.npz"
     rng = np.random.default_rng(0)
-    for length in range(0, len(whole) - 1, 37):
+    for length in range(0, len(whole) - 1, 199):
         damaged.write_bytes(whole[:length])
         with pytest.raises(FileFormatError, match=r"damaged\.npz"):
             mp.load_adapter(damaged)
-    for _ in range(300):
+    for _ in range(60):
         altered = bytearray(whole)
         altered[rng.integers(len(whole))] ^= 1 << rng.integers(8)
         damaged.write_bytes(altered)
@@ -88,24 +87,6 @@ def test_truncated_and_altered_files_are_refused(saved, tmp_path):
         except FileFormatError:
             continue
         assert_array_equal(loaded.transform(teacher), image)
-
-
-def test_files_of_other_kinds_are_refused(tmp_path, random_spd):
-    """Text, a bare array, a pickle and another .npz file are refused, and the message names the file."""
-    path = tmp_path / "other.npz"
-    path.write_text("not an archive")
-    with pytest.raises(FileFormatError, match=r"^adapter file .*other\.npz.*not a readable"):
-        mp.load_adapter(path)
-    with path.open("wb") as stream:
-        np.save(stream, np.eye(3))
-    with pytest.raises(FileFormatError, match=r"^adapter file .*other\.npz.*not a readable"):
-        mp.load_adapter(path)
-    np.savez(path, adapter=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(FileFormatError, match=r"^adapter file .*other\.npz.*not a readable"):
-        mp.load_adapter(path)
-    files.save_ellipsoids(path, random_spd(np.random.default_rng(0), 2, 3))
-    with pytest.raises(FileFormatError, match=r"other\.npz.*not an adapter.*manipulability"):
-        mp.load_adapter(path)
 
 
 @pytest.mark.parametrize(
@@ -136,38 +117,6 @@ def test_other_contents_are_refused(saved, change, message):
         mp.load_adapter(path)
 
 
-def test_a_description_100_000_deep_is_refused(saved):
-    """It is damaged, whatever reads it; nothing goes down into it until the stack ends."""
-    path, _, _ = saved
-    files.save_arrays(path, {"adapter": np.array('{"format":' * 100_000)})
-    with pytest.raises(FileFormatError, match=r"adapter\.npz' is a damaged adapter file"):
-        mp.load_adapter(path)
-
-
-def test_failed_save_leaves_the_old_file(saved, monkeypatch):
-    """When writing fails the old file stays intact and no temporary file is left."""
-    path, adapter, _ = saved
-    before = path.read_bytes()
-
-    def disk_full(stream, **arrays):
-        stream.write(b"half of it")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savez_compressed", disk_full)
-    with pytest.raises(OutputError, match=r"adapter\.npz.*No space left"):
-        adapter.save(path)
-    assert path.read_bytes() == before
-    assert list(path.parent.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("place", ["", "/", "no folder/adapter.npz"])
-def test_impossible_places_are_refused(saved, place, tmp_path, monkeypatch):
-    """Saving to a folder, or into one that does not exist, is an OutputError."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(OutputError, match="cannot write"):
-        saved[1].save(place)
-
-
 GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-2-*.npz"))
 
 
@@ -196,44 +145,4 @@ def test_arrays_that_break_a_law_are_refused(tmp_path, random_spd, name, value):
     assert f"fitted.{name}" in arrays
     files.save_arrays(tmp_path / "a.npz", {**arrays, f"fitted.{name}": value})
     with pytest.raises(FileFormatError, match=rf"a\.npz' is a damaged adapter file.*({name}|values_)"):
-        mp.load_adapter(tmp_path / "a.npz")
-
-
-@pytest.fixture(scope="module")
-def searched(tmp_path_factory, random_spd):
-    """The arrays of a file of an ICP, which knows most of itself."""
-    rng = np.random.default_rng(0)
-    path = tmp_path_factory.mktemp("searched") / "a.npz"
-    search = mp.transfer.Search(n_starts=1)
-    with warnings.catch_warnings(action="ignore"):
-        mp.RiemannianICP(search=search, n_resamples=2, random_state=0).fit(
-            random_spd(rng, 10, 3), random_spd(rng, 12, 3)
-        ).save(path)
-    return files.load_arrays(path, "adapter file")
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("fitted.correspondence_", np.full(10, 0.5), "correspondence_ must hold indices"),
-        ("fitted.correspondence_", np.full(10, -2), "correspondence_ must hold indices"),
-        ("fitted.stop_reason_", np.arange(3.0), "stop_reason_"),
-        ("identifiability.flat", np.zeros(3), "flat"),
-        ("identifiability.axes", np.eye(3).astype("U9"), "axes"),
-        ("identifiability.axes", np.full((3, 3), np.nan), "axes must be finite"),
-        ("identifiability.directions", np.eye(2), r"directions has shape \(2, 2\)"),
-        ("identifiability.resampled", np.eye(3), r"resampled has shape \(3, 3\)"),
-        ("identifiability.optima.n_starts", np.array(["many"]), "optima.n_starts"),
-        ("identifiability.curvature", None, "identifiability holds"),
-    ],
-)
-def test_altered_knowledge_is_refused(tmp_path, searched, key, value, words):
-    """Matches that are no indices, words that are none, and knowledge that does not fit together are named."""
-    altered = {name: array for name, array in {**searched, key: value}.items() if array is not None}
-    if key == "fitted.stop_reason_":
-        plain = json.loads(str(searched["adapter"]))
-        plain["fitted"]["stop_reason_"] = 3
-        altered = {**searched, "adapter": np.array(json.dumps(plain))}
-    files.save_arrays(tmp_path / "a.npz", altered)
-    with pytest.raises(FileFormatError, match=rf"a\.npz' is a damaged adapter file.*{words}"):
         mp.load_adapter(tmp_path / "a.npz")

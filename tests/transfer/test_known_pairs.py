@@ -51,8 +51,8 @@ def unequal(random_spd):
     return random_spd(rng, 40, 3), random_spd(rng, 55, 3), (random_spd(rng, 4, 3), random_spd(rng, 4, 3))
 
 
-@pytest.mark.parametrize("degrees", [30.0, 60.0, 150.0, -120.0])
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("degrees", [60.0, -120.0])
+@pytest.mark.parametrize("count", [1, 5])
 def test_pairs_fix_what_a_symmetric_domain_leaves_open(degrees, count, symmetric):
     """From the clouds alone the turn about the axis is unknown; with a pair or more it is exact."""
     domain, beside = symmetric
@@ -65,16 +65,6 @@ def test_pairs_fix_what_a_symmetric_domain_leaves_open(degrees, count, symmetric
     assert_allclose(told.rotation_, turn, atol=1e-9)
     assert_allclose(told.start_rotation_, turn, atol=1e-4)
     assert np.all(spd.distance(told.transform(beside), 2.0 * turn @ beside @ turn.T) < 1e-6)
-
-
-def test_pairs_that_tell_nothing_leave_the_start(symmetric):
-    """Pairs that are round about the axis, or round altogether, start the search where it would have started."""
-    domain, _ = symmetric
-    turn = about_z(0.4)
-    discs = np.stack([np.diag([1.0, 1.0, 3.0]), np.diag([2.0, 2.0, 0.5])])
-    for pairs in ((discs, discs), (spd.mean(domain)[None], spd.mean(domain)[None])):
-        adapter = icp().fit(domain, turn @ domain @ turn.T, pairs=pairs)
-        assert_allclose(adapter.start_rotation_, np.eye(3), atol=1e-6)
 
 
 def test_one_pair_leaves_half_turns(random_spd, random_rotation):
@@ -116,15 +106,6 @@ def test_pairs_get_the_regularisation_of_their_domains(remedy, size, random_sing
     shown = domain[:3]
     with pytest.raises(NotSPDError, match=r"pairs\[0\]\[0\] is singular.*damping=0\.01"):
         icp().fit(domain + np.eye(3), domain + np.eye(3), (shown, shown + np.eye(3)))
-
-
-def test_known_mounting_leaves_no_rivals(symmetric):
-    """With pairs and a mounting, of equally good rotations the one nearest to the mounting is final."""
-    domain, beside = symmetric
-    turn, shown = about_z(np.deg2rad(150.0)), beside[:1]
-    pairs = (shown, turn @ shown @ turn.T)
-    adapter = icp(mounting=about_z(2.5)).fit(domain, turn @ domain @ turn.T, pairs)
-    assert_allclose(adapter.turn_, turn, atol=1e-9)
 
 
 def test_pairs_are_no_part_of_the_adapter(unequal, tmp_path):

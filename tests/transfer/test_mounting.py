@@ -69,7 +69,7 @@ def fits_in_two_frames(teacher, student, new, seed, **options):
     return spd.distance(*(mounted.student_side(each) for each in images))
 
 
-@pytest.mark.parametrize("arm", ["panda", "rhuman"])
+@pytest.mark.parametrize("arm", ["panda"])
 def test_the_length_field_of_an_arm_does_not_depend_on_rounding(arm):
     """A fit with a mounting equals the one to turned ellipsoids, although searches decide between many solutions."""
     robot, person = mp.load_arm(arm), mp.load_arm("rhuman")

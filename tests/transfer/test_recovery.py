@@ -10,7 +10,6 @@ import pytest
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
-from maniport.transfer.icp.starts import voted
 from maniport.transfer.rotation_group import rotation_angle
 
 
@@ -55,17 +54,3 @@ def test_independent_draws_of_such_clouds_are_called_open(random_rotation):
         with pytest.warns(IdentifiabilityWarning, match="about any axis"):
             adapter = mp.RiemannianICP(damping=0.01, n_resamples=0, random_state=0).fit(teacher, student)
         assert adapter.start_kept_
-
-
-@pytest.mark.parametrize(("d", "n"), [(3, 60), (4, 60), (6, 200)])
-def test_votes_elect_the_rotation_of_the_copies(d, n, random_spd, random_rotation):
-    """Pairs of equal eigenvalues propose the rotation between their frames; the one of the copies comes first.
-
-    In six dimensions there are so many signs that not all of the 200 vote.
-    """
-    random = np.random.default_rng(d)
-    teacher, strangers, turn = random_spd(random, n, d), random_spd(random, 30, d), random_rotation(random, d)
-    student = np.concatenate([turn @ teacher[: n // 2] @ turn.T, strangers])
-    found = voted(teacher, student)[0], voted(student, teacher[:50])[0].T
-    for one in found:  # in even dimension −R does what R does
-        assert min(rotation_angle(one, sign * turn) for sign in ((1.0, -1.0) if d % 2 == 0 else (1.0,))) < 0.05

@@ -104,7 +104,6 @@ def test_bad_options_of_rigid_methods(options, message):
         mp.ParallelTransport(**options).fit(GOOD, GOOD)
 
 
-@pytest.mark.parametrize("mounting", [None, np.eye(3)], ids=["free", "mounted"])
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -125,10 +124,10 @@ def test_bad_options_of_rigid_methods(options, message):
         ),
     ],
 )
-def test_bad_options_of_icp(options, message, mounting):
-    """The search's options are checked by name, whether or not the mounting is known."""
+def test_bad_options_of_icp(options, message):
+    """The options of the search are checked by name."""
     with pytest.raises(InvalidInputError, match=message):
-        mp.RiemannianICP(mounting=mounting, **options()).fit(GOOD, GOOD)
+        mp.RiemannianICP(**options()).fit(GOOD, GOOD)
 
 
 @pytest.mark.parametrize(

@@ -19,9 +19,6 @@ from maniport.validation import as_count, as_finite, as_flag, as_number, as_posi
 
 FILE_FORMAT = "maniport-adapter-2"
 
-RETIRED = ("n_jobs", "turn", "halves")
-"""Parameters of earlier versions that say nothing about the fitted map."""
-
 METHODS_BY_CLASS: dict[str, type] = {}
 """Every class of adapters by its name; each enters itself."""
 
@@ -81,7 +78,6 @@ OPTIONAL: Schema = {
     "start_kept_": ((), as_flag),
     "correspondence_": (("matched",), _indices),
     "matched_teacher_": (("matched",), _indices),
-    "axis_": (("axis",), _axis),
     "from_samples_": ((), as_flag),
 }
 """Attributes of maniport's methods that are checked where a file has them."""
@@ -99,6 +95,7 @@ REQUIRED_BY: dict[str, Schema] = {
         "width_": ((), _positive),
         "centers_": (("m", "D"), as_finite),
         "lengths_": (("m", 3), as_finite),
+        "axis_": (("axis",), _axis),
     },
 }
 """Further required attributes of maniport's methods; those of any other class are written and read as they are."""
@@ -166,18 +163,13 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
         raise FileFormatError(f"{str(path)!r} holds a {name!r}; this version knows {sorted(known)}")
     method = known[name]
     parameters, fitted = groups["parameters"], groups["fitted"]
-    unknown = set(parameters) - set(method().get_params())
-    for key in unknown & set(RETIRED):
-        del parameters[key]
-    if unknown := unknown - set(RETIRED):
+    if unknown := set(parameters) - set(method().get_params()):
         raise FileFormatError(f"{damaged}: unknown parameters {sorted(unknown)}")
     wanted = [key for key in names if _is_known(key, method)]
     for key, value in load_arrays(path, "adapter file", wanted).items():
         group, _, attribute = key.partition(".")
         groups[group][attribute] = value
     try:
-        if np.size(fitted.pop("turns_", ())):
-            raise InvalidInputError("it was fitted with turn=True, which this version does not have")
         _require_fitted(method, fitted)
         if groups["identifiability"]:
             fitted["identifiability_"] = _knowledge_from(groups["identifiability"])
@@ -204,7 +196,7 @@ def _is_known(key: str, method: type) -> bool:
     """Whether an array of a file is read; others are not even unpacked."""
     group, _, name = key.partition(".")
     if group == "fitted":
-        return name == "turns_" or name in _schema_of(method) or not _is_shipped(method)
+        return name in _schema_of(method) or not _is_shipped(method)
     return name in KNOWLEDGE if group == "identifiability" else group == "parameters"
 
 
@@ -262,7 +254,7 @@ def _options_from(value: Any) -> Any:
     kind, options = known.get(value["class"]), value["options"]
     if kind is None or options is None:
         return str(value["class"])
-    return kind(**{name: option for name, option in options.items() if name != "prior_weight"})
+    return kind(**options)
 
 
 def _knowledge_arrays(knowledge: Identifiability) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from maniport.spd.matrix_functions import to_vector
 from maniport.spd.regularization import Regularization
 from maniport.subsample import evenly_spaced
 from maniport.transfer.adapter import DomainAdapter
-from maniport.transfer.lengths.field import KAPPA, NO_AXIS, LengthsMap, as_axis, damped
+from maniport.transfer.lengths.field import KAPPA, LengthsMap, as_axis, damped
 from maniport.transfer.lengths.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
 from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
 from maniport.transfer.lengths.report import reported
@@ -86,8 +86,6 @@ class LengthsField(DomainAdapter):
     rotation_, dispersion_ratio_
         The identity, and s.
     """
-
-    axis_: Array = NO_AXIS  # of a file without one
 
     def __init__(
         self,

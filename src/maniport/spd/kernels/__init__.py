@@ -118,6 +118,9 @@ def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curve
 def in_parts(work: Callable[[int, int], None], count: int, d: int) -> None:
     """Call work(first, last) on parts of a batch of `count` d×d matrices, by several threads where that pays."""
     size = WIDTH * max(1, 65_000 // (WIDTH * d**3))  # parts of some 0.1 ms, which stay in the processor's cache
+    if 0 < count <= size:
+        work(0, count)
+        return
     starts = range(0, count, size)
     threads = min(int(config.NUMBA_NUM_THREADS), len(starts) // 8)
 

@@ -128,13 +128,13 @@ class ICP:
         reason, converged = f"{max_iter} iterations without convergence", False
         for iteration in range(max_iter + 1):
             problem, matches = self.problem(rotation)
-            # the last iterate is only measured
-            step = problem.minimize(rotation, gradient_tol, max_iter=100 if iteration < max_iter else 0)
-            history.append(float(np.sqrt(step.start_cost)))
             iterates.append((rotation, matches))
-            best = int(np.argmin(history))
-            if iteration == max_iter:
+            if iteration == max_iter:  # only measured
+                history.append(float(np.sqrt(problem.cost(rotation))))
                 break
+            step = problem.minimize(rotation, gradient_tol)
+            history.append(float(np.sqrt(step.start_cost)))
+            best = int(np.argmin(history))
             if iteration - best >= patience:
                 reason = f"no lower cost in {patience} iterations; iteration {best} is kept"
                 break
@@ -142,4 +142,5 @@ class ICP:
                 reason, converged = "matches and rotation converged", True
                 break
             rotation = step.rotation
+        best = int(np.argmin(history))
         return Registration(start, iterates[best][0], history[best], iterates[best][1], history, reason, converged)

@@ -43,8 +43,9 @@ class ScoreMatcher:
         self._student: tuple[Any, ...]
         self._teacher, self._table = teacher, len(teacher.shapes) * len(student.shapes) <= largest_table
         if self._table:
-            gaps = np.abs(teacher.shapes[:, None] - student.shapes)
-            self._student = np.ascontiguousarray(student.directions.transpose(1, 2, 0)), np.exp(-gaps).sum(axis=2)
+            gaps = [np.abs(one[:, None] - other) for one, other in zip(teacher.shapes.T, student.shapes.T, strict=True)]
+            likeness = np.exp(-gaps[0]) + np.exp(-gaps[1])
+            self._student = np.ascontiguousarray(student.directions.transpose(1, 2, 0)), likeness
         else:
             order = np.argsort(student.shapes[:, 0], kind="stable")
             places = np.searchsorted(student.shapes[order, 0], teacher.shapes[:, 0])

@@ -37,11 +37,9 @@ class FieldReport:
     turn: float  # median angle from the image's longest axis to the nearest axis of the sample [degrees]
     singular_value: float  # smallest of the map's derivative, see `LengthsField.singular_values`
     folded: float  # fraction of the samples where the map folds, or nearly so
-    moved_axes: float = (
-        np.nan
-    )  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
-    reversing: float = np.nan  # fraction where the determinant of the map's derivative is negative
-    contrary: float = np.nan  # fraction where lengthening an axis shortens the image's
+    moved_axes: float  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
+    reversing: float  # fraction where the determinant of the map's derivative is negative
+    contrary: float  # fraction where lengthening an axis shortens the image's
 
     @property
     def invertible(self) -> bool:
@@ -78,7 +76,7 @@ class FieldReport:
     @classmethod
     def read(cls, plain: Any) -> "FieldReport":
         """Make one of the values in a file; ValueError or TypeError where they do not fit."""
-        report = cls(**{name: value for name, value in plain.items() if name != "agreement"})  # of earlier versions
+        report = cls(**plain)
         report.in_words()
         return report
 
