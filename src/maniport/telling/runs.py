@@ -66,7 +66,7 @@ def run_report(result: TransferResult) -> Report:
     report = Report(f"{source[:1].upper()}{source[1:]} → {robot.name}", lead, sections, data_warnings=doubts)
     if execution is None:
         return replace(report, summary=unmoved(result))
-    return replace(report, summary=motion_summary(execution, result.time, report.warning_keys, result))
+    return replace(report, summary=motion_summary(execution, report, result))
 
 
 @describe.register
@@ -80,7 +80,7 @@ def execution_report(execution: Execution) -> Report:
     title = f"{Path(execution.sources[0]).stem} → {robot.name}" if execution.sources else f"The motion of {robot.name}"
     sections = (*motion_sections(execution), Section("Settings", settings, key="run", folded=True))
     report = Report(title, lead, sections)
-    return replace(report, summary=motion_summary(execution, motion.time, report.warning_keys))
+    return replace(report, summary=motion_summary(execution, report))
 
 
 def motion_sections(execution: Execution, clock: Array | None = None) -> list[Section]:
