@@ -36,13 +36,6 @@ def test_every_view_has_a_row_of_ellipses_for_each_profile(motion, d, views):
     assert all(one.x1 < other.x0 for one, other in pairwise(extents))
 
 
-def test_ellipsoid_views_draw_the_truth_over_both_rows(motion):
-    """Each of two rows has the ellipsoids and the dashed truth."""
-    _, profile = motion()
-    figure = figures.ellipsoid_views(profile, 2 * profile, 1.5 * profile, count=5)
-    assert [len(panel.patches) for panel in figure.axes] == [20, 20]
-
-
 def test_curves_are_the_numbers_of_the_profile(motion):
     """The first panel has the semi-axes, broken at the gap; flat ellipsoids can be drawn."""
     time, profile = motion()
@@ -53,14 +46,6 @@ def test_curves_are_the_numbers_of_the_profile(motion):
     assert figure.axes[0].get_ylabel() == "[N]"
     profile[:, :, 0] = profile[:, 0, :] = 0.0
     figures.curves(time, {"p": profile})
-
-
-def test_map_shows_every_domain_and_profile(motion):
-    """A cloud for each domain, and for each profile a line with its ends."""
-    time, profile = motion()
-    figure = figures.diffusion_map({"a": profile, "b": 3 * profile}, {"motion": profile}, time=time)
-    assert len(figure.axes[0].collections) == 2
-    assert len(figure.axes[0].lines) == 4
 
 
 def test_arms_have_one_scale_and_share_a_panel(motion):
@@ -95,7 +80,6 @@ def test_roles_have_one_color_everywhere(motion):
         lambda time, p: figures.ellipsoid_views(p, p[1:], p),
         lambda time, p: figures.ellipsoid_views(p, p, p, names=("a", "a", "b")),
         lambda time, p: figures.diffusion_map({"a": p, "b": p[:, :2, :2]}, {}),
-        lambda time, p: figures.diffusion_map({"a": p}, {"c": p[1:]}, time=time),
         lambda time, p: figures.arms({"a": np.zeros((7, 3))}, {"a": p}),
         lambda time, p: figures.arms({"a": np.zeros((60, 3, 3))}, {}),
         lambda time, p: figures.save(Figure(), "a.jpg"),
