@@ -7,7 +7,6 @@ import pytest
 
 import maniport as mp
 from maniport.pipeline import transfer_recording
-from maniport.studies.paper import figures, run
 from maniport.telling import facts_of
 from maniport.telling.page import as_html
 from maniport.telling.page.motions import motion_of, regularized
@@ -113,11 +112,3 @@ def test_surfaces_stand_where_forward_kinematics_puts_them(small_result, shown):
         np.testing.assert_array_equal(part.poses, poses[:, surface.joint])
         np.testing.assert_array_equal(part.triangles, surface.triangles)
         np.testing.assert_array_equal(part.points, surface.points)
-
-
-def test_arms_of_the_paper_move():
-    """With known joint samples the two-joint arms' adapted ellipsoids are the student's own, as the curve says."""
-    shown = figures.two_dof_motion(0)
-    distance = shown.panels["Ellipsoids"][0].lines[0].values
-    assert distance.max() < 1e-3
-    assert set(figures.MOVED) <= set(run.FIGURES)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from maniport.defaults import DAMPING, TIP_TOLERANCE
-from maniport.demonstrations.data_quality import LARGE, beyond_limits, far_off
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.telling.metrics import INFO, Metric, Report, Section, Summary, in_axes, listed
@@ -40,7 +39,7 @@ def motion_summary(execution: Execution, report: Report, transfer: TransferResul
     return Summary(
         f"{outcome[:1].upper()}{outcome[1:]}: {reached} of {len(motion.status)} waypoints reached.",
         " ".join([*_dangers(execution), *_distances(median)]),
-        " ".join([*_jump(execution), *_fit(transfer)]),
+        _jump(execution),
         advice,
         command,
         status,
@@ -126,25 +125,13 @@ def _dangers(execution: Execution) -> list[str]:
     ]
 
 
-def _jump(execution: Execution) -> list[str]:
+def _jump(execution: Execution) -> str:
     """Say that the position error is largest at a jump of the recording."""
     error, jumps = execution.motion.position_error, execution.plan.leaps
     if error is None or not far_points(execution.motion) or not jumps[int(np.argmax(error))]:
-        return []
+        return ""
     elsewhere = f"; elsewhere it is up to {1e3 * error[~jumps].max():.1f} mm" if not jumps.all() else ""
-    return [f"The position error is largest where the recording jumps{elsewhere}."]
-
-
-def _fit(transfer: TransferResult | None) -> list[str]:
-    """Say where the human model differs from the person."""
-    if transfer is None:
-        return []
-    bad = [f"{name} ({off:.0f}°)" for name, off in far_off(transfer.fit).items()]
-    held = [f"{name} in {100 * share:.0f} %" for name, share in beyond_limits(transfer.fit).items()]
-    texts = [f"The human model differs from the recording: {listed(bad)}."] if bad else []
-    if held:
-        texts.append(f"The person exceeds limits of the model by more than {LARGE:.0f}°: {listed(held)} of the frames.")
-    return texts
+    return f"The position error is largest where the recording jumps{elsewhere}."
 
 
 def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, status: str) -> tuple[str, str]:

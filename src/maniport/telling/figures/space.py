@@ -69,7 +69,7 @@ def ellipsoids(
     checked = check_profiles(profiles, len(times))
     frames = _frames(times)
     fills = np.linspace(0.45, 0.1, len(checked)).tolist()  # rows differ in grey, too
-    colors = [color for color, _ in colors_of(checked, roles)]
+    colors = colors_of(checked, roles)
     rows = [_Row(*row) for row in zip(checked, (x[frames] for x in checked.values()), colors, fills, strict=True)]
     decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
     return _stacked(rows, unit, [f"{t:.{decimals}f}" for t in times[frames]], axis)
@@ -179,7 +179,7 @@ def arms(
     figure.subplots_adjust(left=0.0, right=0.9, bottom=0.12, top=0.98, wspace=0.15)
     made = figure.subplots(1, len(points), squeeze=False, subplot_kw={"projection": "3d"})[0]
     panels: dict[str, Any] = dict(zip(points, made, strict=True))
-    for (color, _), (name, (corners, shells)) in zip(colors_of(drawn, roles), drawn.items(), strict=True):
+    for color, (name, (corners, shells)) in zip(colors_of(drawn, roles), drawn.items(), strict=True):
         opacities = np.linspace(0.25, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
         for line, shell, opacity in zip(corners, shells, opacities, strict=True):
             panel = panels[panel_of[name]]
@@ -252,13 +252,11 @@ def map_figure(
     figure = column_figure(3.2)
     panel = figure.subplots()
     handles = []
-    for (color, pale), (name, points) in zip(colors_of(domains, roles), domains.items(), strict=True):
-        panel.scatter(points[:, 0], points[:, 1], s=2, color=pale, alpha=0.5, lw=0, rasterized=True)
-        handles.append(
-            Line2D([], [], color=color, marker="o", mfc=pale, mec=pale, ms=3, ls="", label=f"domain: {name}")
-        )
+    for color, (name, points) in zip(colors_of(domains, roles), domains.items(), strict=True):
+        panel.scatter(points[:, 0], points[:, 1], s=2, color=color, alpha=0.25, lw=0, rasterized=True)
+        handles.append(Line2D([], [], color=color, marker="o", alpha=0.5, ms=3, ls="", label=f"domain: {name}"))
     styles = ("-", *LINE_STYLES, *LINE_STYLES)
-    for (color, _), style, (name, path) in zip(colors_of(profiles, roles), styles, profiles.items(), strict=False):
+    for color, style, (name, path) in zip(colors_of(profiles, roles), styles, profiles.items(), strict=False):
         points = path if time is None else with_breaks(time, path)[1]
         panel.plot(*points.T, color="white", lw=1.8)
         panel.plot(*points.T, color=color, lw=1.0, ls=style)
