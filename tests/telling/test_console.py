@@ -66,16 +66,6 @@ def test_json_has_no_nan(capsys):
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, [None]], "c": {"d": None}}
 
 
-def test_progress_in_a_pipe_is_lines_of_what_was_found(capsys):
-    """A step that ends leaves a line on standard error, square brackets and all; nothing else is written."""
-    with progress() as tell:
-        tell("walk", 0.0)
-        tell("walk", 0.5)
-        tell("walk", 1.0, "[bold]3 km[/bold]")
-        tell("rest", 1.0)
-    assert capsys.readouterr() == ("", "✓ walk: [bold]3 km[/bold]\n✓ rest\n")
-
-
 def test_progress_on_a_terminal_gives_the_cursor_back(monkeypatch):
     """The bar that an error interrupts is taken away, the cursor shown again, and the error goes on."""
     stream = Terminal()

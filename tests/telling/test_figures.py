@@ -12,13 +12,7 @@ from maniport.errors import FileFormatError, InvalidInputError, ManiportError, M
 from maniport.optional import matplotlib
 from maniport.spd.ellipsoid import lengths
 from maniport.telling import figures
-from maniport.telling.roles import ACHIEVED, PERSON
 from maniport.telling.write import FIGURES
-
-
-def texts(figure):
-    """All words of a figure."""
-    return [text.get_text() for panel in figure.axes for text in (panel.title, panel.xaxis.label, *panel.texts)]
 
 
 @pytest.mark.parametrize(("d", "views"), [(2, 1), (3, 2)])
@@ -57,15 +51,6 @@ def test_arms_have_one_scale_and_share_a_panel(motion):
     assert [panel.get_title() for panel in figure.axes] == ["x", "other"]
     assert [len(panel.lines) for panel in figure.axes] == [4, 2]
     assert len({round(float(np.ptp(panel.get_xlim())), 9) for panel in figure.axes}) == 1
-
-
-def test_roles_have_one_color_everywhere(motion):
-    """A role gives its color whatever the order; other names get the others."""
-    time, profile = motion()
-    figure = figures.curves(
-        time, {"robot": profile, "person": profile}, roles={"robot": "achieved", "person": "person"}
-    )
-    assert {line.get_color() for line in figure.axes[3].lines} == {ACHIEVED.color, PERSON.color}
 
 
 @pytest.mark.parametrize(

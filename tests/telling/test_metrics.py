@@ -124,14 +124,3 @@ def test_paper_stands_beside_what_came_out():
     assert "in 1 of 1 fits that the domains do not determine the rotation" in facts.warnings[0]
     assert as_numbers(facts)["toy"]["rows"][2]["per_dispersion"] == 1e-6
     assert "IROS 2022" in as_page(facts)
-
-
-def test_of_semi_axes_the_farthest_is_told_with_its_moment(small_result):
-    """Beside the median of achieved over target stands the ratio that is farthest from 1, and when."""
-    motion = small_result.execution.motion
-    told = facts_of(small_result).metric("semi_axes").value
-    for name, column in zip(("minor", "middle", "major"), motion.semi_axis_ratio.T, strict=True):
-        assert told[name]["median"] == pytest.approx(np.median(column))
-        assert abs(np.log(told[name]["max"])) == pytest.approx(np.abs(np.log(column)).max())
-        at = np.flatnonzero(small_result.time == told[name]["max_at_s"])
-        assert column[at] == pytest.approx(told[name]["max"])

@@ -115,12 +115,3 @@ def test_the_prompt_of_an_adapter_makes_it_again(objects):
     assert repr(again) == repr(clone(icp))
     assert "#" not in repr(again)
     assert "not fitted" in again._repr_html_()
-
-
-def test_slides_are_metres():
-    """Angles are told in degrees as well, slides in metres."""
-    arm = mp.Arm.from_dh("lift", [[0, 0, 0, 0], [0, 0, 1, 0]], -1.0, 1.0, kinds=["prismatic", "revolute"])
-    text = Reader(arm._repr_html_()).text
-    assert "-1.000 to 1.000 m" in text
-    assert "-1.000 to 1.000 rad (-57° to 57°)" in text
-    assert text.count("unknown") == 2

@@ -38,24 +38,6 @@ def complete(result):
     return replace(result, fit=fit, execution=execution, warnings=())
 
 
-def test_one_count_stands_everywhere(small_result, facts):
-    """Title, warning, list of states, strip and numbers name the same number of points."""
-    count, motion = len(small_result.time), small_result.execution.motion
-    reached = sum(word in ("followed", "nearly followed") for word in motion.status)
-    near_enough = (motion.distance <= 0.4) & (motion.position_error <= motion.tip_tolerance)
-    assert reached == near_enough.sum()
-    numbers, page = as_numbers(facts)["motion"], as_page(facts, {"motion": [motion_of(small_result)]})
-    assert numbers["points_missed"] == count - reached
-    assert sum(numbers["status"].values()) == count
-    assert f"{reached} of {count} waypoints reached" in facts.summary.title
-    assert facts.metric("status").text.startswith(f"{reached} of {count} reached")
-    assert motion_of(small_result).states == motion.status
-    assert set(re.findall(r"(\d+) of \d+ (?:waypoints )?reached", page)) == {str(reached)}
-    assert all(
-        f"{count - reached} of {count} waypoints" in text for text in facts.warnings if "waypoints are missed" in text
-    )
-
-
 def test_green_needs_that_nothing_is_open(small_result):
     """Each thing that is assumed, unchecked or not met makes a result amber, under a key of its own."""
     whole = complete(small_result)
