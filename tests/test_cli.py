@@ -135,7 +135,7 @@ def test_track_and_place(run, profile, tmp_path):
     np.testing.assert_array_equal(time, load_ellipsoids(tmp_path / "placed" / "placed_profile.npz")[1])
     code, out, err = run("track", *profile, "--tempo", 0.5, *options, "-o", tmp_path / "out")
     assert code == 0, err
-    assert json.loads(out)["motion"]["distance"]["p95"] < 0.1
+    assert json.loads(out)["motion"]["distance"]["p95"] < 0.2
     assert (tmp_path / "out" / "joints.csv").read_text().startswith("time_s,panda_joint1_rad")
 
 

@@ -18,10 +18,10 @@ from maniport.input_limits import ARRAYS_BYTES, MEGABYTE, SETTINGS_BYTES, existi
 from maniport.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
 
 
-def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any]) -> None:
-    """Write named arrays to a compressed ``.npz`` file, whole or not at all."""
+def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any], compress: bool = True) -> None:
+    """Write named arrays to an ``.npz`` file, whole or not at all."""
     with written_whole(path) as temporary, open(temporary, "wb") as stream:
-        np.savez_compressed(stream, **arrays)
+        (np.savez_compressed if compress else np.savez)(stream, **arrays)
 
 
 def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] | None = None) -> dict[str, Any]:

@@ -25,21 +25,6 @@ def test_a_turning_axis_is_followed_without_jumps():
     assert_allclose(np.abs(axis_over_time(points, 0)), np.broadcast_to([0.0, 0.0, 1.0], vectors.shape), atol=1e-12)
 
 
-def test_first_vector_has_its_largest_component_positive():
-    """The one free sign is chosen the same way for every profile."""
-    for seed in range(10):
-        factor = np.random.default_rng(seed).standard_normal((5, 3, 4))
-        first = axis_over_time(factor @ np.swapaxes(factor, 1, 2), -1)[0]
-        assert first[np.argmax(np.abs(first))] > 0
-
-
-def test_sign_agrees_with_another_profile():
-    """A profile that is drawn against another takes that one's sign, even where its own rule says otherwise."""
-    points, basis = turning()
-    like = -axis_over_time(points, -1)
-    assert_allclose(axis_over_time(3 * points, -1, like), -basis[:, :, 0], atol=1e-12)
-
-
 def test_sign_agrees_again_after_a_place_without_direction():
     """What was flipped by a pause without direction, or by a leap of the axis, takes the other's sign again."""
     points, basis = turning()

@@ -8,7 +8,6 @@ import pytest
 from sklearn.base import clone
 
 import maniport as mp
-from maniport.notebook import ShownInNotebooks
 from maniport.telling import Metric, Report, Section, Table, as_html
 from maniport.transfer import Search
 
@@ -108,46 +107,6 @@ def test_everything_is_escaped():
     assert "<i>" not in as_html(Report(evil, evil, (section,)))
 
 
-def test_an_object_without_facts_shows_its_prompt():
-    """A class that nobody tells of is shown by its repr."""
-
-    class Thing(ShownInNotebooks):
-        def __repr__(self):
-            return "Thing(<3>)"
-
-    assert "Thing(&lt;3&gt;)" in Thing()._repr_html_()
-
-
-def test_an_adapter_tells_its_fit(objects):
-    """Rotation, ratio, damping, what domains know, why the search ended are shown, and the gist at the prompt."""
-    icp = objects["RiemannianICP"]
-    text = " ".join(Reader(icp._repr_html_()).text)
-    words = (
-        f"ratio {icp.dispersion_ratio_:.4g}",
-        f"{icp.student_damping_:.3g}",
-        icp.identifiability_.in_words(),
-        icp.stop_reason_,
-    )
-    assert [word for word in words if word.lower() not in text.lower()] == []
-    for word in (icp.identifiability_.in_words(), icp.stop_reason_):
-        assert word in repr(icp)
-
-
-def test_the_angle_of_an_adapter_is_that_of_its_rotation(objects):
-    """A student that is the teacher turned by 40° about z is told as a turn by 40.0°."""
-    teacher = mp.sample_domain(objects["Arm"], 64, 0)
-    turn = np.array(
-        [
-            [np.cos(2 * np.pi / 9), -np.sin(2 * np.pi / 9), 0.0],
-            [np.sin(2 * np.pi / 9), np.cos(2 * np.pi / 9), 0.0],
-            [0, 0, 1],
-        ]
-    )
-    adapter = mp.ParallelTransport(damping=0.01, mounting=turn).fit(teacher, turn @ teacher @ turn.T)
-    assert "turns by 40.0°" in repr(adapter)
-    assert "40.0° with the base rotation" in adapter._repr_html_()
-
-
 def test_the_prompt_of_an_adapter_makes_it_again(objects):
     """What is not a comment is code for the unfitted adapter, as scikit-learn has it."""
     icp = objects["RiemannianICP"]
@@ -156,12 +115,3 @@ def test_the_prompt_of_an_adapter_makes_it_again(objects):
     assert repr(again) == repr(clone(icp))
     assert "#" not in repr(again)
     assert "not fitted" in again._repr_html_()
-
-
-def test_slides_are_metres():
-    """Angles are told in degrees as well, slides in metres."""
-    arm = mp.Arm.from_dh("lift", [[0, 0, 0, 0], [0, 0, 1, 0]], -1.0, 1.0, kinds=["prismatic", "revolute"])
-    text = Reader(arm._repr_html_()).text
-    assert "-1.000 to 1.000 m" in text
-    assert "-1.000 to 1.000 rad (-57° to 57°)" in text
-    assert text.count("unknown") == 2

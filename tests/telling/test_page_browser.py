@@ -146,14 +146,3 @@ def test_axe_finds_nothing(browser, results, axe, scheme):
     browser.run(f"{axe}; null")
     found = browser.run("axe.run(document).then(found => found.violations.map(one => one.id + one.nodes[0].html))")
     assert found == []
-
-
-def test_without_scripts_a_table_has_the_ranges(browser, results):
-    """Where scripts do not run, a text says so and a table has the range of every curve."""
-    browser.dress(1024, 768)
-    browser.call("Emulation.setScriptExecutionDisabled", value=True)
-    try:
-        browser.go(results.as_uri())
-        browser.wait("document.readyState === 'complete' && document.querySelectorAll('noscript tr').length > 10")
-    finally:
-        browser.call("Emulation.setScriptExecutionDisabled", value=False)

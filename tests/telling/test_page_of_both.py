@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose
 from pages import written
 
-from maniport.errors import InvalidInputError
 from maniport.telling.figures import _decoded
 from maniport.telling.page import Body, Line, Motion, Panel
 from maniport.telling.page.content import as_json
@@ -51,13 +50,6 @@ def test_arms_of_a_pair_are_written_beside_one_another(pair):
     assert_allclose((data["bodies"][1]["beside"][0]["path"]), pair.bodies[1].beside[0].path, atol=1e-6)
     alone = json.loads(as_json(Motion(TIME, (arm(1),)), 100))["bodies"][0]
     assert set(alone) == {"name", "skeleton", "ellipsoids", "path", "parts", "turn", "figure"}
-
-
-def test_arms_of_a_pair_move_together():
-    """A second arm of another length is refused."""
-    short = Body("arm", arm(-1).skeleton[:5])
-    with pytest.raises(InvalidInputError, match="the skeleton of 'arm' must have 12 entries"):
-        Motion(TIME, (arm(1, beside=(short,)),))
 
 
 def test_both_arms_are_drawn_in_one_picture(browser, pair, tmp_path):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maniport.demonstrations import Recording, fit_arm, read_recording
+from maniport.demonstrations import fit_arm, read_recording
 from maniport.telling.metrics import facts_of
 from maniport.telling.recording import recording_facts
 from maniport.telling.renderings import as_markdown, as_numbers
@@ -17,21 +17,6 @@ def bare():
     """The ladder without the points that show wrist and neck."""
     recording = read_recording("ladder").crop(10, 11)
     return recording.select([name for name in recording.names if name not in ("RightHand", "Neck")])
-
-
-def test_every_role_and_length_is_told():
-    """Points, family, roles of both arms, lengths and what either arm lacks stand on the page and in the numbers."""
-    facts = facts_of(read_recording("freeform"))
-    arms = as_numbers(facts)["arms"]
-    assert as_numbers(facts)["recording"]["format"] == ".c3d"
-    assert arms["right"]["complete"]
-    assert arms["right"]["markers"]["elbow_axis"] == [["RIEL"], ["RELB"]]
-    assert arms["right"]["lengths_m"] == pytest.approx({"upper arm": 0.271, "forearm": 0.249}, abs=1e-3)
-    assert arms["left"]["lacks"] == ["elbow", "wrist"]
-    page = as_markdown(facts)
-    for text in ("Plug-in Gait", "| elbow | RELB + RIEL | – |", "| trunk_front | C7 + T10 | STRN |", "CLAV 100.0 %"):
-        assert text in page
-    assert not facts.warnings
 
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
@@ -72,13 +57,6 @@ def test_what_would_tell_more_is_told_of_the_arm_that_is_fitted(side):
     page = as_markdown(recording_facts(few, side=side))
     assert f"The {side} arm can be fitted as it is" in page
     assert ("--arm left" in page.splitlines()[-1]) == (side == "left")
-
-
-def test_left_arms_are_completed_as_left_ones():
-    """Where the left arm is the one that is nearly whole, the line takes that."""
-    names = ("LeftArm", "LeftForeArm", "Neck", "Spine", "RightArm")
-    recording = Recording(names, np.random.default_rng(0).normal(size=(3, 5, 3)), [0.0, 0.1, 0.2], source="a.bvh")
-    assert "maniport transfer a.bvh --markers markers.json --arm left" in as_markdown(facts_of(recording))
 
 
 def test_a_contradicted_arm_is_warned_of():

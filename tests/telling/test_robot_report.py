@@ -12,8 +12,7 @@ from maniport.bodies import load_arm
 from maniport.bodies.readers.packages import PACKAGES
 from maniport.cli import app
 from maniport.cli.robots import Chain
-from maniport.telling.metrics import facts_of
-from maniport.telling.robot import command_line_of, limits_in_words
+from maniport.telling.robot import command_line_of
 from real_robots import NEEDS_ROBOTS
 
 
@@ -81,7 +80,6 @@ def test_what_the_command_line_is_told_is_the_same_arm(crane):
     q = arm.sample(4, random_state=0)
     np.testing.assert_allclose(again.jacobian(q), arm.jacobian(q), atol=1e-6)
     assert command_line_of(load_arm("panda")) == "panda"
-    assert limits_in_words(arm) == "up 0 to 0.5 m"
 
 
 def test_a_robot_with_two_arms_lists_its_ends():
@@ -114,27 +112,3 @@ def test_options_that_cannot_be_are_named(words, message):
     result = CliRunner().invoke(app, ["info", *words])
     with pytest.raises(ValueError, match=message):
         raise result.exception
-
-
-def test_joints_may_be_named_one_by_one(crane):
-    """The option given twice means both, as with commas between."""
-    both = info(str(crane), "--joints", "turn,nod", "--json")
-    assert info(str(crane), "--joints", "turn", "--joints", "nod", "--json") == both
-
-
-def test_a_robot_that_comes_with_maniport_is_of_no_other_package():
-    """What another package calls panda is not what is told of."""
-    assert "From:" not in info("panda")
-
-
-@pytest.mark.parametrize("words", ["fit a.npz b.npz -o c.npz --frame x", "evaluate a.npz b.npz c.npz d.npz --lock x=1"])
-def test_a_part_of_no_robot_is_refused(words):
-    """Verbs that do without a robot do not pass over what is said of one."""
-    result = CliRunner().invoke(app, words.split())
-    with pytest.raises(ValueError, match="chooses a part of a robot; name the robot with --robot"):
-        raise result.exception
-
-
-def test_facts_of_an_arm_name_what_follows():
-    """Joints of the girdle follow the person's elevation, which is told."""
-    assert "sternoclavicular_r2" in facts_of(load_arm("myoarm")).metric("following").text

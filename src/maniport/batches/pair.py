@@ -20,8 +20,8 @@ from maniport.bodies.human import human_arm
 from maniport.demonstrations import ArmFit, Recording, read_recording
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.pipeline.parts import Fitted, KnownRobot, Shown
-from maniport.telling.facts import facts_of
-from maniport.telling.write import RUN_FILES, writers
+from maniport.telling.metrics import facts_of
+from maniport.telling.write import RUN_FILES, write_run, write_run_page
 from maniport.transfer import load_adapter
 
 PAIR = "pair.json"
@@ -178,8 +178,9 @@ def _pair(task: Task, robot: Robot, settings: Mapping[str, str], shown: Shown, b
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
-        for write in writers(result, facts, order.exports, order.pages):
-            write(staging)
+        write_run(result, facts, order.exports, staging)
+        if order.pages:
+            write_run_page(result, facts, order.exports, staging)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")

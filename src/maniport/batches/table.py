@@ -12,7 +12,7 @@ import numpy as np
 from maniport.atomic_io import written_whole
 from maniport.errors import MissingPackageError, as_text
 from maniport.optional import parquet_writer, pyarrow
-from maniport.telling.facts import Facts
+from maniport.telling.metrics import Report
 from maniport.telling.renderings import PAGE as REPORT
 from maniport.telling.renderings import as_numbers
 from maniport.telling.write import TOLD
@@ -60,7 +60,7 @@ TABLES = ("table.csv", "table.parquet")
 PAGE = "index.html"
 
 
-def row_of(facts: Facts, recording: str, robot: str, folder: str) -> dict[str, Any]:
+def row_of(facts: Report, recording: str, robot: str, folder: str) -> dict[str, Any]:
     """Return the row of a pair that is done."""
     numbers = as_numbers(facts)
     summary = facts.summary

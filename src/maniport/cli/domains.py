@@ -27,7 +27,7 @@ from maniport.cli.robots import NO_ROBOT, Chain, takes_chain
 from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
 from maniport.telling.console import Console
-from maniport.telling.facts import facts_of
+from maniport.telling.metrics import facts_of
 from maniport.telling.renderings import as_numbers, write_facts
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare with, separated by commas, or all.")]

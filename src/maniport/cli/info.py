@@ -10,7 +10,7 @@ from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import AUTO, RECORDINGS
 from maniport.telling.console import Console
-from maniport.telling.facts import Fact, Facts, Section, facts_of, warning
+from maniport.telling.metrics import Metric, Report, Section, facts_of, warning
 from maniport.telling.renderings import PAGE, SUMMARY
 
 
@@ -36,7 +36,7 @@ def info(
     console.tell(_facts(what, chain, recorded, side, height))
 
 
-def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Facts:
+def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Report:
     """Describe what a name or a path stands for."""
     if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
         recorded.require_none(f"{what!r} holds results")
@@ -73,7 +73,7 @@ def _is_recording(what: str) -> bool:
     return what in SHIPPED
 
 
-def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Facts:
+def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Report:
     """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
     from maniport.bodies.readers import robot_limbs
     from maniport.telling.robot import robot_facts
@@ -83,7 +83,7 @@ def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Facts
     return robot_facts(what, limbs, None if to_choose else chain.load(what, side, height))
 
 
-def _of_arrays(path: str) -> Facts:
+def _of_arrays(path: str) -> Report:
     from maniport.files import array_names, load_ellipsoids, load_path
     from maniport.transfer import load_adapter
 
@@ -93,17 +93,20 @@ def _of_arrays(path: str) -> Facts:
     if "manipulability" in names:
         key, (values, time) = "ellipsoids", load_ellipsoids(path)
         n, d = values.shape[:2]
-        facts = [Fact("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), Fact("", "", key="dimension", value=d)]
+        facts = [
+            Metric("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n),
+            Metric("", "", key="dimension", value=d),
+        ]
     else:
         key, (values, time) = "path", load_path(path)
-        facts = [Fact("Path", f"{len(values)} positions", key="count", value=len(values))]
+        facts = [Metric("Path", f"{len(values)} positions", key="count", value=len(values))]
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
-        facts.append(Fact("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
-    return Facts(path, "", (Section("", tuple(facts), key=key),))
+        facts.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
+    return Report(path, "", (Section("", tuple(facts), key=key),))
 
 
-def _of_results(folder: Path) -> Facts:
+def _of_results(folder: Path) -> Report:
     """Report the summary of a run, its warnings, and where its page is."""
     import json
 
@@ -121,5 +124,5 @@ def _of_results(folder: Path) -> Facts:
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
     page = str(folder / PAGE)
-    facts = Fact("Status", status, key="status", value=status), Fact("Page", page, "For any browser.", "page", page)
-    return Facts(str(title), lead, (Section("", facts),), data_warnings=doubts)
+    facts = Metric("Status", status, key="status", value=status), Metric("Page", page, "For any browser.", "page", page)
+    return Report(str(title), lead, (Section("", facts),), data_warnings=doubts)

@@ -56,10 +56,9 @@ class Motion:
 
     def require_exports(self) -> None:
         """Raise unless all formats are there."""
-        from maniport.telling.write import export_file
+        from maniport.telling.write import export_files
 
-        for one in self.export:
-            export_file(one)
+        export_files(self.export)
 
     @property
     def orientation(self) -> Any:

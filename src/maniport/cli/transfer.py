@@ -15,8 +15,9 @@ from maniport.cli.recorded import Recorded, takes_recording, transfers
 from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
 from maniport.defaults import BOTH, DAMPING, EFFORT, ROBOT
 from maniport.errors import InvalidInputError
-from maniport.telling.console import Console, Tell
-from maniport.telling.facts import Facts
+from maniport.steps import Progress
+from maniport.telling.console import Console
+from maniport.telling.metrics import Report
 
 LOAD = "load the program"
 """Name of the first step."""
@@ -124,7 +125,7 @@ def place(
     from maniport.bodies import EllipsoidSpec
     from maniport.bodies.collisions import Collisions
     from maniport.files import load_ellipsoids, load_path
-    from maniport.telling.facts import facts_of
+    from maniport.telling.metrics import facts_of
     from maniport.tracking import place_path
     from maniport.tracking.placement.placed_path import DATA_FILES
 
@@ -207,7 +208,7 @@ def track(
 
 
 @contextmanager
-def at_work(console: Console) -> Iterator[Tell]:
+def at_work(console: Console) -> Iterator[Progress]:
     """Show progress from the first second on, while large modules are loaded."""
     with console.progress() as tell:
         tell(LOAD, 0.0)
@@ -222,7 +223,7 @@ def _require_free(output: Path, overwrite: bool, both: bool = False) -> None:
     require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
 
 
-def _transfer(tell: Tell, output: Path, overwrite: bool, motion: Motion, robot: Any, job: dict[str, Any]) -> Facts:
+def _transfer(tell: Progress, output: Path, overwrite: bool, motion: Motion, robot: Any, job: dict[str, Any]) -> Report:
     """Transfer to an arm or a pair of arms, and write the results."""
     from maniport.bodies import Arm
     from maniport.pipeline import transfer_both, transfer_recording

@@ -6,30 +6,25 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
-from typing import Any, Protocol
+from typing import Any
 
 from rich.console import Console as RichConsole
 from rich.markdown import Markdown
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
 from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
+from maniport.steps import Progress
 from maniport.telling.metrics import Report
 from maniport.telling.renderings import as_markdown, as_numbers, as_terminal, plain
 
 DONE = "✓ "
 
 
-class Tell(Protocol):
-    """Callback with the name of a step, the fraction that is done, and at its end a result."""
-
-    def __call__(self, step: str, fraction: float, found: str = "") -> None:
-        """Report progress."""
-
-
 @contextmanager
-def progress() -> Iterator[Tell]:
+def progress() -> Iterator[Progress]:
     """Show the steps of long work in a terminal or a notebook: a bar while one is in progress, a line when it ends.
 
     In a pipe, a file or the log of a job only the lines are written, to standard error.
@@ -85,7 +80,7 @@ class Console:
             self._out.print(text, markup=False)
 
     @contextmanager
-    def progress(self) -> Iterator[Tell]:
+    def progress(self) -> Iterator[Progress]:
         """Show steps in progress; each step that ends and each warning is printed as a line."""
         with _steps(self._err) as tell, warnings.catch_warnings():
             warnings.showwarning = self._show_warning
@@ -101,10 +96,10 @@ def _standard_error(quiet: bool = False) -> RichConsole:
 
 
 @contextmanager
-def _steps(console: RichConsole) -> Iterator[Tell]:
+def _steps(console: RichConsole) -> Iterator[Progress]:
     """Show steps on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
+    with Bars(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
         tasks: dict[str, TaskID] = {}
 
         def tell(step: str, fraction: float, found: str = "") -> None:
@@ -120,7 +115,7 @@ def _steps(console: RichConsole) -> Iterator[Tell]:
 
 
 @contextmanager
-def _notebook_steps(least_change: float = 0.01) -> Iterator[Tell]:
+def _notebook_steps(least_change: float = 0.01) -> Iterator[Progress]:
     """Show steps in a notebook; rich would need ipywidgets there. Each drawing is a message to the browser."""
     from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]  # there in a notebook
 

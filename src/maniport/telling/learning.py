@@ -78,16 +78,10 @@ def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
     texts = [
         f"The mean distance to the mean ellipsoid of the same time is {found.after:.2f} ({in_axes(found.after)}).",
         *([f"{outlier} is an outlier."] if outlier else []),
-        _prediction(found),
     ]
-    metrics = _agreement(found)
-    if found.held_out is not None:
-        i = int(np.argmax(found.alone))
-        text = f"{found.alone[i]:.2f} ({learned.names[i]}; median {np.median(found.alone):.2f})"
-        metrics = [*metrics, Metric("Largest distance from the others", text)]
     advice = f"Leave out {outlier}, or give it a profile of its own." if outlier else _more(learned)
     title = f"The demonstrations {how}."
-    return Summary(title, " ".join(texts), "", advice, "", status_of(reasons), tuple(reasons), tuple(metrics))
+    return Summary(title, " ".join(texts), "", advice, "", status_of(reasons), tuple(reasons), tuple(_agreement(found)))
 
 
 def _held_out(found: Agreement) -> dict[str, float]:
@@ -96,19 +90,6 @@ def _held_out(found: Agreement) -> dict[str, float]:
     assert held is not None
     means = (float(np.mean(values)) for values in (held.learned, held.mean, held.nearest, held.constant))
     return dict(zip(HELD_OUT, means, strict=True))
-
-
-def _prediction(found: Agreement) -> str:
-    """Say how well held-out demonstrations are predicted."""
-    if found.held_out is None:
-        return "There are too few demonstrations to hold one out."
-    learned, mean, nearest, constant = _held_out(found).values()
-    if learned >= constant:
-        return "A held-out demonstration is predicted no better than by one ellipsoid for all times."
-    if learned > nearest:
-        return "A held-out demonstration is nearer to one of the others than to the learned profile."
-    best = "best by the learned profile" if learned <= mean else "better by the plain mean than by the learned profile"
-    return f"A held-out demonstration is predicted {best}."
 
 
 def _more(learned: LearnedProfile) -> str:

@@ -5,7 +5,6 @@ page (`maniport.telling.page`) render the same report.
 """
 
 import importlib
-import re
 import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,8 +17,6 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 
 INFO, NOTE, WARNING = "info", "note", "warning"
-TIME = re.compile(r"\bat (-?\d+\.\d) s\b")
-"""A time as `at_time` writes it; pages make links of these."""
 
 MODULES = {
     "bodies": "robot",
@@ -298,7 +295,7 @@ def defined(key: str, values: ArrayLike, time: ArrayLike | None = None) -> Metri
 
 
 def at_time(time: float) -> str:
-    """Write a time [s]."""
+    """Write a time [s]; pages make links of these."""
     return f"at {time:.1f} s"
 
 

@@ -26,9 +26,6 @@ from maniport.tracking.plan.planned_motion import PlannedMotion, Room, over_floo
 from maniport.tracking.plan.planner import FAR
 from maniport.validation import Array
 
-POSITION_FACTOR = FAR
-"""Warning threshold of the largest position error, as a multiple of the tolerance, which is for the 95th percentile."""
-
 AXIS_ANGLE = 30.0
 """Warning threshold of the median angle between the longest axes of target and achieved ellipsoids [degrees]."""
 
@@ -88,10 +85,10 @@ def missed_points(motion: TrackResult) -> int:
 
 
 def far_points(motion: TrackResult) -> int:
-    """Count the waypoints whose position error is more than `POSITION_FACTOR` times the tolerance."""
+    """Count the waypoints whose position error is more than `FAR` times the tolerance."""
     if motion.position_error is None:
         return 0
-    return int((motion.position_error > POSITION_FACTOR * motion.tip_tolerance).sum())
+    return int((motion.position_error > FAR * motion.tip_tolerance).sum())
 
 
 def exceeded_limits(motion: TrackResult, plan: PlannedMotion) -> dict[str, tuple[str, float]]:
@@ -213,7 +210,7 @@ def _target_warnings(motion: TrackResult, time: Array, status: dict[str, int]) -
             warning(
                 "position-error",
                 f"the position error is up to {1e3 * motion.position_error[at]:.1f} mm ({at_time(time[at])}), more "
-                f"than {POSITION_FACTOR:g} times the tolerance of {1e3 * motion.tip_tolerance:g} mm",
+                f"than {FAR:g} times the tolerance of {1e3 * motion.tip_tolerance:g} mm",
             )
         )
     angle = np.degrees(motion.major_axis_angle)

@@ -23,8 +23,10 @@ from maniport.validation import Array
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
     limits = {name: [low, high] for name, low, high in zip(arm.joint_names, arm.lower, arm.upper, strict=True)}
-    spans = [f"{low:.3f} to {high:.3f} {unit}" + (f" ({_span(low, high, unit)})" if unit == "rad" else "")
-             for low, high, unit in _ranges(arm)]  # fmt: skip
+    spans = [f"{low:.3f} to {high:.3f} {unit}" for low, high, unit in _ranges(arm)]
+    angles = np.degrees([arm.lower, arm.upper]).T
+    spans = [f"{span} ({low:.0f}° to {high:.0f}°)" if unit == "rad" else span
+             for span, (low, high), unit in zip(spans, angles, arm.joint_units, strict=True)]  # fmt: skip
     metrics = (
         Metric("Arm", arm.name + (f", a human {arm.side} arm" if arm.side else ""), key="arm", value=arm.name),
         Metric("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
@@ -67,11 +69,6 @@ def base_of(arm: Arm) -> str:
     """Return the base frame of an arm; the first one at its place where none was chosen."""
     fixed = (name for name, at in arm.chain.frames.items() if not at.joint and np.allclose(at.placement, np.eye(4)))
     return arm.chain.base or next(fixed, "the base")
-
-
-def limits_in_words(arm: Arm) -> str:
-    """Write the position limits of all joints."""
-    return listed([f"{name} {_span(*span)}" for name, span in zip(arm.joint_names, _ranges(arm), strict=True)])
 
 
 def command_line_of(arm: Arm) -> str:
@@ -151,10 +148,6 @@ def _collision_warnings(arm: Arm) -> list[Metric]:
 
 def _ranges(arm: Arm) -> list[tuple[float, float, str]]:
     return list(zip(arm.lower.tolist(), arm.upper.tolist(), arm.joint_units, strict=True))
-
-
-def _span(low: float, high: float, unit: str) -> str:
-    return f"{np.degrees(low):.0f}° to {np.degrees(high):.0f}°" if unit == "rad" else f"{low:.3g} to {high:.3g} m"
 
 
 def _speeds(arm: Arm) -> list[str]:

@@ -30,5 +30,3 @@ ROLES = {role.name: role for role in (PERSON, TARGET, ACHIEVED, REFERENCE)}
 
 OTHERS = ("#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe & Ito's other colors, for data without a role."""
-
-OTHERS_PALE = ("#E6BFD5", "#F2D08A", "#B5DDF5", "#999999")

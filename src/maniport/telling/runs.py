@@ -30,7 +30,7 @@ from maniport.telling.metrics import (
 )
 from maniport.telling.motion import collision_metrics, infeasible_targets, motion_section, plan_metrics
 from maniport.telling.recording import FIT, RECORDING, person_section, recording_section
-from maniport.telling.robot import chain_metrics, limits_in_words, placement_section
+from maniport.telling.robot import chain_metrics, placement_section
 from maniport.telling.summary import GREEN, mean_distance, motion_summary, status_of, unmoved
 from maniport.telling.transfer import adapter_section, evaluation_section, mounting_in_words
 from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
@@ -66,7 +66,7 @@ def run_report(result: TransferResult) -> Report:
     report = Report(f"{source[:1].upper()}{source[1:]} → {robot.name}", lead, sections, data_warnings=doubts)
     if execution is None:
         return replace(report, summary=unmoved(result))
-    return replace(report, summary=motion_summary(execution, result.time, report.warning_keys, result))
+    return replace(report, summary=motion_summary(execution, report, result))
 
 
 @describe.register
@@ -80,7 +80,7 @@ def execution_report(execution: Execution) -> Report:
     title = f"{Path(execution.sources[0]).stem} → {robot.name}" if execution.sources else f"The motion of {robot.name}"
     sections = (*motion_sections(execution), Section("Settings", settings, key="run", folded=True))
     report = Report(title, lead, sections)
-    return replace(report, summary=motion_summary(execution, motion.time, report.warning_keys))
+    return replace(report, summary=motion_summary(execution, report))
 
 
 def motion_sections(execution: Execution, clock: Array | None = None) -> list[Section]:
@@ -135,7 +135,7 @@ def _robot(robot: Arm, execution: Execution | None = None) -> list[Metric]:
     metrics = [
         Metric("Robot", f"{robot.name}, {robot.dof} joints, from {base} to {robot.frame}", key="robot",
                value={"name": robot.name, "joints": robot.dof, **{metric.key: metric.value for metric in chain}}),
-        Metric("Position limits", limits_in_words(robot), key="joint_limits", value=limits),
+        *numbers(joint_limits=limits),
         Metric("Fixed joints", held),
     ]  # fmt: skip
     if execution is None:

@@ -5,20 +5,17 @@ affine-invariant distances and α = 1, which removes the density of the samples.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from maniport.errors import InvalidInputError, NotFittedError
+from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_over_time, lengths, volume
 from maniport.subsample import evenly_spaced
-from maniport.validation import SPD_TOLERANCE, Array, as_count, as_number, as_points
-
-MAX_POINTS = 3000
-"""Most points of `DiffusionMap.fit`, which needs a dense matrix of all pairs: 72 MB for so many."""
+from maniport.validation import SPD_TOLERANCE, Array
 
 
 class Course(NamedTuple):
@@ -51,71 +48,49 @@ def is_gap(steps: Array) -> NDArray[np.bool_]:
 
 
 class DiffusionMap:
-    """Coordinates of SPD matrices that are invariant to congruences of the whole space."""
+    """Two coordinates of SPD matrices (n, d, d) that are invariant to congruences of the whole space."""
 
-    points_: Array  # (n, d, d): the points of `fit`
-    coordinates_: Array  # (n, n_components): coordinates of the points of `fit`
-    eigenvalues_: Array  # (n_components,): eigenvalues of the diffusion, descending, below 1
-    epsilon_: float  # The kernel's ε
-
-    def __init__(self, n_components: int = 2, bandwidth: float = 1.0) -> None:
-        self.n_components = n_components
-        self.bandwidth = bandwidth
-
-    def __repr__(self) -> str:
-        fitted = f", fitted to {len(self.points_)} points" if hasattr(self, "points_") else ""
-        return f"DiffusionMap(n_components={self.n_components}, bandwidth={self.bandwidth:g}{fitted})"
-
-    def fit(self, points: ArrayLike) -> Self:
-        """Fit the map to points."""
-        count = as_count(self.n_components, "n_components")
-        width = as_number(self.bandwidth, "bandwidth", above=0.0)
-        data = as_points(points, "points", minimum=count + 2)
-        if len(data) > MAX_POINTS:
-            raise InvalidInputError(f"points must hold at most {MAX_POINTS} matrices; found {len(data)}")
-        squared = _squared_distances(data, data)
+    def __init__(self, points: Array) -> None:
+        squared = _squared_distances(points, points)
         # The kernel reaches 1 % of the points from each; otherwise an outlier would take a coordinate for itself.
-        reached = int(0.01 * len(data))
+        reached = int(0.01 * len(points))
         farthest = np.partition(squared, reached, axis=1)[:, reached].max()
-        self.epsilon_ = width * max(float(np.median(squared[np.triu_indices(len(data), 1)])), float(farthest))
-        if self.epsilon_ < 1e-16:
+        self._epsilon = max(float(np.median(squared[np.triu_indices(len(points), 1)])), float(farthest))
+        if self._epsilon < 1e-16:
             raise InvalidInputError("points must not be equal; the median distance between them is zero")
-        self.points_ = data
-        kernel = np.exp(-squared / self.epsilon_)
+        self._points = points
+        kernel = np.exp(-squared / self._epsilon)
         self._density = kernel.sum(axis=1)
         kernel /= np.outer(self._density, self._density)
         root = np.sqrt(kernel.sum(axis=1))
         # symmetric with the same eigenvalues as the Markov matrix, whose rows sum to one
         values, vectors = scipy.linalg.eigh(
-            kernel / np.outer(root, root), subset_by_index=(len(data) - 1 - count, len(data) - 1)
+            kernel / np.outer(root, root), subset_by_index=(len(points) - 3, len(points) - 1)
         )
-        self.eigenvalues_ = values[-2::-1]
-        if self.eigenvalues_[-1] < 1e-8:  # smaller ones are rounding errors
-            found = int(np.sum(self.eigenvalues_ >= 1e-8))
-            raise InvalidInputError(f"points span {found} diffusion coordinates; n_components is {count}")
+        self._eigenvalues = values[-2::-1]
+        if self._eigenvalues[-1] < 1e-8:  # smaller ones are rounding errors
+            raise InvalidInputError("points must span two diffusion coordinates; these lie on a curve")
         # scaled to variance one under the stationary distribution of the diffusion
         harmonics = vectors[:, -2::-1] / root[:, None] * np.linalg.norm(root)
         largest = np.argmax(np.abs(harmonics), axis=0)
-        harmonics *= np.sign(harmonics[largest, np.arange(count)])
-        self.coordinates_ = harmonics * self.eigenvalues_
-        return self
+        harmonics *= np.sign(harmonics[largest, np.arange(2)])
+        self.coordinates = harmonics * self._eigenvalues  # (n, 2) of the points that the map is fitted to
 
-    def transform(self, points: ArrayLike) -> Array:
-        """Map points by the Nyström extension: each to the kernel average of the points of `fit`."""
-        if not hasattr(self, "coordinates_"):
-            raise NotFittedError("this DiffusionMap is not fitted; call fit first")
-        data = as_points(points, "points", self.points_.shape[-1], minimum=1)
-        exponent = -_squared_distances(data, self.points_) / self.epsilon_
+    def transform(self, points: Array) -> Array:
+        """Map points by the Nyström extension: each to the kernel average of the fitted points."""
+        exponent = -_squared_distances(points, self._points) / self._epsilon
         exponent -= exponent.max(axis=1, keepdims=True)  # cancels below, and far points do not vanish
         weights = np.exp(exponent) / self._density
         weights /= weights.sum(axis=1, keepdims=True)
-        return np.asarray(weights @ self.coordinates_ / self.eigenvalues_)
+        return np.asarray(weights @ self.coordinates / self._eigenvalues)
 
 
 def map_of(sets: Sequence[Array], most: int = 300) -> DiffusionMap:
     """Fit one map to at most `most` points of each of several domains and profiles, shapes (n, d, d)."""
-    limit = min(most, MAX_POINTS // len(sets))
-    return DiffusionMap().fit(np.concatenate([points[evenly_spaced(len(points), limit)] for points in sets]))
+    chosen = np.concatenate([points[evenly_spaced(len(points), most)] for points in sets])
+    if len(chosen) < 4:
+        raise InvalidInputError(f"a map needs at least 4 points; found {len(chosen)}")
+    return DiffusionMap(chosen)
 
 
 def _squared_distances(rows: Array, columns: Array) -> Array:

@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from maniport.defaults import DAMPING, TIP_TOLERANCE
-from maniport.demonstrations.data_quality import LARGE, beyond_limits, far_off
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.telling.metrics import Metric, Summary, in_axes, listed
-from maniport.telling.motion import errors, exceeded_limits, far_points, missed_points, plan_metrics
+from maniport.telling.metrics import INFO, Metric, Report, Section, Summary, in_axes, listed
+from maniport.telling.motion import exceeded_limits, far_points, missed_points
 from maniport.telling.robot import command_line_of
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.validation import Array
 
 GREEN, AMBER, RED = "green", "amber", "red"
 """No warning; warnings to read before the motion runs; a motion that must not run."""
@@ -30,11 +28,9 @@ def status_of(keys: Collection[str]) -> str:
     return AMBER if keys else GREEN
 
 
-def motion_summary(
-    execution: Execution, clock: Array, reasons: Sequence[str], transfer: TransferResult | None = None
-) -> Summary:
-    """Summarize a motion whose warnings have the keys `reasons`; `clock` are the times of its waypoints [s]."""
-    motion = execution.motion
+def motion_summary(execution: Execution, report: Report, transfer: TransferResult | None = None) -> Summary:
+    """Summarize a motion, of which `report` has all sections."""
+    motion, reasons = execution.motion, report.warning_keys
     median, status = float(np.median(motion.distance)), status_of(reasons)
     position, on_path = _position(execution)
     outcome = "; ".join(filter(None, [position, _ellipsoids(median)]))
@@ -43,12 +39,12 @@ def motion_summary(
     return Summary(
         f"{outcome[:1].upper()}{outcome[1:]}: {reached} of {len(motion.status)} waypoints reached.",
         " ".join([*_dangers(execution), *_distances(median)]),
-        " ".join([*_jump(execution), *_fit(transfer)]),
+        _jump(execution),
         advice,
         command,
         status,
-        tuple(reasons),
-        tuple(_main_metrics(execution, clock)),
+        reasons,
+        _main_metrics(report.sections[0]),
     )
 
 
@@ -59,15 +55,13 @@ def unmoved(transfer: TransferResult) -> Summary:
     return Summary(f"{transfer.robot.name} has its targets and was not moved.", text)
 
 
-def _main_metrics(execution: Execution, clock: Array) -> list[Metric]:
+def _main_metrics(section: Section) -> tuple[Metric, ...]:
     """Return errors, duration, limits, collisions and the parts of the mean distance."""
-    motion = execution.motion
-    planned = {one.key: one for one in plan_metrics(execution.plan, motion, execution.room, clock, execution.collisions)
-               if one.text and one.severity == "info"}  # fmt: skip
-    text = listed([f"{name} {one['share']:.0%}" for name, one in planned["limits"].value["used"].items()])
-    limits = Metric("Limits", text)
-    collisions = [planned["collisions"]] if "collisions" in planned else []
-    return [*errors(motion, clock), planned["duration"], limits, *collisions, mean_distance(execution)]
+    by_key = {one.key: one for one in section.metrics if one.text and one.severity == INFO}
+    used = by_key["limits"].value["used"].items()
+    by_key["limits"] = Metric("Limits", listed([f"{name} {one['share']:.0%}" for name, one in used]))
+    keys = ("distance", "tip_error", "orientation_error", "duration", "limits", "collisions", "mean_distance")
+    return tuple(by_key[key] for key in keys if key in by_key)
 
 
 def mean_distance(execution: Execution) -> Metric:
@@ -131,25 +125,13 @@ def _dangers(execution: Execution) -> list[str]:
     ]
 
 
-def _jump(execution: Execution) -> list[str]:
+def _jump(execution: Execution) -> str:
     """Say that the position error is largest at a jump of the recording."""
     error, jumps = execution.motion.position_error, execution.plan.leaps
     if error is None or not far_points(execution.motion) or not jumps[int(np.argmax(error))]:
-        return []
+        return ""
     elsewhere = f"; elsewhere it is up to {1e3 * error[~jumps].max():.1f} mm" if not jumps.all() else ""
-    return [f"The position error is largest where the recording jumps{elsewhere}."]
-
-
-def _fit(transfer: TransferResult | None) -> list[str]:
-    """Say where the human model differs from the person."""
-    if transfer is None:
-        return []
-    bad = [f"{name} ({off:.0f}°)" for name, off in far_off(transfer.fit).items()]
-    held = [f"{name} in {100 * share:.0f} %" for name, share in beyond_limits(transfer.fit).items()]
-    texts = [f"The human model differs from the recording: {listed(bad)}."] if bad else []
-    if held:
-        texts.append(f"The person exceeds limits of the model by more than {LARGE:.0f}°: {listed(held)} of the frames.")
-    return texts
+    return f"The position error is largest where the recording jumps{elsewhere}."
 
 
 def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, status: str) -> tuple[str, str]:

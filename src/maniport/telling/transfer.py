@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.baselines import RAW_COPY, TRANSPORT
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
@@ -265,42 +265,19 @@ def _comparison(verdict: Verdict) -> tuple[str, bool]:
     name, mine, nothing = verdict.name, verdict.value, verdict.raw_copy
     if mine is None or nothing is None:
         return f"{name} is not compared: neither the truth nor the student's kinematics is known.", True
-    measures = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}
-    measure, more = measures[verdict.measure], _no_more(verdict, mine)
-    also = f" It {more}." if more else ""
+    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
     others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
     if RAW_COPY not in others:
-        return f"{name} does what a raw copy does ({measure} {mine:.3f}).{also}", name == RAW_COPY
-    if mine >= WORTH_WHILE * nothing:
-        gain = "hardly" if mine < nothing else "not"
-        said = f"{name} is {gain} better than doing nothing: {measure} {mine:.3f}, raw copy {nothing:.3f}.{also}"
-        return said, False
+        return f"{name} does what a raw copy does ({measure} {mine:.3f}).", name == RAW_COPY
     best = min(others, key=lambda other: others[other])
     against = f"{measure} {mine:.3f} against {nothing:.3f} of a raw copy"
-    if best == RAW_COPY:
-        return f"{name} is better than doing nothing: {against}.{also}", True
+    against += "" if best == RAW_COPY else f", {others[best]:.3f} of {label(best)}"
+    if mine >= WORTH_WHILE * nothing:
+        return f"{name} is not clearly better than doing nothing: {against}.", False
     if mine >= WORTH_WHILE * others[best]:
-        gain = "hardly" if mine < others[best] else "not"
-        beside = f"{gain} better than {label(best)} ({others[best]:.3f}).{also}"
-        beside = f"{more}." if more and _alike(mine, others[best]) else beside
-        return f"{name} is better than doing nothing ({against}), but {beside}", False
-    beside = f"{others[best]:.3f} of {label(best)}"
-    return f"{name} is better than doing nothing and than every cheap alternative: {against}, {beside}.{also}", True
-
-
-def _no_more(verdict: Verdict, mine: float) -> str:
-    """Name the closed forms that reach the same printed value; empty where none does."""
-    tied = [
-        label(row) for row in (RECENTRING, TRANSPORT) if row != verdict.name and _alike(mine, verdict.values.get(row))
-    ]
-    if not tied:
-        return ""
-    do = f"do ({mine:.3f} each)" if len(tied) > 1 else f"does ({mine:.3f})"
-    return f"does no more here than {' and '.join(tied)} {do}"
-
-
-def _alike(mine: float, other: float | None) -> bool:
-    return other is not None and mine >= WORTH_WHILE * other and f"{mine:.3f}" == f"{other:.3f}"
+        return f"{name} is better than doing nothing, but not clearly better than {label(best)}: {against}.", False
+    alternatives = " and than every cheap alternative" if len(others) > 1 else ""
+    return f"{name} is better than doing nothing{alternatives}: {against}.", True
 
 
 def _weakness(one: Weakness, name: str) -> str:

@@ -1,12 +1,12 @@
 """Results written to a folder: data, summaries and the page, whole or not at all."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from maniport.atomic_io import folder_written_whole, require_free
+from maniport.bodies import Arm, Arms
 from maniport.errors import InvalidInputError
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
@@ -20,6 +20,7 @@ from maniport.steps import Progress, Step
 from maniport.telling.metrics import Report, facts_of
 from maniport.telling.renderings import PAGE, SUMMARY, files_of, write_facts
 from maniport.tracking.exports import FORMATS, NEEDED, SCENE, export_motion
+from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.validation import as_choice
 
 if TYPE_CHECKING:
@@ -38,8 +39,6 @@ RUN_FILES = (*DATA_FILES, *TOLD, *EXPORTS, *files_of(*FIGURES))
 """Files of a `TransferResult`."""
 BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS, *files_of("motions", "arms"))
 """Files of a `BothResult`, and folders with `RUN_FILES`."""
-
-Write = Callable[[Path], Any]
 
 
 def write_results(
@@ -89,40 +88,40 @@ def write_results(
     if formats and not moves:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
     step, report = Step(progress, "write the results"), facts_of(result)
-    own, work = RUN_FILES, list[Write]()
-    if isinstance(result, LearnedProfile):
-        own, work = LEARNED_FILES, [result.write_data, partial(_write_learned, result, report)]
-    elif isinstance(result, BothResult):
+    if isinstance(result, BothResult):
         require_free_for_both(Path(folder), overwrite)
-        own, work = BOTH_FILES, [result.write_data, partial(_write_both, result, report, formats)]
+        own = BOTH_FILES
     else:
-        own = EXECUTION_FILES if isinstance(result, Execution) else RUN_FILES
-        work = writers(result, report, formats)
+        own = {LearnedProfile: LEARNED_FILES, Execution: EXECUTION_FILES}.get(type(result), RUN_FILES)
     with folder_written_whole(folder, own, overwrite) as staging:
-        for write in work:
-            write(staging)
+        if isinstance(result, BothResult):
+            _write_both(result, report, formats, staging)
+        elif isinstance(result, LearnedProfile):
+            _write_learned(result, report, staging)
+        else:
+            write_run(result, report, formats, staging)
+            write_run_page(result, report, formats, staging)
     step.end(f"in {os.fspath(folder)}/")
     return report
 
 
-def writers(
-    result: TransferResult | Execution, report: Report, formats: Mapping[str, str], page: bool = True
-) -> list[Write]:
-    """Return functions that write the files of a run or of a motion to a folder."""
+def write_run(result: TransferResult | Execution, report: Report, formats: Mapping[str, str], folder: Path) -> None:
+    """Write data, summaries and exports of a run or of a motion to a folder that exists."""
+    result.write_data(folder)
+    _write_summary(report, folder)
     execution = result if isinstance(result, Execution) else result.execution
-    work: list[Write] = [result.write_data, partial(_write_summary, report)]
     if execution is not None:
-        work += _exports(execution.motion, execution.robot, formats)
-    if page:
-        work.append(partial(_write_run_page, result, report, SCENE in formats))
-    return work
+        _export(execution.motion, execution.robot, formats, folder)
 
 
-def _write_run_page(result: TransferResult | Execution, report: Report, scene: bool, folder: Path) -> "Motion":
+def write_run_page(
+    result: TransferResult | Execution, report: Report, formats: Mapping[str, str], folder: Path
+) -> "Motion":
+    """Write the page of a run or of a motion, and its scene where it is requested; return what they show."""
     from maniport.telling.page.motions import motion_of  # slow to load
 
     motion = motion_of(result)
-    _write_page(folder, report, "motion", motion, scene)
+    _write_page(folder, report, "motion", motion, formats)
     return motion
 
 
@@ -130,42 +129,49 @@ def _write_both(result: BothResult, report: Report, formats: Mapping[str, str], 
     """Write the results of both arms, those of each arm to a folder of its own."""
     from maniport.telling.page.pairs import motion_of_both  # slow to load
 
-    of_one = {name: file for name, file in formats.items() if name != SCENE and FORMATS[name].robot == NEEDED}
+    result.write_data(folder)
+    of_one = {name: file for name, file in formats.items() if FORMATS[name].robot == NEEDED}
     of_both = {name: file for name, file in formats.items() if name not in of_one}
     motions = []
     for side, one in zip(FOLDERS, result.each, strict=True):
         (folder / side).mkdir(exist_ok=True)
         own = facts_of(one)
-        for write in writers(one, own, of_one, page=False):
-            write(folder / side)
-        motions.append(_write_run_page(one, own, SCENE in formats, folder / side))
+        write_run(one, own, of_one, folder / side)
+        motions.append(write_run_page(one, own, formats, folder / side))
     _write_summary(report, folder)
-    for write in [] if result.motion is None else _exports(result.motion, result.robot, of_both):
-        write(folder)
-    _write_page(folder, report, "pair", motion_of_both(result, motions), SCENE in formats)
+    if result.motion is not None:
+        _export(result.motion, result.robot, of_both, folder)
+    _write_page(folder, report, "pair", motion_of_both(result, motions), formats)
 
 
 def _write_learned(result: LearnedProfile, report: Report, folder: Path) -> None:
-    from maniport.telling.page import write_page
-    from maniport.telling.page.motions import motion_of_learned
+    from maniport.telling.page.motions import motion_of_learned  # slow to load
 
+    result.write_data(folder)
     _write_summary(report, folder)
-    write_page(folder / PAGE, report, {"profile": [motion_of_learned(result)]})
+    _write_page(folder, report, "profile", motion_of_learned(result), {})
 
 
-def _write_page(folder: Path, report: Report, section: str, motion: "Motion", scene: bool) -> None:
+def _write_page(folder: Path, report: Report, section: str, motion: "Motion", formats: Mapping[str, str]) -> None:
     """Write a page with a motion in a section, and the same as a scene for Rerun where it is requested."""
     from maniport.telling.page import write_page
     from maniport.telling.scene_file import write_scene
 
     write_page(folder / PAGE, report, {section: [motion]})
-    if scene:
+    if SCENE in formats:
         write_scene(folder / FORMATS[SCENE].file, motion)
 
 
 def _write_summary(report: Report, folder: Path) -> None:
     for name in TOLD[:2]:
         write_facts(folder / name, report)
+
+
+def _export(motion: JointMotion, robot: Arm | Arms, formats: Mapping[str, str], folder: Path) -> None:
+    """Write a motion in further formats; the scene is written with the page."""
+    for name, file in formats.items():
+        if name != SCENE:
+            export_motion(folder / file, motion, name, robot)
 
 
 def require_free_for_both(folder: Path, overwrite: bool) -> None:
@@ -177,19 +183,6 @@ def require_free_for_both(folder: Path, overwrite: bool) -> None:
 
 
 def export_files(formats: str | Iterable[str]) -> dict[str, str]:
-    """Return names of files by their formats."""
-    return {one: export_file(one) for one in ([formats] if isinstance(formats, str) else formats)}
-
-
-def export_file(format: str) -> str:
-    """Return the name of the file of a format that exists and can be written."""
-    return FORMATS[as_choice(format, "export", FORMATS)].ready
-
-
-def _exports(motion: Any, robot: Any, formats: Mapping[str, str]) -> list[Write]:
-    """Return functions that write a motion in other formats."""
-
-    def write(format: str, file: str, folder: Path) -> None:
-        export_motion(folder / file, motion, format, robot)
-
-    return [partial(write, format, file) for format, file in formats.items() if format != SCENE]
+    """Return the names of the files of formats that exist and can be written, by format."""
+    names = [formats] if isinstance(formats, str) else formats
+    return {name: FORMATS[as_choice(name, "export", FORMATS)].ready for name in names}

@@ -8,7 +8,7 @@ import numpy as np
 from maniport.demonstrations.both_arms import EACH
 from maniport.evaluation.baselines import LOOKUP
 from maniport.spd.ellipsoid import lengths, volume
-from maniport.telling.facts import in_axes
+from maniport.telling.metrics import in_axes
 from maniport.telling.roles import ACHIEVED, PERSON, TARGET, Role
 from maniport.validation import Array
 from maniport.view.maps import LiveMap

@@ -31,8 +31,13 @@ from matplotlib import rc_context  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 from maniport.telling.figures.curves import curves, panel_figure  # noqa: E402
-from maniport.telling.figures.ellipsoids import ellipsoid_views, ellipsoids  # noqa: E402
-from maniport.telling.figures.space import arms, diffusion_map, map_figure  # noqa: E402
+from maniport.telling.figures.space import (  # noqa: E402
+    arms,
+    diffusion_map,
+    ellipsoid_views,
+    ellipsoids,
+    map_figure,
+)
 
 __all__ = [
     "arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "panel_figure", "save", "write_figures",

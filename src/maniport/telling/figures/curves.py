@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.telling.page.content import Panel
-from maniport.telling.roles import ACHIEVED, OTHERS, OTHERS_PALE, PERSON, ROLES, TARGET
+from maniport.telling.roles import ACHIEVED, OTHERS, PERSON, ROLES, TARGET
 from maniport.telling.series import courses, is_gap
 from maniport.validation import Array, as_choice, as_positive_semidefinite, as_times, require_shape
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
-PALE = (PERSON.pale, TARGET.pale, ACHIEVED.pale, *OTHERS_PALE)
 
 UNIT = "m/s per rad/s"
 """Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints."""
@@ -43,7 +42,7 @@ def curves(
     axes = list(figure.subplots(5, 1, sharex=True))
     titles = ("semi-axes", "direction of the longest axis", "direction of the shortest axis",
               "volume" if d == 3 else "area", "condition number, (longest / shortest)²")  # fmt: skip
-    colors, widths = [color for color, _ in colors_of(checked, roles)], line_widths(len(checked))
+    colors, widths = colors_of(checked, roles), line_widths(len(checked))
     for color, width, one in zip(colors, widths, courses(checked).values(), strict=True):
         drawn = one.semi_axes[:, ::-1], one.longest, one.shortest, one.volume[:, None], one.condition[:, None]
         for panel, values in zip(axes, drawn, strict=True):
@@ -92,12 +91,11 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
     return laid_out(figure)
 
 
-def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[tuple[str, str]]:
-    """Return the color and the pale color of each name: of its role, else the next that no role has taken."""
-    given = {name: ROLES[as_choice(role, "role", tuple(ROLES))] for name, role in (roles or {}).items()}
-    taken = {role.color for role in given.values()}
-    free = iter([pair for pair in zip(COLORS, PALE, strict=True) if pair[0] not in taken])
-    return [(given[name].color, given[name].pale) if name in given else next(free) for name in names]
+def colors_of(names: Iterable[str], roles: Mapping[str, str] | None) -> list[str]:
+    """Return the color of each name: of its role, else the next that no role has taken."""
+    given = {name: ROLES[as_choice(role, "role", tuple(ROLES))].color for name, role in (roles or {}).items()}
+    free = iter([color for color in COLORS if color not in given.values()])
+    return [given[name] if name in given else next(free) for name in names]
 
 
 def column_figure(height: float, columns: int = 1, layout: Any = "constrained") -> Figure:

@@ -7,6 +7,7 @@ is computed here.
 import base64
 import hashlib
 import os
+import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
@@ -17,7 +18,7 @@ from markupsafe import Markup, escape
 
 from maniport.atomic_io import written_whole
 from maniport.errors import InvalidInputError
-from maniport.telling.metrics import TIME, Report
+from maniport.telling.metrics import Report
 from maniport.telling.page.content import (
     STATES,
     Body,
@@ -87,7 +88,7 @@ def _page(report: Report, shown: Shown, frames: int, surfaces: bool) -> str:
         for motion in (one for one in content if isinstance(one, Motion)):
             name = f"motion-{len(data)}"
             note = _note(motion, frames, surfaces)
-            motions.append({"id": name, "note": note, "first": not data and report.summary, "rows": motion.rows})
+            motions.append({"id": name, "note": note, "first": not data and report.summary})
             menu += _groups(motion, name)
             encoded = as_json(motion, frames, surfaces=surfaces)
             data.append(f'<script type="application/json" id="{name}">{encoded}</script>')
@@ -133,7 +134,7 @@ def _templates() -> jinja2.Environment:
 def _linked(text: str, motions: int) -> Markup:
     """Escape a text; its times become links where the page has a motion."""
     safe = str(escape(text))
-    return Markup(TIME.sub(r'<a href="#t=\1">\g<0></a>', safe) if motions else safe)
+    return Markup(re.sub(r"\bat (-?\d+\.\d) s\b", r'<a href="#t=\1">\g<0></a>', safe) if motions else safe)
 
 
 @cache

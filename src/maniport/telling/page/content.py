@@ -147,19 +147,6 @@ class Motion:
             if len(array) != count:
                 raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
 
-    @property
-    def rows(self) -> list[tuple[str, ...]]:
-        """Panel, line, minimum, median and maximum of every curve, for pages without scripts."""
-        rows = []
-        for panel in (panel for panels in self.panels.values() for panel in panels):
-            for line in panel.lines:
-                values = line.values[np.isfinite(line.values)]
-                cells = ["–"] * 3
-                if len(values):
-                    cells = [f"{value:.3g} {panel.unit}" for value in np.percentile(values, [0, 50, 100])]
-                rows.append((panel.title, line.name, *cells))
-        return rows
-
 
 def as_json(motion: Motion, frames: int, *, surfaces: bool = True) -> str:
     """Encode a motion for a ``<script>`` element with data, thinned to at most `frames` times."""

@@ -79,7 +79,7 @@ class JointMotion(ShownInNotebooks):
         columns = times, self.control_positions, self.control_velocities, self.control_accelerations
         with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerow(header)
-            stream.writelines(line % tuple(row) for row in np.column_stack(columns).tolist())
+            stream.write("".join([line % tuple(row) for row in np.column_stack(columns).tolist()]))
 
     def joint_arrays(self) -> dict[str, Array]:
         """What files hold of the joints, by name; times are counted from the first control step."""

@@ -187,7 +187,7 @@ class TrackResult(JointMotion):
         }
         if self.position_error is not None:
             arrays["position_error"] = self.position_error
-        save_arrays(path, arrays)
+        save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
 
 
 def in_words(motion: TrackResult) -> str:
