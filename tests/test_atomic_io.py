@@ -125,30 +125,6 @@ def test_a_temporary_that_another_process_removes_is_made_again(tmp_path, monkey
     assert list(tmp_path.iterdir()) == [tmp_path / "result"]
 
 
-@pytest.mark.parametrize("reason", ["another computer", "no locks"])
-def test_leftovers_stay_where_locks_prove_nothing(tmp_path, monkeypatch, reason):
-    """Those of another computer, and all where nothing can be locked."""
-    with monkeypatch.context() as elsewhere:
-        if reason == "another computer":
-            elsewhere.setattr(atomic_io.platform, "node", lambda: "elsewhere")
-        assert killed_before(5, write_folder, tmp_path / "result")
-    if reason == "no locks":
-        monkeypatch.setattr(atomic_io, "fcntl", None)
-    write_folder(tmp_path / "result", 3)
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_files_with_similar_names_stay(tmp_path):
-    """Only temporary names of this target are removed."""
-    with atomic_io.temporary_beside(tmp_path / "result.json") as temporary:
-        pass
-    others = [temporary.with_name(temporary.name + "x"), temporary.with_name("x" + temporary.name)]
-    for other in others:
-        other.touch()
-    write_file(tmp_path / "result.json", 1)
-    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "result.json"])
-
-
 @both_kinds
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError("disk full")])
 def test_an_error_keeps_the_earlier_result(tmp_path, write, error):
@@ -235,21 +211,3 @@ def test_the_root_is_no_place_for_results(monkeypatch, capsys, words):
         cli.main()
     assert ended.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("maniport: cannot write '")
-
-
-@pytest.mark.parametrize("moment", ["writing", "written"])
-def test_ctrl_c_reports_whether_anything_was_written(tmp_path, moment):
-    """Exit code 130, no temporary file, and the result that was written before."""
-    code = (
-        "import os, signal, sys, time; from maniport import __main__ as start, atomic_io, files\n"
-        "signal.signal(signal.SIGINT, start._end)\n"
-        "if sys.argv[2] == 'written': files.save_path(sys.argv[1], [[0, 0, 0]])\n"
-        "with atomic_io.written_whole(sys.argv[1]) as temporary:\n"
-        "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGINT); time.sleep(10)"
-    )
-    target = tmp_path / "path.npz"
-    ended = subprocess.run([sys.executable, "-c", code, target, moment], capture_output=True, text=True, check=False)
-    written = moment == "written"
-    assert ended.returncode == 130
-    assert ("path.npz' was written before" if written else "nothing was written") in ended.stderr
-    assert list(tmp_path.iterdir()) == [target] * written

@@ -1,10 +1,8 @@
 """The command line: commands, options, exit codes, messages. Ctrl-C and closed outputs: test_start."""
 
-import inspect
 import json
 import re
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from typer.main import get_command
 
 import maniport
 from maniport import cli, load_arm
-from maniport.cli.motion import moves
 from maniport.demonstrations import shipped_recording
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from maniport.pipeline import follow, transfer_recording
@@ -254,21 +251,6 @@ def test_units_of_the_command_line_are_converted(track):
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
     np.testing.assert_allclose(asked["motion_limits"].lower, lower, atol=1e-12)
     assert "table" in np.array(asked["collisions"].pairs)
-
-
-def test_options_of_a_motion_can_be_typed_again():
-    """Those that differ from the defaults, but for those that need a person or a placed path."""
-    seen = []
-    command = moves(lambda motion: seen.append(motion.typed))
-    usual = {name: one.default for name, one in inspect.signature(command).parameters.items()}
-    command(**usual)
-    command(**usual | {"table": -0.1, "tempo": 0.5, "limits": Path("my limits.yaml"), "rate": 500.0})
-    command(**usual | {"collisions": False, "orientation": "demonstrated", "export": ["ros2"]})
-    assert seen == [
-        {},
-        {"--tempo": "0.5", "--rate": "500", "--limits": "my limits.yaml", "--table": "-0.1"},
-        {"--no-collisions": ""},
-    ]
 
 
 @pytest.mark.parametrize(

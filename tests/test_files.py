@@ -92,14 +92,6 @@ def test_unreadable_files_are_refused(tmp_path):
             load_ellipsoids(path)
 
 
-@pytest.mark.parametrize("name", ["a.yaml", "a.json"])
-def test_settings_are_a_mapping(tmp_path, name):
-    """YAML and JSON give the same."""
-    text = '{"default": {"velocity": 1.5}}' if name == "a.json" else "default:\n  velocity: 1.5\n"
-    (tmp_path / name).write_text(text)
-    assert read_settings(tmp_path / name, ("default", "joints")) == {"default": {"velocity": 1.5}}
-
-
 @pytest.mark.parametrize(
     ("text", "word"),
     [

@@ -148,14 +148,6 @@ def test_the_command_tells_the_answer_last(tmp_path):
     assert [one["frames"] for one in facts["demonstrations"]["demonstrations"]] == [29, 29]
 
 
-def test_too_few_ellipsoids_for_their_size_are_told():
-    """Of 6×6 ellipsoids one Gaussian needs 23: two short demonstrations are refused, of three none is left out."""
-    short = reach().crop(0.0, 0.34)
-    with pytest.raises(InvalidInputError, match="1 component needs at least 23 ellipsoids"):
-        mp.learn([short, short], spec=EllipsoidSpec(part="full"))
-    assert mp.learn([short] * 3, spec=EllipsoidSpec(part="full")).agreement.held_out is None
-
-
 def test_repetitions_are_demonstrations(repeated):
     """With segments "auto" each time that the hand goes out and back is one; they agree where they are alike."""
     learned = mp.learn([repeated], "auto", components=2)

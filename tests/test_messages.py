@@ -3,7 +3,6 @@
 import pickle
 import subprocess
 import sys
-import warnings
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from markdown_it import MarkdownIt
 from maniport import errors
 from maniport.demonstrations import read_recording
 from maniport.errors import ManiportError
-from maniport.telling import Metric, Report, Section, Summary, Table, as_markdown, facts_of
+from maniport.telling import Metric, Report, Section, Summary, Table, as_markdown
 
 ATTACK = "\x1b[2J\x1b]0;title\x07\r\x9b2J\u202e\n"
 KINDS = [one for one in vars(errors).values() if isinstance(one, type) and issubclass(one, Warning | ManiportError)]
@@ -86,15 +85,3 @@ def test_markdown_shows_names_as_they_are(attack):
     assert len(headings) == len([1 for line in shown.splitlines() if line.startswith("#")])
     text = "".join(child.content for child in headings[0] if child.type in ("text", "text_special"))
     assert text == attack.rstrip()
-
-
-def test_a_page_of_names_renders_as_text(tmp_path):
-    """The facts of a recording with names that are HTML."""
-    path = tmp_path / "walk.npz"
-    points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))
-    np.savez(path, names=["RSHO", "RELB", HTML], positions=points, rate=10.0, unit="m", up="z")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        shown = as_markdown(facts_of(read_recording(path)))
-    assert HTML[:4] in shown
-    assert "html" not in {child.type[:4] for block in MarkdownIt().parse(shown) for child in block.children or ()}
