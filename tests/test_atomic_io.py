@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 
 import pytest
@@ -84,45 +83,6 @@ def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch,
         change += 1
     assert content(target) == 2
     assert seen == {earlier, 2} or write is write_file  # a file is in place after its last change
-
-
-def test_what_another_process_writes_is_not_removed(tmp_path):
-    """Two processes may write the same target at once; the last one wins, and nothing else is left."""
-    target = tmp_path / "result"
-    code = (
-        "import sys; from pathlib import Path; from maniport.atomic_io import temporary_beside, place\n"
-        "with temporary_beside(Path(sys.argv[1]), folder=True) as folder:\n"
-        "    (folder / 'a.json').write_text('1'); print(flush=True); sys.stdin.readline()\n"
-        "    place(folder, Path(sys.argv[1]))"
-    )
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", code, str(target)], **pipes, text=True) as other:
-        other.stdout.readline()
-        write_folder(target, 2)
-        assert content(target) == 2
-        assert len(list(tmp_path.iterdir())) == 2
-        other.communicate("\n")
-    assert [file.name for file in target.iterdir()] == ["a.json"]
-    assert list(tmp_path.iterdir()) == [target]
-
-
-@pytest.mark.parametrize("error", [BlockingIOError, FileNotFoundError])
-@both_kinds
-def test_a_temporary_that_another_process_removes_is_made_again(tmp_path, monkeypatch, write, error):
-    """Before it is locked, another process may take it for a leftover."""
-    lock, lost = atomic_io._lock, []
-
-    def too_late(path):
-        if not lost:
-            lost.append(path)
-            raise error
-        return lock(path)
-
-    monkeypatch.setattr(atomic_io, "_lock", too_late)
-    write(tmp_path / "result", 1)
-    assert lost
-    assert content(tmp_path / "result") == 1
-    assert list(tmp_path.iterdir()) == [tmp_path / "result"]
 
 
 @both_kinds

@@ -68,10 +68,6 @@ def test_what_the_package_exports_is_what_mujoco_sees(check, tmp_path):
     assert all(within is not False for _, within in found.values())
 
 
-def _scaled(table):
-    table[:, 4] *= 1.02
-
-
 def _jump(table):
     table[500:, 2] += 0.01
 
@@ -80,13 +76,9 @@ def _cut_off(table):
     table[:, 1] += 0.5 * np.linspace(0.0, 1.0, len(table))
 
 
-@pytest.mark.parametrize(
-    ("change", "row", "beside"),
-    [(_scaled, "tip beside its path [mm]: same", 1.0), (_jump, "jerk", None), (_cut_off, "at rest at both ends", None)],
-)
-def test_broken_files_are_found_out(check, tmp_path, change, row, beside):
-    """A scaled joint shows in the tip, a jump in the jerk, a motion that is cut off in its ends."""
+@pytest.mark.parametrize(("change", "row"), [(_jump, "jerk"), (_cut_off, "at rest at both ends")])
+def test_broken_files_are_found(check, tmp_path, change, row):
+    """A jump shows in the jerk, a motion that is cut off in its ends."""
     export(tmp_path)
     broken(tmp_path, change)
-    said, within = verdicts(check, tmp_path, "panda_hand_tcp")[row]
-    assert within is False if beside is None else float(said.split()[0]) > beside
+    assert verdicts(check, tmp_path, "panda_hand_tcp")[row][1] is False

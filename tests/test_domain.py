@@ -7,7 +7,6 @@ from maniport import load_arm, sample_domain
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.domain import sample_profile
-from maniport.errors import InvalidInputError
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +49,3 @@ def test_profile_follows_the_waypoints(panda):
     assert profile.shape == (11, 3, 3)
     np.testing.assert_allclose(profile[[0, 5, 10]], panda.manipulability(waypoints), atol=1e-12)
     np.testing.assert_array_equal(sample_profile(panda, waypoints), panda.manipulability(waypoints))
-
-
-@pytest.mark.parametrize("waypoints", [np.zeros(7), np.zeros((2, 6)), np.zeros((0, 7))])
-def test_waypoints_of_wrong_shape_are_refused(panda, waypoints):
-    """The message states the shape that is wanted."""
-    with pytest.raises(InvalidInputError, match=r"\(k, 7\)"):
-        sample_profile(panda, waypoints)
