@@ -6,7 +6,6 @@ import pytest
 from maniport import load_arm, sample_domain
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.collisions import Collisions
-from maniport.domain import sample_profile
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +39,3 @@ def test_a_domain_without_collisions_has_as_many_ellipsoids(panda):
     assert 224 < len(free) < 256
     assert np.array_equal(domain, panda.manipulability(free[:224]))
     assert np.array_equal(domain, sample_domain(panda, 224, 0, collisions=True))
-
-
-def test_profile_follows_the_waypoints(panda):
-    """A profile starts and ends with the ellipsoids of the first and the last waypoint and keeps those between."""
-    waypoints = panda.sample(3, 1)
-    profile = sample_profile(panda, waypoints, 11)
-    assert profile.shape == (11, 3, 3)
-    np.testing.assert_allclose(profile[[0, 5, 10]], panda.manipulability(waypoints), atol=1e-12)
-    np.testing.assert_array_equal(sample_profile(panda, waypoints), panda.manipulability(waypoints))
