@@ -128,7 +128,7 @@ def test_far_path_is_reported(panda, known, motion):
     placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), **known)
     assert_array_equal(placed.reachable, np.arange(12) < 5)
     assert placed.position_error[5:].min() > 1.0
-    assert "7 of 12 waypoints of the path are out of reach" in " ".join(facts_of(placed).warnings)
+    assert "7 of 12" in " ".join(facts_of(placed).warnings)
     assert "7 out of reach" in repr(placed)
     assert np.all(panda.within_limits(placed.joint_positions))
     assert np.all(np.isfinite(placed.distance))

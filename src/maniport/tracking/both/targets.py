@@ -19,10 +19,7 @@ PLACED, RELATIVE = "placed", "relative"
 
 @dataclass(frozen=True)
 class BothTargets:
-    """Targets of a left and of a right arm, in the joints of the pair: the cost is the sum of theirs.
-
-    With `way`, |w (p_right − p_left − way)|² is added, with the weight w of the position error.
-    """
+    """Targets of a left and of a right arm, in the joints of the pair: the cost is the sum of theirs."""
 
     arm: Arms
     each: tuple[Targets, Targets]

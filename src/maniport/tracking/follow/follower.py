@@ -82,21 +82,7 @@ class Control:
 
 
 class Follower:
-    """An arm, or a pair of arms, with the tasks and limits with which it follows a schedule.
-
-    Parameters
-    ----------
-    objective : Objective, or one for each arm of a pair
-        With ellipsoids of velocity.
-    control : Control
-    pair : Arms, optional
-        The pair of arms of the objectives.
-
-    Raises
-    ------
-    InvalidInputError
-        When limits do not fit the arm, or tasks and limits of the user's do not fit its model.
-    """
+    """An arm, or a pair of arms, with the tasks and limits with which it follows a schedule."""
 
     def __init__(
         self,

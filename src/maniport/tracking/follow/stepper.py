@@ -32,10 +32,7 @@ POSTURE_COST = 1e-2
 
 
 class NearTask(PostureTask):  # type: ignore[misc]  # Pink is untyped
-    """Pink's task of staying near a posture, for joints with one coordinate each: the same without its products.
-
-    Its Jacobian is the identity, and its weight a number: both products are that number's.
-    """
+    """Pink's task of staying near a posture, for joints with one coordinate each: the same without its products."""
 
     def compute_qp_objective(self, configuration: Configuration) -> tuple[Array, Array]:
         """Pair (H, c), shapes (nv, nv) and (nv,)."""
@@ -45,12 +42,7 @@ class NearTask(PostureTask):  # type: ignore[misc]  # Pink is untyped
 
 @dataclass(frozen=True)
 class Tip:
-    """An end effector that follows.
-
-    An arm that cannot reach its path would swing at full speed about the nearest point, since to first order all
-    directions but one are open. The second derivatives of the position are at most the reach, so that a damping of
-    that times the position error makes up for them.
-    """
+    """An end effector that follows."""
 
     frame: str  # in the model
     task: ManipulabilityEllipsoidTask
@@ -91,20 +83,7 @@ class Aim:
 
 
 class Stepper:
-    """Tasks and limits of one or several arms, one control step after the other; the caller moves the configuration.
-
-    Parameters
-    ----------
-    follower : Follower
-        The arm, its end effectors and the user's own tasks and limits.
-    start : ndarray, shape (dof,)
-        First configuration, which the arm stays near where nothing else is asked for.
-    limits : list of pink.limits.Limit
-    asked : Schedule, or one for each end effector
-        Says which targets there will be. Reference configurations are of all joints, in the first.
-    reference_cost : float
-        Cost of a radian from those configurations.
-    """
+    """Tasks and limits of one or several arms, one control step after the other; the caller moves the configuration."""
 
     def __init__(
         self,

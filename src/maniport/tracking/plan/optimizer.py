@@ -153,10 +153,7 @@ def descend(problem: Problem[State], state: State, rel_tol: float, max_iter: int
 
 
 class Differences:
-    """The k-th derivative at uneven times as a banded matrix D of n − k rows.
-
-    `rows` (n − k, k + 1) multiply the waypoints i to i + k in row i; `spans` (n − k,) is the time of each row [s].
-    """
+    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
 
     def __init__(self, time: Array, order: int):
         count = len(time) - order
