@@ -21,8 +21,8 @@ GIVEN = {"method": "parallel-transport", **SMALL}
 
 @pytest.fixture(scope="module")
 def recording():
-    """Half a second in which both arms are seen."""
-    return mp.read_recording("both-arms").crop(5.1, 5.6)
+    """A third of a second in which both arms are seen."""
+    return mp.read_recording("both-arms").crop(5.1, 5.4)
 
 
 @pytest.fixture(scope="module")
@@ -199,7 +199,7 @@ BOTH = ("both-arms", "--arm", "both")
         ((*BOTH, *PANDAS, "--frame", "panda_link8"), "--frame is that of one arm; with --arm both"),
         ((*BOTH, *PANDAS, "--frames", "panda_link8", "panda_lnk8"), "unknown frame 'panda_lnk8'"),
         ((*BOTH, *PANDAS, "--tips", "absolute"), "unknown tips 'absolute'"),
-        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "'left_panda_joint1' is one"),
+        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "is named twice"),
         (BOTH, "no pair"),
         ((*BOTH, "--base-left", "0", "0", "0", "0", "--base-right", "0", "0", "0", "0"), "one place"),
         (("both-arms", "--tips", "relative"), "--tips is for two arms; --arm both takes both of the person"),

@@ -49,16 +49,13 @@ LIGHT = {
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
-    "place": "place {tmp}/profile.npz --path {tmp}/hand.npz --effort quick -o {tmp}/placed --overwrite",
-    "track": "track {tmp}/profile.npz --effort quick -o {tmp}/motion --overwrite",
-    "figures": "figures {tmp}/motion -o {tmp}/figures",
     "demo": "demo --effort quick -o {tmp}/demo --overwrite",
-    "transfer": "transfer {recording} --start 2 --stop 2.2 --no-move --method raw-copy -o {tmp}/to --overwrite",
+    "figures": "figures {tmp}/demo -o {tmp}/figures",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 -o {tmp}/learned --overwrite",
     "batch": "batch {recording} --start 2 --stop 2.2 --robot panda --no-move --method raw-copy "
     "-o {tmp}/dataset --overwrite",
 }
-TESTED_ELSEWHERE = {"live", "view", "reproduce"}
+TESTED_ELSEWHERE = {"live", "place", "reproduce", "track", "transfer", "view"}
 MISTAKE = "info pnda"
 COLORS = re.compile(r"\x1b\[(?:[\d;]*;)?(?:3\d|4[0-8]|9\d|10\d)(?:;[\d;]*)?m")
 

@@ -24,19 +24,6 @@ def domains():
     return {name: mp.sample_domain(mp.load_arm(name), 64, random_state=0) for name in PAIRS[0]}
 
 
-@pytest.fixture(scope="module", params=["loky", "dask"])
-def two_workers(request):
-    """The name of a backend of joblib with two workers."""
-    if request.param == "loky":
-        yield {"backend": "loky", "n_jobs": 2}
-        return
-    distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": "ERROR"}
-    cluster = distributed.LocalCluster(processes=True, host="127.0.0.1", **options)
-    with cluster, distributed.Client(cluster):
-        yield {"backend": "dask"}
-
-
 def assert_same_fit(one, other):
     """Compare every learned attribute of two adapters bit for bit."""
     first, second = ({k: v for k, v in vars(x).items() if k.endswith("_") and k[0] != "_"} for x in (one, other))
@@ -45,11 +32,11 @@ def assert_same_fit(one, other):
         assert_array_equal(value, second[name], err_msg=name, strict=True)
 
 
-def test_work_in_processes_equals_serial_work(domains, two_workers):
+def test_work_in_processes_equals_serial_work(domains):
     """Fits with shared read-only domains, and samples of arms that were sent."""
     fits = [(clone(adapter), domains[a], domains[b]) for adapter in METHODS for a, b in PAIRS]
     arms = [mp.load_arm(name) for name in (*PAIRS[0], "myoarm")]
-    with joblib.parallel_config(**two_workers):
+    with joblib.parallel_config("loky", n_jobs=2):
         fitted = joblib.Parallel(max_nbytes=1)(joblib.delayed(adapter.fit)(a, b) for adapter, a, b in fits)
         samples = joblib.Parallel()(joblib.delayed(mp.sample_domain)(arm, 32, 1) for arm in arms)
     for (adapter, a, b), found in zip(fits, fitted, strict=True):
