@@ -52,10 +52,8 @@ HEAVY = {
     "demo": "demo --effort quick -o {tmp}/demo --overwrite",
     "figures": "figures {tmp}/demo -o {tmp}/figures",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 -o {tmp}/learned --overwrite",
-    "batch": "batch {recording} --start 2 --stop 2.2 --robot panda --no-move --method raw-copy "
-    "-o {tmp}/dataset --overwrite",
 }
-TESTED_ELSEWHERE = {"live", "place", "reproduce", "track", "transfer", "view"}
+TESTED_ELSEWHERE = {"batch", "live", "place", "reproduce", "track", "transfer", "view"}
 MISTAKE = "info pnda"
 COLORS = re.compile(r"\x1b\[(?:[\d;]*;)?(?:3\d|4[0-8]|9\d|10\d)(?:;[\d;]*)?m")
 

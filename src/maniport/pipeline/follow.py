@@ -65,6 +65,7 @@ def follow(
 
     def placed(reaching: bool) -> tuple[PlacedPath, Array]:
         """Place the path by some of its points; return also the best pointwise distances there, shape (n,)."""
+        assert path is not None
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         times, rows = as_times(time, count=len(points)), placed_rows(len(points))
         placement = place_path(
@@ -77,7 +78,7 @@ def follow(
     def moved(placement: PlacedPath | None, floor: Array | None) -> Execution:
         """Plan a motion, at the placement of the path if there is one, and track it if that is asked for."""
         target, tips, turns = profile, path, rotations
-        if placement is not None:
+        if placement is not None and path is not None:
             target, tips = placement.turned(as_finite(profile, "profile")), placement.apply(path)
         planned = {**planning, "time": time, "path": tips, "planner": planner}
         planned |= {"node_floor": floor, "random_state": generator}
