@@ -48,7 +48,7 @@ def follow(
     progress: Progress | None = None,
     **control: Any,
 ) -> Execution:
-    """Place a hand path relative to a robot and plan a motion with the target ellipsoids along it."""
+    """Place a hand path before a robot and plan a motion that makes the target ellipsoids along it."""
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
     planning, tracking = controls(control)
@@ -56,51 +56,52 @@ def follow(
     planner = settings.planner(robot, spec, generator) if planner is None else planner
     if settings.workspace is not None and (path is None or not place):
         raise InvalidInputError("workspace says where a path may be placed, and none is")
-    arm, effort = planner.limits.arm, as_effort(settings.effort).of_gap
-    same: dict[str, Any] = {
-        "spec": spec,
-        "damping": Objective.of(robot, spec, damping, positive=True).damping,
-        "progress": progress,
-    }
+    regularization = Objective.of(robot, spec, damping, positive=True).damping
+    same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
+    seed = random_state if isinstance(random_state, int) else None
 
     def placed(reaching: bool) -> tuple[PlacedPath, Array]:
-        """Place the path by some of its points; return also the best pointwise distances there, shape (n,)."""
+        """Place the path, judged by some of its points, and the node floor there, at all points (n,)."""
         assert path is not None
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
-        times, rows = as_times(time, count=len(points)), placed_rows(len(points))
+        rows, times = placed_rows(len(points)), as_times(time, count=len(points))
         placement = place_path(
-            points[rows], ellipsoids[rows], arm, time=times[rows], whole=points if reaching else None, turn=turn,
-            bank=planner.bank, atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort,
+            points[rows], ellipsoids[rows], planner.limits.arm, time=times[rows], whole=points if reaching else None,
+            turn=turn, bank=planner.bank, atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort,
             random_state=generator, **same,
         )  # fmt: skip
         return placement, interpolated_distance(rows, placement.distance, len(points))
 
     def moved(placement: PlacedPath | None, floor: Array | None) -> Execution:
-        """Plan a motion, at the placement of the path if there is one, and track it if that is asked for."""
-        target, tips, turns = profile, path, rotations
-        if placement is not None and path is not None:
+        """Plan a motion, at the place of the path where it has one, and track it where that is asked for."""
+        arm, target, tips, turned, free = planner.limits.arm, profile, path, rotations, None
+        if placement is not None:
+            assert path is not None
             target, tips = placement.turned(as_finite(profile, "profile")), placement.apply(path)
-        planned = {**planning, "time": time, "path": tips, "planner": planner}
-        planned |= {"node_floor": floor, "random_state": generator}
-        free = None
+        planned = planning | {
+            "time": time,
+            "path": tips,
+            "planner": planner,
+            "node_floor": floor,
+            "random_state": generator,
+        }
         if rotations is not None or direction is not None:
-            free = plan_motion(arm, target, **planned, **{**same, "progress": turned_freely(progress)})
-            turns = turned_tips(rotations, direction, placement, len(free.time), settings.keep)
-        plan = plan_motion(arm, target, rotations=turns, **planned, **same)
+            free = plan_motion(arm, target, **planned, **same | {"progress": turned_freely(progress)})
+            turned = turned_tips(rotations, direction, placement, len(free.time), settings.keep)
+        plan = plan_motion(arm, target, rotations=turned, **planned, **same)
         motion, room = cast(TrackResult, plan), plan.room
         if tracking:
-            more = tracking | {"reference": plan.joint_positions, "rotations": turns}
+            more = tracking | {"reference": plan.joint_positions, "rotations": turned}
             motion = track(arm, target, time=plan.time, path=tips, **more, **same)
             room = Room.of(planner.collisions, motion)
-        gap = feasibility_gap(arm, target, bank=planner.bank, **effort, **same)
-        seed = random_state if isinstance(random_state, int) else None
+        gap = feasibility_gap(arm, target, bank=planner.bank, **as_effort(settings.effort).of_gap, **same)
         return Execution(robot, placement, plan, motion, room, gap, planner.collisions, free, seed)
 
     if path is None or not place:
         return moved(None, None)
     placement, floor = placed(reaching=False)
     first = moved(placement, floor)
-    if first.room.share > 0.0:  # a point that did not count for the placement may be out of reach
+    if first.room.share > 0.0:  # perhaps where a point that did not count for the placement is out of reach
         other, floor = placed(reaching=True)
         if not np.array_equal(other.path, placement.path):
             return min(first, moved(other, floor), key=lambda one: one.room.share)
