@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 import sys
 
 import pytest
@@ -84,69 +83,6 @@ def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch,
         change += 1
     assert content(target) == 2
     assert seen == {earlier, 2} or write is write_file  # a file is in place after its last change
-
-
-def test_what_another_process_writes_is_not_removed(tmp_path):
-    """Two processes may write the same target at once; the last one wins, and nothing else is left."""
-    target = tmp_path / "result"
-    code = (
-        "import sys; from pathlib import Path; from maniport.atomic_io import temporary_beside, place\n"
-        "with temporary_beside(Path(sys.argv[1]), folder=True) as folder:\n"
-        "    (folder / 'a.json').write_text('1'); print(flush=True); sys.stdin.readline()\n"
-        "    place(folder, Path(sys.argv[1]))"
-    )
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, "-c", code, str(target)], **pipes, text=True) as other:
-        other.stdout.readline()
-        write_folder(target, 2)
-        assert content(target) == 2
-        assert len(list(tmp_path.iterdir())) == 2
-        other.communicate("\n")
-    assert [file.name for file in target.iterdir()] == ["a.json"]
-    assert list(tmp_path.iterdir()) == [target]
-
-
-@pytest.mark.parametrize("error", [BlockingIOError, FileNotFoundError])
-@both_kinds
-def test_a_temporary_that_another_process_removes_is_made_again(tmp_path, monkeypatch, write, error):
-    """Before it is locked, another process may take it for a leftover."""
-    lock, lost = atomic_io._lock, []
-
-    def too_late(path):
-        if not lost:
-            lost.append(path)
-            raise error
-        return lock(path)
-
-    monkeypatch.setattr(atomic_io, "_lock", too_late)
-    write(tmp_path / "result", 1)
-    assert lost
-    assert content(tmp_path / "result") == 1
-    assert list(tmp_path.iterdir()) == [tmp_path / "result"]
-
-
-@pytest.mark.parametrize("reason", ["another computer", "no locks"])
-def test_leftovers_stay_where_locks_prove_nothing(tmp_path, monkeypatch, reason):
-    """Those of another computer, and all where nothing can be locked."""
-    with monkeypatch.context() as elsewhere:
-        if reason == "another computer":
-            elsewhere.setattr(atomic_io.platform, "node", lambda: "elsewhere")
-        assert killed_before(5, write_folder, tmp_path / "result")
-    if reason == "no locks":
-        monkeypatch.setattr(atomic_io, "fcntl", None)
-    write_folder(tmp_path / "result", 3)
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-def test_files_with_similar_names_stay(tmp_path):
-    """Only temporary names of this target are removed."""
-    with atomic_io.temporary_beside(tmp_path / "result.json") as temporary:
-        pass
-    others = [temporary.with_name(temporary.name + "x"), temporary.with_name("x" + temporary.name)]
-    for other in others:
-        other.touch()
-    write_file(tmp_path / "result.json", 1)
-    assert sorted(tmp_path.iterdir()) == sorted([*others, tmp_path / "result.json"])
 
 
 @both_kinds
@@ -235,21 +171,3 @@ def test_the_root_is_no_place_for_results(monkeypatch, capsys, words):
         cli.main()
     assert ended.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("maniport: cannot write '")
-
-
-@pytest.mark.parametrize("moment", ["writing", "written"])
-def test_ctrl_c_reports_whether_anything_was_written(tmp_path, moment):
-    """Exit code 130, no temporary file, and the result that was written before."""
-    code = (
-        "import os, signal, sys, time; from maniport import __main__ as start, atomic_io, files\n"
-        "signal.signal(signal.SIGINT, start._end)\n"
-        "if sys.argv[2] == 'written': files.save_path(sys.argv[1], [[0, 0, 0]])\n"
-        "with atomic_io.written_whole(sys.argv[1]) as temporary:\n"
-        "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGINT); time.sleep(10)"
-    )
-    target = tmp_path / "path.npz"
-    ended = subprocess.run([sys.executable, "-c", code, target, moment], capture_output=True, text=True, check=False)
-    written = moment == "written"
-    assert ended.returncode == 130
-    assert ("path.npz' was written before" if written else "nothing was written") in ended.stderr
-    assert list(tmp_path.iterdir()) == [target] * written

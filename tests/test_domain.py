@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from maniport import load_arm, sample_domain, spd
+from maniport import load_arm, sample_domain
 from maniport.bodies import EllipsoidSpec
 from maniport.bodies.collisions import Collisions
-from maniport.domain import sample_profile
-from maniport.errors import InvalidInputError
 
 
 @pytest.fixture(scope="module")
@@ -41,42 +39,3 @@ def test_a_domain_without_collisions_has_as_many_ellipsoids(panda):
     assert 224 < len(free) < 256
     assert np.array_equal(domain, panda.manipulability(free[:224]))
     assert np.array_equal(domain, sample_domain(panda, 224, 0, collisions=True))
-
-
-def test_sobol_samples_steady_the_mean(panda):
-    """Over independent draws of 2048, the domain's mean spreads less with Sobol than with uniform samples."""
-    spread = {}
-    for sequence in ("sobol", "uniform"):
-        means = [spd.mean(sample_domain(panda, 2048, seed, sequence) + 1e-3 * np.eye(3)) for seed in range(6)]
-        spread[sequence] = spd.dispersion(np.array(means))
-    assert spread["sobol"] < 0.6 * spread["uniform"]
-
-
-def test_profile_follows_the_waypoints(panda):
-    """A profile starts and ends with the ellipsoids of the first and the last waypoint and keeps those between."""
-    waypoints = panda.sample(3, 1)
-    profile = sample_profile(panda, waypoints, 11)
-    assert profile.shape == (11, 3, 3)
-    np.testing.assert_allclose(profile[[0, 5, 10]], panda.manipulability(waypoints), atol=1e-12)
-    np.testing.assert_array_equal(sample_profile(panda, waypoints), panda.manipulability(waypoints))
-
-
-def test_profile_outside_the_limits_is_refused(panda):
-    """The message names the joint that leaves its limits."""
-    waypoints = np.array([0.5 * (panda.lower + panda.upper), panda.upper + 0.1])
-    with pytest.raises(InvalidInputError, match="panda_joint1"):
-        sample_profile(panda, waypoints)
-
-
-@pytest.mark.parametrize("waypoints", [np.zeros(7), np.zeros((2, 6)), np.zeros((0, 7))])
-def test_waypoints_of_wrong_shape_are_refused(panda, waypoints):
-    """The message states the shape that is wanted."""
-    with pytest.raises(InvalidInputError, match=r"\(k, 7\)"):
-        sample_profile(panda, waypoints)
-
-
-@pytest.mark.parametrize("n", [0, -3, 2.5, "many"])
-def test_a_count_must_be_a_positive_whole_number(panda, n):
-    """The message names the argument."""
-    with pytest.raises(InvalidInputError, match=r"^n must"):
-        sample_domain(panda, n)

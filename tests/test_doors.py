@@ -2,10 +2,8 @@
 
 import json
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -18,9 +16,6 @@ from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
 from maniport.demonstrations import performed
 from maniport.demonstrations.roles import assign_roles
-from maniport.testing import check_adapter
-from maniport.transfer import METHODS, method_of, name_of
-from maniport.transfer.adapter_file import METHODS_BY_CLASS
 from sizes import SMALL, few_places
 
 HERE = Path(__file__).parent
@@ -124,13 +119,16 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
 
 
 def test_a_task_of_ones_own_joins_those_of_the_tracker(result):
-    """A task of Pink's kind that wants the robot's wrist low has it lower than it is without."""
-    robot, placed, motion = result.robot, result.execution.placement, result.execution.motion
-    without = mp.track(
-        robot, placed.profile, path=placed.path, time=motion.time, start=motion.joint_positions[0], lm_damping=10.0
-    )
-    heights = [robot.point_positions(one.joint_positions, ["link5"])[:, 0, 2].mean() for one in (motion, without)]
-    assert heights[0] < heights[1] - 0.01
+    """A task of Pink's kind for the height of the wrist brings it nearer to that height."""
+    robot, placed, plan = result.robot, result.execution.placement, result.execution.plan
+    task = HeightTask("link5", 0.0, cost=10.0)
+    heights = []
+    for tasks in ([], [task]):
+        motion = mp.track(
+            robot, placed.profile, path=placed.path, time=plan.time, reference=plan.joint_positions, tasks=tasks
+        )
+        heights.append(robot.point_positions(motion.joint_positions, ["link5"])[:, 0, 2].mean())
+    assert abs(heights[1]) < abs(heights[0]) - 0.01
 
 
 @pytest.mark.parametrize("file", sorted((HERE / "doors").glob("*.py")), ids=lambda file: file.stem)
@@ -139,20 +137,3 @@ def test_the_pages_show_the_examples_that_are_tested(file):
     pages = (HERE.parent / "docs" / "add").glob("*.md")
     page = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     assert file.read_text(encoding="utf-8") in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
-
-
-def test_the_method_page_works_within_the_package(monkeypatch, tmp_path):
-    """The code of the page, as a module of the package and in its registry, keeps the contract and its files."""
-    page = (HERE.parent / "docs" / "add" / "method.md").read_text(encoding="utf-8")
-    module = ModuleType("maniport.transfer.log_euclidean_shift")
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(METHODS_BY_CLASS, "LogEuclideanShift", LogEuclideanShift)  # restored at the end
-    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], vars(module))
-    monkeypatch.setitem(METHODS, "log-euclidean-shift", module.LogEuclideanShift)
-    adapter = method_of("log-euclidean-shift", damping=0.01)
-    assert isinstance(adapter, module.LogEuclideanShift)
-    assert name_of(adapter) == "log-euclidean-shift"
-    check_adapter(adapter)
-    domains = [mp.sample_domain(mp.load_arm(name), 20, 0) for name in ("rhuman", "panda")]
-    adapter.fit(*domains).save(tmp_path / "adapter.npz")
-    np.testing.assert_array_equal(mp.load_adapter(tmp_path / "adapter.npz").shift_, adapter.shift_)

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from maniport import errors
-from maniport.errors import ManiportError, argument, nearest_first, on_the_command_line, unknown_name
+from maniport.errors import ManiportError, argument, on_the_command_line, unknown_name
 
 BUILTINS = {
     errors.InvalidInputError: ValueError,
@@ -29,12 +29,6 @@ def test_errors_are_builtin_errors_and_survive_pickling():
         copy = pickle.loads(pickle.dumps(error("a message")))
         assert (type(copy), str(copy)) == (error, "a message")
     assert issubclass(errors.ConvergenceWarning, UserWarning)
-
-
-def test_names_are_sorted_by_similarity():
-    """Whatever their case; ties are alphabetical."""
-    assert nearest_first("PANDAS", ["ur5", "panda", "iiwa"])[0] == "panda"
-    assert nearest_first("x", ["c", "a", "b"]) == ["a", "b", "c"]
 
 
 def test_unknown_names_are_answered_with_those_there_are():

@@ -35,11 +35,8 @@ def test_ellipsoids_and_paths_come_back_bit_for_bit(tmp_path, time):
     ("save", "values", "time", "word"),
     [
         (save_ellipsoids, POINTS[0], None, r"manipulability must have shape \(n, d, d\)"),
-        (save_ellipsoids, POINTS[:0], None, "n ≥ 1"),
-        (save_ellipsoids, POINTS[:, :2], None, "manipulability must hold square"),
         (save_ellipsoids, -POINTS, None, r"manipulability\[0\] is indefinite"),
         (save_ellipsoids, POINTS * np.nan, None, "manipulability must be finite"),
-        (save_ellipsoids, POINTS, TIMES[:2], r"time must have shape \(3,\)"),
         (save_ellipsoids, POINTS, TIMES + np.inf, "time must be finite"),
         (save_path, np.zeros(3), None, "path must have shape"),
     ],
@@ -55,18 +52,13 @@ def test_values_that_could_not_be_read_again_are_not_written(tmp_path, save, val
     ("load", "arrays", "error", "word"),
     [
         (load_ellipsoids, {"other": POINTS}, FileFormatError, r"no array 'manipulability'; it holds \['other'\]"),
-        (load_ellipsoids, {}, FileFormatError, "it holds nothing"),
         (load_ellipsoids, {"manipulability": POINTS[0]}, FileFormatError, "shape"),
-        (load_ellipsoids, {"manipulability": POINTS[:0]}, FileFormatError, "n ≥ 1"),
-        (load_ellipsoids, {"manipulability": POINTS[:, :2]}, InvalidInputError, "square"),
         (load_ellipsoids, {"manipulability": np.full((1, 2, 2), "a")}, InvalidInputError, "array of numbers"),
         (load_ellipsoids, {"manipulability": np.where(POINTS == 4, np.inf, POINTS)}, InvalidInputError, "finite"),
         (load_ellipsoids, {"manipulability": POINTS + np.eye(3, k=1)}, NotSPDError, r"\[0\] is not symmetric"),
         (load_ellipsoids, {"manipulability": POINTS * [[[1]], [[1]], [[-1]]]}, NotSPDError, r"\[2\] is indefinite"),
         (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[:2]}, FileFormatError, "3 ellipsoids"),
-        (load_ellipsoids, {"manipulability": POINTS, "time": TIMES * np.nan}, InvalidInputError, "time .*finite"),
         (load_ellipsoids, {"manipulability": POINTS, "time": TIMES[::-1]}, InvalidInputError, "increase strictly"),
-        (load_path, {"x": 1}, FileFormatError, "no array 'path'"),
         (load_path, {"path": np.zeros(3)}, FileFormatError, "must have shape"),
     ],
 )
@@ -92,14 +84,6 @@ def test_unreadable_files_are_refused(tmp_path):
             load_ellipsoids(path)
 
 
-@pytest.mark.parametrize("name", ["a.yaml", "a.json"])
-def test_settings_are_a_mapping(tmp_path, name):
-    """YAML and JSON give the same."""
-    text = '{"default": {"velocity": 1.5}}' if name == "a.json" else "default:\n  velocity: 1.5\n"
-    (tmp_path / name).write_text(text)
-    assert read_settings(tmp_path / name, ("default", "joints")) == {"default": {"velocity": 1.5}}
-
-
 @pytest.mark.parametrize(
     ("text", "word"),
     [
@@ -110,10 +94,7 @@ def test_settings_are_a_mapping(tmp_path, name):
         ("- 1\n", "keys a, b; found list"),
         ("# nothing\n", "found nothing"),
         ("c: 1\n", "unknown key 'c'; allowed are, nearest first: a, b"),
-        ("[a]: 1\n", "found unhashable key"),
         ("a: " + "[" * 1500, "not readable as YAML"),
-        ("a: 9" + "9" * 5000, "not readable as YAML"),
-        ("a: 2020-99-99", "not readable as YAML"),
         ("a: \x00", "not readable as YAML"),
         (b"a: \xff\xfe", "not a text file"),
         (" " * (SETTINGS_BYTES + 1), "at most 0.25 MB"),

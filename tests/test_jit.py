@@ -66,16 +66,6 @@ def test_a_damaged_cache_costs_a_compilation(imported, tmp_path, suffix, damage)
     assert (kernel(1.5), hits(kernel)) == (3.0, 0)
 
 
-def test_code_for_other_arguments_is_not_run(imported, tmp_path):
-    """Two processes that fill the cache at once can leave it in a file of another name."""
-    kernel = imported()
-    assert (kernel(1.5), kernel(np.ones(2)).tolist()) == (3.0, [2.0, 2.0])
-    one, other = sorted(tmp_path.rglob("*.nbc"))
-    other.write_bytes(one.read_bytes())
-    kernel = imported()
-    assert (kernel(1.5), kernel(np.ones(2)).tolist()) == (3.0, [2.0, 2.0])
-
-
 @pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), OSError(errno.EROFS, "read-only"), RuntimeError()])
 def test_a_cache_that_cannot_be_written_costs_only_the_cache(imported, monkeypatch, fault):
     """Full disk, read-only disk, no folder at all."""

@@ -5,10 +5,10 @@ import signal
 
 import pytest
 
-from kills.trial import complete, forked, left, strike
+from kills.trial import complete, left, strike
 from kills.works import Command, works
 
-TIMES = 6
+TIMES = 4
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +23,8 @@ def test_what_is_struck_leaves_old_or_new(tmp_path, every, key, number):
     """Never half, never nothing; Ctrl-C leaves nothing beside it, and the next run cleans what a kill left."""
     work, log = every[key], tmp_path / "log"
     work.warm()
-    longest = max(complete(work, which, forked, log) for which in (1, 0)) if isinstance(work, Command) else 0.02
-    *_, count = strike(work, number, TIMES, (0.0, longest), random.Random(0), log)
+    longest = max(complete(work, which, log) for which in (1, 0)) if isinstance(work, Command) else 0.02
+    *_, count = strike(work, number, TIMES, longest, random.Random(0), log)
     assert (count.half, count.missing, count.struck, count.faults) == (0, 0, TIMES, [])
     work.warm()
     assert left(work) == set()

@@ -1,16 +1,12 @@
 """Several demonstrations become one profile, from recordings to files."""
 
-import json
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from typer.testing import CliRunner
 
 import maniport as mp
 from maniport.bodies import VELOCITY, EllipsoidSpec
 from maniport.bodies.human import human_arm
-from maniport.cli import app
 from maniport.demonstrations import performed, shipped_recording
 from maniport.errors import InvalidInputError
 from maniport.files import load_ellipsoids, load_path
@@ -72,18 +68,6 @@ def test_left_and_right_are_mirrored_and_said(people):
     assert any("mirrored were lefty" in text for text in facts_of(people).notes)
 
 
-def test_the_verdict_says_that_they_do_not_agree():
-    """Motions that have nothing in common are not called a profile."""
-    still = [
-        reach(),
-        performed(human_arm("myoarm"), np.radians(np.tile([80.0, 90, 30, 120, 0, 0, 0], (31, 1))), reach().time),
-    ]
-    facts = facts_of(mp.learn(still, components=1))
-    assert "do not agree" in facts.summary.title
-    assert facts.summary.status == "amber"
-    assert "demonstrations-differ" in facts.warning_keys
-
-
 def test_a_robot_follows_what_was_learned(people):
     """The main job takes a learned profile in place of a recording: its ellipsoids, its path, the learned arm."""
     with few_places():
@@ -119,41 +103,19 @@ def test_files_are_whole_and_can_be_read(people, tmp_path):
     ("recordings", "segments", "message"),
     [
         ([], None, "at least one recording"),
-        (["ladder"], None, "at least two demonstrations are needed; found 1"),
         (["freeform"], [[(1.0, 2.0)]], "at least two demonstrations are needed; found 1"),
         (["freeform"], [[(1.0, 2.0), (1.5, 3.0)]], "must not overlap"),
         (["freeform"], [[(2.0, 1.0), (2.5, 3.0)]], "must begin before it ends"),
         (["freeform"], [[(1.0, 2.0), (2.5, 99.0)]], "must lie between 0.00 and 9.15 s; found 2.5 to 99 s"),
         (["freeform"], [[(1.0, 2.0), (2.5, 2.6)]], "has 5 frames .* needs at least 10"),
         (["freeform"], "all", "one list"),
-        (["freeform"], ["all"], "must be 'auto' or"),
         (["freeform"], [None, None], "one list for each of the 1 recordings"),
-        (["freeform"], [[(1.0,), (2.0, 3.0)]], "a segment"),
     ],
 )
 def test_what_is_wrong_is_said(recordings, segments, message):
     """Too few, too short, overlapping or outside: which one, what was found and what is allowed."""
     with pytest.raises(InvalidInputError, match=message):
         mp.learn(recordings, segments)
-
-
-def test_the_command_tells_the_answer_last(tmp_path):
-    """The last lines say whether the demonstrations agree; with --json there is one object."""
-    words = ["learn", str(shipped_recording("freeform")), "--segments", "1.4:2.1,2.5:3.2", "--components", "2"]
-    shown = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "out")])
-    assert shown.exit_code == 0
-    assert shown.stdout.startswith("Result: the demonstrations agree")
-    assert str(tmp_path / "out" / "report.html") in shown.stdout
-    facts = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert [one["frames"] for one in facts["demonstrations"]["demonstrations"]] == [29, 29]
-
-
-def test_too_few_ellipsoids_for_their_size_are_told():
-    """Of 6×6 ellipsoids one Gaussian needs 23: two short demonstrations are refused, of three none is left out."""
-    short = reach().crop(0.0, 0.34)
-    with pytest.raises(InvalidInputError, match="1 component needs at least 23 ellipsoids"):
-        mp.learn([short, short], spec=EllipsoidSpec(part="full"))
-    assert mp.learn([short] * 3, spec=EllipsoidSpec(part="full")).agreement.held_out is None
 
 
 def test_repetitions_are_demonstrations(repeated):

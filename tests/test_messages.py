@@ -9,7 +9,6 @@ import pytest
 from markdown_it import MarkdownIt
 
 from maniport import errors
-from maniport.demonstrations import read_recording
 from maniport.errors import ManiportError
 from maniport.telling import Metric, Report, Section, Summary, Table, as_markdown
 
@@ -31,27 +30,6 @@ def test_messages_are_printable_and_short(kind):
     assert str(long).endswith("; allowed is 'y'")
     assert str(pickle.loads(pickle.dumps(long))) == str(long)
     assert str(kind("a plain one: ≤ 3°, in 'Datei ä.c3d'")) == "a plain one: ≤ 3°, in 'Datei ä.c3d'"
-
-
-FILES = {
-    "table.csv": f"time,a_x,a_y,a_z\n0,1,2,{'x' * 11_000}\x1b[2J\n",
-    "names.csv": f"time,{'x' * 200}\x1b[2J_x\n0,1\n",
-    "markers.trc": "PathFileType\t4\nDataRate\tNumMarkers\tUnits\n100\t1\tmm\n"
-    f"Frame#\tTime\t{'x' * 11_000}\x1b[2J\n1\t0\tq\n",
-    "arm.bvh": f"HIERARCHY\nROOT {'x' * 11_000}\x1b[2J\n{{\nOFFSET a b c\n",
-    "keys.json": '{"' + "x" * 11_000 + '\\u001b[2J": 1}',
-    "motion.mot": f"name\nendheader\ntime\t{'x' * 11_000}\x1b[2J\n0\tq\n",
-}
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_errors_in_recordings_are_printable_and_short(tmp_path, name):
-    """Whatever a file holds, its error can be shown on a terminal."""
-    (tmp_path / name).write_text(FILES[name])
-    with pytest.raises(ManiportError) as caught:
-        read_recording(tmp_path / name)
-    assert str(caught.value).isprintable()
-    assert len(str(caught.value)) <= errors.LONGEST_MESSAGE
 
 
 def test_names_from_files_reach_no_terminal_unescaped(tmp_path):

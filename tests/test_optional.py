@@ -16,8 +16,9 @@ PACKAGE = ROOT / "src" / "maniport"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink", "pot": "ot"}
 IMPORT_NAMES |= {"rerun-sdk": "rerun"}
-DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "msgspec", "websockets"}
+DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "markupsafe", "msgspec", "websockets"}
 WITH_FALLBACK = {"fast_simplification", "IPython"}
+CHECKED_BEFORE = {"matplotlib", "sklearn"}  # figures; what only scikit-learn calls
 IMPORTERS = {name: importer.args for name, importer in vars(optional).items() if isinstance(importer, partial)}
 
 
@@ -43,7 +44,13 @@ def test_other_imports_are_of_dependencies():
     lines = re.compile(r"^ *(?:from|import) ([A-Za-z]\w*)", re.MULTILINE)
     found = {name for file in PACKAGE.rglob("*.py") for name in lines.findall(_code(file))}
     own = {"maniport", *import_names(PROJECT["dependencies"])}
-    assert found <= {*sys.stdlib_module_names, *own, *DEPENDENCIES_OF_OTHERS, *WITH_FALLBACK}
+    assert found <= {
+        *sys.stdlib_module_names,
+        *own,
+        *DEPENDENCIES_OF_OTHERS,
+        *WITH_FALLBACK,
+        *CHECKED_BEFORE,
+    }
 
 
 def _code(file):

@@ -243,19 +243,6 @@ def test_tempo_and_placement(panda, own):
     assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.placement.scale
 
 
-def test_ellipsoids_alone_are_followed(panda, own):
-    """Without a path there is no position error; what no Panda can reach has a feasibility gap."""
-    time, profile, _ = own
-    alone = follow(panda, 4.0 * profile, time, random_state=5, effort="quick")
-    assert alone.motion.position_error is None
-    assert np.median(alone.gap) > 0.1
-    assert (alone.gap <= alone.motion.distance + 1e-6).all()
-    numbers = as_numbers(facts_of(alone))
-    assert "tip_error_mm" not in numbers["motion"]
-    assert numbers["run"]["random_state"] == 5
-    assert numbers["motion"]["feasibility_gap"]["median"] == pytest.approx(np.median(alone.gap))
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
     [

@@ -6,7 +6,6 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport.cli import app
-from maniport.feasibility import knowing
 from maniport.files import save_ellipsoids
 
 
@@ -14,19 +13,6 @@ from maniport.files import save_ellipsoids
 def panda():
     """The Panda."""
     return mp.load_arm("panda")
-
-
-def test_only_who_asks_and_has_nobody_gets_a_projector(panda):
-    """A field gets one where the robot is known; one that has its own and other methods stay as they are."""
-    bank = mp.StartBank.build(panda, 64)
-    field, own = mp.LengthsField(), mp.LengthsField(projector=lambda points: points)
-    aware = knowing(field, panda, bank=bank)
-    assert isinstance(aware.projector, mp.FeasibleProjector)
-    assert aware.projector.bank is bank
-    assert field.projector is None
-    for adapter in (own, mp.ParallelTransport()):
-        assert knowing(adapter, panda, bank=bank) is adapter
-    assert knowing(field, None) is field
 
 
 def test_the_command_line_fits_with_and_without_a_robot(panda, tmp_path):

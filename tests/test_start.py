@@ -30,16 +30,6 @@ def test_ctrl_c_during_imports(name):
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "maniport: interrupted; nothing was written\n")
 
 
-def test_ctrl_c_after_the_end_changes_nothing():
-    """The exit code stays 0."""
-    code = (
-        "import atexit, os, signal\nfrom maniport.__main__ import main\n"
-        f"atexit.register(lambda: os.kill(os.getpid(), {signal.SIGINT:d}))\nmain()"
-    )
-    ended = subprocess.run([sys.executable, "-c", code, "--version"], capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stderr) == (0, "")
-
-
 def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
     """Exit code 130, one sentence, and an empty folder."""
     command = [*COMMAND, "demo", "--effort", "quick", "-o", str(tmp_path / "out")]
@@ -83,16 +73,6 @@ def test_a_broken_pipe_loses_no_result(tmp_path):
         os.close(reading)
     assert process.returncode == 0
     assert (tmp_path / "domain.npz").stat().st_size > 0
-
-
-def test_blas_has_one_thread_unless_the_user_sets_more():
-    """The main process of a command sets the variables before NumPy is loaded."""
-    code = "import os; from maniport import cli; cli.main = lambda: print(*map(os.environ.get, {names}))\n"
-    code = code.format(names=("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")) + "from maniport.__main__ import main; main()"
-    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
-    environment["MKL_NUM_THREADS"] = "3"
-    ended = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert ended.stdout.strip() == "1 3"
 
 
 def test_importing_the_package_loads_nothing_heavy():

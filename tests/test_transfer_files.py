@@ -1,29 +1,13 @@
 """Real recordings, and one motion in every format and under every family of names, give the person's joint angles."""
 
-import shutil
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dialect_files import BESIDE, POINTS, SKELETONS, mirrored, motion, write_bvh
-from format_files import (
-    DOWN,
-    HIPS,
-    SAUL,
-    amass,
-    landmarks,
-    write_csv,
-    write_json,
-    write_mot,
-    write_motive,
-    write_mvnx,
-    write_nexus,
-    write_qualisys,
-    write_trc,
-)
-from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from dialect_files import BESIDE, POINTS, mirrored, motion
+from maniport.demonstrations import fit_arm, read_recording
 from maniport.demonstrations.marker_sets import load_names
 
 pytestmark = pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")
@@ -37,21 +21,6 @@ ONE_ARM = ("ISB without side",)  # families of names without sides
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 WITHOUT_HAND = ("Unreal", "MediaPipe")  # families whose point of the hand is not used
 PERSON = cache(lambda: motion(n=8))
-FORMATS = {
-    "trc": ("OpenCap", lambda folder, seen: write_trc(folder / "a.trc", seen)),
-    "csv": ("COCO", lambda folder, seen: write_csv(folder / "a.csv", seen)),
-    "csv with dots": ("COCO", lambda folder, seen: write_csv(folder / "a.csv", seen, dot=True)),
-    "long csv": ("COCO", lambda folder, seen: write_csv(folder / "a.csv", seen, long=True)),
-    "Motive's csv": ("Plug-in Gait", lambda folder, seen: write_motive(folder / "a.csv", seen)),
-    "Nexus' csv": ("Plug-in Gait", lambda folder, seen: write_nexus(folder / "a.csv", seen)),
-    "Qualisys' tsv": ("Plug-in Gait", lambda folder, seen: write_qualisys(folder / "a.tsv", seen)),
-    "mvnx": ("MVNX", lambda folder, seen: write_mvnx(folder / "a.mvnx", seen)),
-    "keypoints": (
-        "MediaPipe",
-        lambda folder, seen: write_json(folder / "a.json", landmarks(seen, MEDIAPIPE, DOWN, HIPS)),
-    ),
-}
-"""Writer of each format of points, and the family of its names."""
 
 
 def angles_in(file, side="auto", **options):
@@ -99,31 +68,3 @@ def test_names_of_points(tmp_path, family):
     """Every family of names."""
     points(family).save(tmp_path / "a.npz")
     check_angles(tmp_path / "a.npz", family, POINTS[family].values())
-
-
-@pytest.mark.parametrize("name", SKELETONS)
-def test_skeletons(tmp_path, name):
-    """Every program's BVH; the ends of the hands are in it."""
-    check_angles(write_bvh(tmp_path / "a.bvh", SKELETONS[name], PERSON()), name, ("hand_r",))
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_formats_of_points(tmp_path, name):
-    """Every format of points."""
-    family, write = FORMATS[name]
-    check_angles(write(tmp_path, points(family)), family, POINTS[family].values())
-
-
-def test_c3d_joint_angles_and_poses(tmp_path):
-    """The shipped C3D is OpenSim's table of its points; joint angles stay; poses of SMPL are bone directions."""
-    whole = read_recording("freeform").crop(0, 0.18)
-    table = write_trc(tmp_path / "a.trc", whole, "mm", 0.001)
-    file = shutil.copy(shipped_recording("freeform"), tmp_path / "a.c3d")
-    of_c3d = np.degrees(fit_arm(read_recording(file).crop(0, 0.18)).joint_angles)
-    np.testing.assert_allclose(angles_in(table)[0], of_c3d, atol=2e-3)
-    made = PERSON()
-    angles, side = angles_in(write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL))
-    assert side == "right"
-    np.testing.assert_allclose(angles, np.degrees(made.joint_angles), atol=0.1)
-    np.savez(tmp_path / "a.npz", **amass(made))
-    check_angles(tmp_path / "a.npz", "AMASS", ("hand_r",))

@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport import validation
-from maniport.demonstrations import shipped_recording
-from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.mean import as_weights
 from maniport.validation import (
     as_choice,
@@ -49,18 +47,11 @@ def at(bad, index=2, count=4):
     ("value", "message"),
     [
         ("abc", "array of numbers; found str"),
-        ([[1.0, 2.0], [3.0]], "array of numbers; found list"),
         (None, "array of numbers; found None"),
         (np.eye(3) * 1j, "found ndarray: its numbers are complex"),
-        (10**400, "array of numbers; found int"),
         (np.ma.masked_equal([1.0, 2.0], 2.0), "found masked entries"),
-        (object(), "array of numbers; found object"),
-        (np.nan, "finite; found nan"),
         ([1.0, np.nan, np.inf], "finite; found nan at index 1 (2 such entries)"),
-        ([[1.0, 2.0], [-np.inf, 1.0]], "finite; found -inf at index (1, 0)"),
-        (3.0, "square matrices, shape (..., d, d); found shape ()"),
         (np.ones((4, 3, 2)), "square matrices, shape (..., d, d); found shape (4, 3, 2)"),
-        ([], "square matrices, shape (..., d, d); found shape (0,)"),
         (np.eye(1), "matrices from 2×2 to 12×12; found 1×1"),
         (np.eye(13), "matrices from 2×2 to 12×12; found 13×13"),
     ],
@@ -83,8 +74,6 @@ def test_only_finite_square_matrices_pass(check, value, message):
         ),
         (np.stack([EYE, INDEFINITE, SINGULAR]), "m[1] is indefinite: its eigenvalues range from -3 to 2 (2 of 3 "),
         (at(SINGULAR), "m[2] is singular: its eigenvalues range from 0 to 2 (1 of 4 matrices)"),
-        (np.zeros((3, 3)), "m is singular"),
-        (np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), "m is singular"),
         (np.diag([1e-15, 0.5, 0.5]), "m is singular"),
     ],
 )
@@ -92,14 +81,6 @@ def test_only_spd_matrices_pass(value, message):
     """The message has the index, the eigenvalues and the caller's hint."""
     with pytest.raises(NotSPDError, match=f"^{re.escape(message)}"):
         as_spd(value, "m", hint="Use damping")
-
-
-@pytest.mark.parametrize("magnitude", [1e-170, 1e170])
-@pytest.mark.parametrize("check", [as_spd, as_positive_semidefinite])
-def test_magnitudes_beyond_floating_point_are_refused(check, magnitude):
-    """Products of their eigenvalues would overflow or underflow."""
-    with pytest.raises(InvalidInputError, match=r"m\[2\] has the trace .*another unit"):
-        check(at(magnitude * EYE), "m")
 
 
 @given(seed=st.integers(0, 2**32 - 1), exponent=st.floats(-60, 60))
@@ -124,15 +105,6 @@ def test_rounding_sized_asymmetry_is_averaged_away():
         as_symmetric(matrix, "m")
 
 
-def test_other_number_types_are_converted():
-    """Lists, tuples and single precision become float64; an empty batch stays empty."""
-    for value in ([[2, 1], [1, 2]], np.array([[2, 1], [1, 2]], dtype=np.float32), ((2, 1), (1, 2))):
-        checked = as_spd(value, "m")
-        assert checked.dtype == np.float64
-        assert_array_equal(checked, [[2.0, 1.0], [1.0, 2.0]])
-    assert as_spd(np.zeros((0, 3, 3)), "m").shape == (0, 3, 3)
-
-
 def test_singular_products_are_positive_semidefinite():
     """Zero, rank-one and rank-deficient products pass; negative eigenvalues do not."""
     thin = np.random.default_rng(0).standard_normal((50, 3, 2))
@@ -147,37 +119,26 @@ def test_singular_products_are_positive_semidefinite():
     [
         (lambda: as_spd(EYE, "m", dimension=6), "m must hold 6×6 matrices; found 3×3"),
         (lambda: as_points(EYE, "p"), "p must be a set of matrices, shape (n, d, d); found shape (3, 3)"),
-        (lambda: as_points([], "p"), "p must be a set of matrices, shape (n, d, d); found shape (0,)"),
         (lambda: as_points(EYE[None], "p"), "p must hold at least 2 matrices; found 1"),
-        (lambda: as_points([EYE, np.eye(2)], "p"), "p must be an array of numbers; found list"),
         (lambda: require_broadcast(a=np.zeros((5, 3, 3)), b=np.zeros((2, 4, 3, 3))), "found shapes a (5, 3, 3), b ("),
         (lambda: as_weights([1.0, -1.0], 2), "weights must be non-negative with a positive sum"),
         (lambda: as_rotation(np.diag([1.0, 1.0, -1.0]), "r"), "r must be a rotation"),
         (lambda: as_rotation(2 * EYE, "r"), "r must be a rotation: R Rᵀ = I to 1e-6"),
-        (lambda: as_rotation(at(EYE), "r"), "r must be one rotation matrix, shape (d, d); found shape (4, 3, 3)"),
         (lambda: as_rotation(np.eye(2), "r", dimension=3), "r must hold 3×3 matrices; found 2×2"),
         (lambda: as_count(2.5, "n"), "n must be a whole number of at least 1; found 2.5"),
-        (lambda: as_count("3", "n"), "n must be a whole number of at least 1; found '3'"),
         (lambda: as_count(7, "n", minimum=0, maximum=6), "n must be a whole number in [0, 6]; found 7"),
-        (lambda: as_number([1.0], "x"), "x must be a number; found [1.0]"),
         (lambda: as_number(np.nan, "x", minimum=0), "x must be a number of at least 0; found nan"),
         (lambda: as_number(0.0, "x", above=0), "x must be a number above 0; found 0.0"),
-        (lambda: as_number(1, "x", below=1), "x must be a number below 1; found 1"),
-        (lambda: as_number(1.5, "x", maximum=1), "x must be a number of at most 1; found 1.5"),
         (lambda: as_number(1, "x", minimum=0, below=1), "x must be a number in [0, 1); found 1"),
         (lambda: as_numbers([1, 0, 2], "x", 3, above=0), "x must be 3 numbers above 0; found 0 at index 1"),
         (lambda: as_numbers(-1, "x", 3, one=True, minimum=0), "x must be one number or 3 numbers of at least 0; f"),
-        (lambda: as_numbers(1, "x", above=0), "x must be a sequence of numbers above 0; found shape ()"),
         (lambda: as_times([0, 2, 1, 3]), "time must increase strictly; found 1 s at index 2 after 2 s"),
         (lambda: as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
-        (lambda: as_times([0], "clock", fewest=2), "clock must have shape (n,) with n ≥ 2; found shape (1,)"),
         (lambda: as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
         (lambda: as_times([0, 1e-300]), "at least 1e-09 apart"),
         (lambda: as_metres([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
         (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; there are, nearest first: 'a', 'b'"),
-        (lambda: as_choice(np.ones(2), "kind", ("a", "b")), "unknown kind array([1., 1.])"),
         (lambda: as_flag("yes", "turn"), "turn must be True or False; found 'yes'"),
-        (lambda: as_flag([True], "turn"), "turn must be True or False; found [True]"),
         (lambda: as_generator(-1), "random_state (unless None or a numpy Generator) must be a whole number"),
         (lambda: require_shape(np.zeros((0, 3)), "a", ("n", 3)), "a must have shape (n, 3); found shape (0, 3)"),
         (lambda: require_shape(np.zeros(2), "a", (3,), " of points"), "a must have shape (3,) of points; found"),
@@ -203,63 +164,6 @@ def test_valid_values_pass():
     require_broadcast(a=np.zeros((4, 3, 3)), b=np.zeros((2, 4, 3, 3)))
     for shape, allowed in (((3,), (3,)), ((5, 3, 3), ("n", 3, 3)), ((3,), (..., 3)), ((4, 0, 3), (..., 3))):
         require_shape(np.zeros(shape), "a", allowed)
-
-
-def test_weights_sum_to_one():
-    """Weights keep their proportions, however large or small; None gives equal ones."""
-    assert_array_equal(as_weights([1, 3, 0], 3), [0.25, 0.75, 0.0])
-    for weights in (None, np.full(4, 1e308), np.full(4, 1e-320)):
-        assert_array_equal(as_weights(weights, 4), np.full(4, 0.25))
-
-
-def test_rotations_are_made_orthonormal():
-    """A rotation with seven digits comes out orthonormal to rounding."""
-    c, s = 0.8660254, 0.5
-    checked = as_rotation([[c, -s], [s, c]], "r")
-    assert_allclose(checked @ checked.T, np.eye(2), atol=1e-15)
-    assert_allclose(checked, [[c, -s], [s, c]], atol=1e-7)
-
-
-def test_a_wrong_name_is_the_same_error_everywhere():
-    """It is a wrong value, too."""
-    for use in (lambda: as_choice("speed", "kind", ("force",)), lambda: shipped_recording("wave")):
-        with pytest.raises(UnknownNameError, match=r"^unknown .*; there are, nearest first: '") as caught:
-            use()
-        assert isinstance(caught.value, InvalidInputError)
-
-
-HARD = {
-    "SPD": lambda x: x,
-    "asymmetry of rounding size": lambda x: x + 1e-12 * np.eye(len(x[0]), k=1),
-    "asymmetric": lambda x: x + np.eye(len(x[0]), k=1),
-    "nan": lambda x: np.where(np.arange(x.size).reshape(x.shape) == x.size // 2, np.nan, x),
-    "indefinite": lambda x: x - 0.5 * np.trace(x, axis1=-2, axis2=-1)[..., None, None] * np.eye(len(x[0])),
-    "singular": lambda x: x * np.outer(np.arange(len(x[0])) > 0, np.arange(len(x[0])) > 0),
-    "nearly singular": lambda x: x * np.outer(np.logspace(0, -6.9, len(x[0])), np.logspace(0, -6.9, len(x[0]))),
-    "zero": np.zeros_like,
-    "huge": lambda x: 1e80 * x,
-    "tiny": lambda x: 1e-80 * x,
-}
-
-
-@pytest.mark.parametrize("check", [*MATRIX_CHECKS, as_points])
-@pytest.mark.parametrize("kind", HARD)
-@pytest.mark.parametrize("d", [2, 6])
-def test_the_compiled_check_agrees_with_the_plain_one(check, kind, d, monkeypatch):
-    """With or without the compiled pass: the same numbers or the same message, and the input stays as it is."""
-    factor = np.random.default_rng(d).standard_normal((7, d, 2 * d))
-    value = HARD[kind](factor @ np.swapaxes(factor, 1, 2))
-    value.setflags(write=False)
-
-    def outcome():
-        try:
-            return check(value, "m")
-        except InvalidInputError as error:
-            return f"{type(error).__name__}: {error}"
-
-    quick = outcome()
-    monkeypatch.setattr(validation, "vouched", lambda *_, **__: None)
-    assert_array_equal(quick, outcome())
 
 
 def test_checked_input_is_copied_unless_it_is_only_read():

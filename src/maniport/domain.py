@@ -1,13 +1,10 @@
-"""The set of ellipsoids that a body can make, sampled; and profiles, the ellipsoids along joint paths."""
+"""The set of ellipsoids that a body can make, sampled."""
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
 from maniport.bodies.arms import CooperativeArm
-from maniport.validation import Array, as_count, as_finite, require_shape
+from maniport.validation import Array
 
 
 def sample_domain(
@@ -70,38 +67,6 @@ def sample_domains(
     """
     each = arms.ellipsoids(_postures(arms, n, random_state, sequence, collisions), spec)
     return each[:, 0], each[:, 1]
-
-
-def sample_profile(arm: Arm, waypoints: ArrayLike, n: int | None = None, spec: EllipsoidSpec = VELOCITY) -> Array:
-    """Ellipsoids along a joint path.
-
-    Parameters
-    ----------
-    arm : Arm
-    waypoints : array_like, shape (k, dof)
-        Joint positions [rad or m] within the limits.
-    n : int, optional
-        Number of ellipsoids, at joint positions evenly spaced in waypoint index and linear between waypoints.
-        Default: one at each waypoint.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-
-    Returns
-    -------
-    ndarray, shape (n, d, d)
-
-    Raises
-    ------
-    InvalidInputError
-        When a waypoint lies outside the limits or has the wrong number of joints.
-    """
-    path = as_finite(waypoints, "waypoints")
-    require_shape(path, "waypoints", ("k", arm.dof), f" for {arm.name!r}")
-    arm.require_within_limits(path, "waypoints")
-    if n is not None:
-        at = np.linspace(0, len(path) - 1, as_count(n, "n"))
-        path = np.stack([np.interp(at, np.arange(len(path)), column) for column in path.T], axis=1)
-    return arm.ellipsoids(path, spec)
 
 
 def _postures(arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:

@@ -18,6 +18,7 @@ from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 ROOMS = {
@@ -51,14 +52,11 @@ def mutate(tree: Path, names: list[str]) -> dict[str, str]:
     """Write modules with all their mutants into a tree; return the diff of each mutant by its name."""
     from mutmut.mutation import file_mutation, mutators
 
-    # a word in capitals tells nothing that another word does not
+    def first_string(node: Any) -> list[Any]:  # a word in capitals shows nothing that another word does not
+        return list(mutators.operator_string(node))[:1]
+
     file_mutation.mutation_operators = [
-        (
-            kind,
-            (lambda node: list(mutators.operator_string(node))[:1])
-            if operator is mutators.operator_string
-            else operator,
-        )
+        (kind, first_string if operator is mutators.operator_string else operator)
         for kind, operator in file_mutation.mutation_operators
     ]
     diffs = {}
@@ -98,26 +96,21 @@ def run(room: str, names: list[str], limits: argparse.Namespace, kept: Path) -> 
             random.Random(module).shuffle(mutants)
             ranked += [(rank / len(mutants), mutant) for rank, mutant in enumerate(mutants)]
         # of all modules in turn
-        asked = [mutant for rank, mutant in sorted(ranked) if limits.beyond <= rank < limits.share]
+        asked = [mutant for rank, mutant in sorted(ranked) if rank < limits.share]
         Path("asked.json").write_text(json.dumps(asked))
         command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-p", "mutation.trial"]
         command += ["--hypothesis-profile=mutants", "--mutants=asked.json", "--outcomes=outcomes.json"]
-        command += [f"--{name}={getattr(limits, name)}" for name in ("minutes", "slowest", "jobs")]
+        command += [f"--{name}={getattr(limits, name)}" for name in ("minutes", "jobs")]
         command += ["-k", f"not ({NEW_PROCESSES})", *ROOMS[room]]
         paths = f"{tree / 'src'}{os.pathsep}{tree / 'tests'}"
         process = subprocess.run(command, env=os.environ | {"PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}, check=False)
         if process.returncode:
             sys.exit(f"the tests of {room} do not pass without mutants, or could not be run")
         outcomes: dict[str, str] = json.loads(Path("outcomes.json").read_text())
-    kinds = ("killed", "survived", "too long", "not reached")
-    print(f"{'module':48} {'mutants':>8} {'tried':>6} " + " ".join(f"{kind:>11}" for kind in kinds))
-    total: Counter[str] = Counter()
     for module, mutants in by_module.items():
         counts = Counter(outcomes[mutant] for mutant in mutants if mutant in outcomes)
-        total.update(counts)
-        figures = " ".join(f"{counts[kind]:11}" for kind in kinds)
-        print(f"{module:48} {len(mutants):8} {counts.total():6} {figures}")
-    print(f"{room:48} {len(diffs):8} {total.total():6} " + " ".join(f"{total[kind]:11}" for kind in kinds))
+        print(f"{module:48} {len(mutants):6} mutants: {dict(counts)}")
+    print(f"{room:48} {len(diffs):6} mutants: {dict(Counter(outcomes.values()))}")
     with kept.open("a") as file:
         for mutant, outcome in sorted(outcomes.items()):
             if outcome != "killed":
@@ -132,23 +125,20 @@ def main() -> int:
     )
     parser.add_argument("--room", choices=list(ROOMS), help="one room alone")
     parser.add_argument("--share", type=float, default=1.0, help="of the mutants of each module, the same in each run")
-    parser.add_argument("--beyond", type=float, default=0.0, help="leave out this share, tried before")
     parser.add_argument("--minutes", type=float, default=math.inf, help="for each room; later mutants are not tried")
-    parser.add_argument("--slowest", type=float, default=math.inf, help="leave out tests that take longer [s]")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many mutants at a time")
-    parser.add_argument("--keep", type=Path, default=Path("mutants.txt"), help="file for those that were not killed")
     arguments = parser.parse_args()
     rooms = {room: modules(room, arguments.module) for room in ROOMS if arguments.room in (None, room)}
     if not any(rooms.values()):
         parser.error(f"found {arguments.module!r}; allowed is a module of {' or '.join(ROOMS)}, such as spd/mean.py")
     print(f"mutmut {version('mutmut')}", flush=True)
-    arguments.keep.unlink(missing_ok=True)
-    kept = arguments.keep.resolve()
+    kept = Path("mutants.txt").resolve()
+    kept.unlink(missing_ok=True)
     for room, names in rooms.items():
         if names:
             began = time.monotonic()
             run(room, names, arguments, kept)
-            print(f"{time.monotonic() - began:.0f} s; what was not killed stands in {arguments.keep}", flush=True)
+            print(f"{time.monotonic() - began:.0f} s; what was not killed is in {kept}", flush=True)
     return 0
 
 

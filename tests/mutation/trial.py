@@ -40,7 +40,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--outcomes", type=Path)
     parser.addoption("--jobs", type=int)
     parser.addoption("--minutes", type=float)
-    parser.addoption("--slowest", type=float)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -68,9 +67,6 @@ def pytest_runtestloop(session: pytest.Session) -> bool:
             print(f"left out, for it fails without a mutant: {item.nodeid}", flush=True)
             continue
         seconds = time.process_time() - began
-        if seconds > session.config.getoption("--slowest"):
-            print(f"left out, for it takes {seconds:.2f} s: {item.nodeid}", flush=True)
-            continue
         took[item] = seconds
         for function in reached.union(*(by_fixture[name] for name in item.fixturenames)):
             tests[function].append(item)

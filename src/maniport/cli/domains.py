@@ -6,23 +6,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import (
-    Damping,
-    Floor,
-    Height,
-    Kind,
-    Mounting,
-    NamedMethod,
-    Overwrite,
-    Part,
-    Seed,
-    Side,
-    app,
-    prints,
-    regularization,
-    require_npz,
-    rotation,
-)
+from maniport.cli import application as cli
 from maniport.cli.robots import NO_ROBOT, Chain, takes_chain
 from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
@@ -36,28 +20,28 @@ StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's
 Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
 
 
-@app.command(epilog="Example: maniport domain panda -n 16384 -o panda.npz")
+@cli.app.command(epilog="Example: maniport domain panda -n 16384 -o panda.npz")
 @takes_chain
-@prints
+@cli.prints
 def domain(
     chain: Chain,
     console: Console,
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")],
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
-    side: Side = AUTO,
-    height: Height = None,
-    kind: Kind = "velocity",
-    part: Part = "translation",
+    side: cli.Side = AUTO,
+    height: cli.Height = None,
+    kind: cli.Kind = "velocity",
+    part: cli.Part = "translation",
     sequence: Annotated[str, typer.Option(help="sobol or uniform joint samples.")] = "sobol",
-    seed: Seed = 0,
+    seed: cli.Seed = 0,
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
     from maniport.bodies import EllipsoidSpec
     from maniport.domain import sample_domain
     from maniport.files import save_ellipsoids
 
-    require_npz(output)
+    cli.require_npz(output)
     body = chain.load(arm, side, height)
     spec = EllipsoidSpec(kind, part)
     ellipsoids = sample_domain(body, n, seed, sequence, spec)
@@ -68,28 +52,28 @@ def domain(
     )
 
 
-@app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
+@cli.app.command(epilog="Example: maniport fit person.npz panda.npz -o adapter.npz")
 @takes_chain
-@prints
+@cli.prints
 def fit(
     chain: Chain,
     console: Console,
     teacher: TeacherDomain,
     student: StudentDomain,
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
-    method: NamedMethod = FIT_METHOD,
-    damping: Damping = DAMPING,
-    floor: Floor = None,
-    mounting: Mounting = (0.0, 0.0, 0.0),
+    method: cli.NamedMethod = FIT_METHOD,
+    damping: cli.Damping = DAMPING,
+    floor: cli.Floor = None,
+    mounting: cli.Mounting = (0.0, 0.0, 0.0),
     unknown_mounting: Annotated[
         bool, typer.Option("--unknown-mounting", help="Search the rotation in all directions (icp).")
     ] = False,
     robot: Annotated[
         str | None, typer.Option("--robot", help="The student's arm, for methods that use its feasible set.")
     ] = None,
-    kind: Kind = "velocity",
-    part: Part = "translation",
-    seed: Seed = 0,
+    kind: cli.Kind = "velocity",
+    part: cli.Part = "translation",
+    seed: cli.Seed = 0,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.bodies import EllipsoidSpec
@@ -97,14 +81,14 @@ def fit(
     from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
 
-    require_npz(output)
+    cli.require_npz(output)
     if method == AUTO:
         raise InvalidInputError(f"--method {AUTO} chooses by a motion: use maniport transfer, or name a method")
     if robot is None:
         chain.require_none(NO_ROBOT)
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
-    turn = None if unknown_mounting else rotation(mounting)
-    adapter = method_of(method, **regularization(damping, floor), mounting=turn, random_state=seed)
+    turn = None if unknown_mounting else cli.rotation(mounting)
+    adapter = method_of(method, **cli.regularization(damping, floor), mounting=turn, random_state=seed)
     if robot is not None:
         adapter = knowing(adapter, chain.load(robot), EllipsoidSpec(kind, part), random_state=seed)
     with console.progress() as tell:
@@ -115,21 +99,21 @@ def fit(
     console.finish({**as_numbers(facts_of(adapter)), "output": str(output)}, f"adapter → {output}")
 
 
-@app.command(epilog="Example: maniport apply adapter.npz profile.npz -o adapted.npz")
-@prints
+@cli.app.command(epilog="Example: maniport apply adapter.npz profile.npz -o adapted.npz")
+@cli.prints
 def apply(
     console: Console,
     adapter: Adapter,
     profile: Annotated[Path, typer.Argument(help="Ellipsoids, .npz.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapted ellipsoids, .npz.")],
     inverse: Annotated[bool, typer.Option("--inverse", help="From the student back to the teacher.")] = False,
-    seed: Seed = 0,
+    seed: cli.Seed = 0,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
     from maniport.files import load_ellipsoids, save_ellipsoids
     from maniport.transfer import load_adapter
 
-    require_npz(output)
+    cli.require_npz(output)
     fitted = load_adapter(adapter)
     points, time = load_ellipsoids(profile)
     with console.progress():  # shows warnings
@@ -138,11 +122,11 @@ def apply(
     console.finish({"ellipsoids": len(mapped), "output": str(output)}, f"{len(mapped)} ellipsoids → {output}")
 
 
-@app.command(
+@cli.app.command(
     epilog="Example: maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md"
 )
 @takes_chain
-@prints
+@cli.prints
 def evaluate(
     chain: Chain,
     console: Console,
@@ -155,9 +139,9 @@ def evaluate(
     person: Annotated[str | None, typer.Option("--person", help="The teacher's arm, for new random samples.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="True images of the profile, .npz.")] = None,
     methods: Methods = None,
-    kind: Kind = "velocity",
-    part: Part = "translation",
-    seed: Seed = 0,
+    kind: cli.Kind = "velocity",
+    part: cli.Part = "translation",
+    seed: cli.Seed = 0,
 ) -> None:
     """Compare a fitted adapter with baselines, such as no transfer."""
     from maniport.atomic_io import require_room
@@ -193,8 +177,8 @@ def evaluate(
     console.tell(facts)
 
 
-@app.command(epilog="Example: maniport reproduce all -o paper")
-@prints
+@cli.app.command(epilog="Example: maniport reproduce all -o paper")
+@cli.prints
 def reproduce(
     console: Console,
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
@@ -202,8 +186,8 @@ def reproduce(
         "maniport-paper"
     ),
     methods: Methods = None,
-    overwrite: Overwrite = False,
-    seed: Seed = 0,
+    overwrite: cli.Overwrite = False,
+    seed: cli.Seed = 0,
 ) -> None:
     """Repeat the paper's experiments: its numbers and ours, and each of its figures."""
     from maniport.studies.paper.run import reproduce as run

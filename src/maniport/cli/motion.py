@@ -1,7 +1,4 @@
-"""How a robot's motion is planned: options that several verbs share, in the units that people think in.
-
-Millimetres, degrees and per cent here are metres, radians and shares in the library.
-"""
+"""Options of motion planning that several commands share: mm, degrees and percent; SI units in the library."""
 
 import inspect
 from pathlib import Path
@@ -18,13 +15,7 @@ MOTION, AROUND, FILES = "How the robot moves", "What it is kept apart from", "Wh
 
 
 class Motion:
-    """What the options below were set to.
-
-    Parameters
-    ----------
-    **given
-        Their values, by the names of the parameters of `_options`.
-    """
+    """Values of the options below, by the names of the parameters of `_options`."""
 
     def __init__(self, **given: Any):
         from maniport.validation import as_number
@@ -114,88 +105,47 @@ def _in(panel: str, help: str, **more: Any) -> Any:
 
 Workspace = Annotated[
     tuple[float, float, float, float, float, float] | None,
-    _in(
-        MOTION,
-        "x0 x1 y0 y1 z0 z1: where the path may be placed in the base frame [m]; -inf or inf is open.",
-        metavar="BOX",
-    ),
+    _in(MOTION, "x0 x1 y0 y1 z0 z1: box for the path in the base frame [m]; inf is open.", metavar="BOX"),
 ]
-Effort = Annotated[
-    str,
-    _in(
-        MOTION,
-        "Planning effort: full, or quick for many recordings.",
-    ),
-]
+Effort = Annotated[str, _in(MOTION, "Planning effort: full, or quick for many recordings.")]
 Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the robot's base frame [m].")]
 
 
 def _options(
-    tip_tolerance: Annotated[
-        float,
-        _in(
-            MOTION,
-            "How far beside its path the tip may be, at 95 % of the points [mm]. What is allowed is used, mostly to "
-            "take less time.",
-        ),
-    ] = 1e3 * TIP_TOLERANCE,
-    tempo: Annotated[
-        float,
-        _in(MOTION, "Largest speed over the person's. Where the robot's limits demand it, it is slower."),
-    ] = 1.0,
-    rate: Annotated[float, _in(MOTION, "Rows of joints.csv a second [Hz].")] = RATE,
+    tip_tolerance: Annotated[float, _in(MOTION, "Position tolerance of the end effector, 95th percentile [mm].")] = 1e3
+    * TIP_TOLERANCE,
+    tempo: Annotated[float, _in(MOTION, "Largest speed relative to the person's; limits may reduce it.")] = 1.0,
+    rate: Annotated[float, _in(MOTION, "Rows of joints.csv per second [Hz].")] = RATE,
     limits: Annotated[
-        Path | None,
-        _in(
-            MOTION,
-            "YAML file of the joints' limits of velocity, acceleration, jerk and position; by default those that "
-            "are known of the robot, others assumed and told.",
-        ),
+        Path | None, _in(MOTION, "YAML file of joint limits; default: the robot's own, others assumed.")
     ] = None,
-    margin: Annotated[
-        float,
-        _in(MOTION, "Share of each joint's range that is kept free at either end [%]."),
-    ] = 100.0 * MARGIN,
+    margin: Annotated[float, _in(MOTION, "Share of each joint's range that is kept free at either end [%].")] = 100.0
+    * MARGIN,
     orientation: Annotated[
         str,
-        _in(
-            MOTION,
-            "How the robot's tip is turned: free; demonstrated, like the person's hand; constant, like that hand "
-            "at the start; or where its z axis points in the base frame, such as 0,0,-1 for down.",
-        ),
+        _in(MOTION, "Orientation of the end effector: free, demonstrated, constant, or its z axis, such as 0,0,-1."),
     ] = "free",
-    keep: Annotated[
-        str,
-        _in(
-            MOTION,
-            "What is kept of the orientation: pointing, where the fingers point, or whole, with the turn about that.",
-        ),
-    ] = "pointing",
+    keep: Annotated[str, _in(MOTION, "Kept part of the orientation: pointing (fingers) or whole.")] = "pointing",
     effort: Effort = EFFORT,
     workspace: Workspace = None,
     home: Annotated[
         str | None,
-        _in(
-            MOTION,
-            "Posture from which the robot comes and to which it returns: one number for each joint, with commas "
-            "between them, in degrees, of sliding joints in metres.",
-            metavar="Q1,Q2,…",
-        ),
+        _in(MOTION, "Configuration at start and end [deg; m for prismatic joints].", metavar="Q1,Q2,…"),
     ] = None,
     table: Table = None,
     boxes: Annotated[Path | None, _in(AROUND, "YAML or JSON file of boxes in the base frame.")] = None,
     srdf: Annotated[Path | None, _in(AROUND, "SRDF: pairs of links that need not be checked.")] = None,
-    collisions: Annotated[bool, _in(AROUND, "Keep the robot apart from itself and from these.")] = True,
+    collisions: Annotated[bool, _in(AROUND, "Collision checking with the robot itself and these.")] = True,
     export: Annotated[
         list[str] | None,
         _in(
             FILES,
-            "Write the motion as ros2 (joints.yaml), mcap (joints.mcap), mujoco (joints_mujoco.npz), parquet "
-            "(joints.parquet) or rerun (motion.rrd), too; may be given several times.",
+            "Further formats: ros2 (joints.yaml), mcap (joints.mcap), mujoco (joints_mujoco.npz), "
+            "parquet (joints.parquet), rerun (motion.rrd); repeatable.",
         ),
     ] = None,
 ) -> None:
-    """Nothing: its parameters are the options."""
+    """Define the options; nothing else."""
 
 
 moves = group("motion", _options, Motion)

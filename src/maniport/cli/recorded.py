@@ -8,22 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.application import (
-    Damping,
-    Floor,
-    Height,
-    Kind,
-    Method,
-    Mounting,
-    Part,
-    Person,
-    Seed,
-    Side,
-    group,
-    regularization,
-    require_none,
-    rotation,
-)
+from maniport.cli import application as cli
 from maniport.defaults import AUTO, BATCH_METHOD, DAMPING, KEEP, METHOD, PERSON
 from maniport.errors import FileFormatError
 from maniport.input_limits import SETTINGS_BYTES, read_whole
@@ -67,7 +52,7 @@ class Recorded:
 
     def require_none(self, why: str) -> None:
         """Raise if one of the options was given."""
-        require_none(vars(self), "is for recordings", why)
+        cli.require_none(vars(self), "is for recordings", why)
 
     def roles(self) -> dict[str, Any] | None:
         """Read the names of points by role, if a file was given."""
@@ -84,14 +69,14 @@ class Recorded:
         return roles
 
 
-takes_recording = group("recorded", Recorded)
+takes_recording = cli.group("recorded", Recorded)
 """Gives a command that has a parameter `recorded` these options."""
 
 
 def _job(
-    person: Person = PERSON,
-    side: Side = AUTO,
-    height: Height = None,
+    person: cli.Person = PERSON,
+    side: cli.Side = AUTO,
+    height: cli.Height = None,
     smooth: Annotated[
         str,
         typer.Option("--smooth", help="Smoothing of noisy points: auto, off, or the highest frequency followed [Hz]."),
@@ -100,24 +85,24 @@ def _job(
         str,
         typer.Option("--leaps", help="Where joints jump: keep it, smooth it, or split there, for the longest part."),
     ] = KEEP,
-    method: Method = METHOD,
-    kind: Kind = "velocity",
-    part: Part = "translation",
-    damping: Damping = DAMPING,
-    floor: Floor = None,
-    mounting: Mounting = (0.0, 0.0, 0.0),
-    seed: Seed = 0,
+    method: cli.Method = METHOD,
+    kind: cli.Kind = "velocity",
+    part: cli.Part = "translation",
+    damping: cli.Damping = DAMPING,
+    floor: cli.Floor = None,
+    mounting: cli.Mounting = (0.0, 0.0, 0.0),
+    seed: cli.Seed = 0,
 ) -> dict[str, Any]:
     """Return the options as `maniport.transfer_recording` takes them."""
     from maniport.bodies import EllipsoidSpec
 
-    ellipsoids = {"spec": EllipsoidSpec(kind, part), **regularization(damping, floor)}
+    ellipsoids = {"spec": EllipsoidSpec(kind, part), **cli.regularization(damping, floor)}
     fit = {"person": person, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
-    return {**fit, "method": method, **ellipsoids, "mounting": rotation(mounting), "random_state": seed}
+    return {**fit, "method": method, **ellipsoids, "mounting": cli.rotation(mounting), "random_state": seed}
 
 
-transfers = group("job", _job)
+transfers = cli.group("job", _job)
 """Gives a command that has a parameter `job` the options of a transfer."""
 
-transfers_many = group("job", _job, method=BATCH_METHOD)
+transfers_many = cli.group("job", _job, method=BATCH_METHOD)
 """The same for commands that transfer many recordings."""

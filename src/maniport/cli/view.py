@@ -6,19 +6,7 @@ from typing import Annotated
 
 import typer
 
-from maniport.cli.application import (
-    RECORDING,
-    Height,
-    Mounting,
-    Person,
-    Robot,
-    Seed,
-    Side,
-    app,
-    prints,
-    require_none,
-    rotation,
-)
+from maniport.cli import application as cli
 from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
 from maniport.defaults import AUTO, BOTH, PERSON, ROBOT
 from maniport.telling.console import Console
@@ -26,29 +14,29 @@ from maniport.telling.console import Console
 STRAIGHT = (0.0, 0.0, 0.0)
 
 
-@app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
+@cli.app.command(epilog="Example: maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf")
 @takes_chain
 @takes_pair
-@prints
+@cli.prints
 def view(
     chain: Chain,
     pair: Pair,
     console: Console,
-    person: Person = PERSON,
-    side: Side = AUTO,
-    height: Height = None,
-    robot: Robot = ROBOT,
+    person: cli.Person = PERSON,
+    side: cli.Side = AUTO,
+    height: cli.Height = None,
+    robot: cli.Robot = ROBOT,
     recording: Annotated[
         Path | None,
-        typer.Option("--recording", help=f"A motion to play. {RECORDING} Or a shipped one, such as ladder."),
+        typer.Option("--recording", help=f"A motion to play. {cli.RECORDING} Or a shipped one, such as ladder."),
     ] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter to show, .npz.")] = None,
-    mounting: Mounting = STRAIGHT,
+    mounting: cli.Mounting = STRAIGHT,
     host: Annotated[
         str, typer.Option("--host", help="Address to listen on; others than the default open the page to others.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", help="Port to listen on; 0 takes a free one.")] = 0,
-    seed: Seed = 0,
+    seed: cli.Seed = 0,
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.optional import viser
@@ -59,7 +47,7 @@ def view(
     both = side == BOTH
     if not both:
         pair.require_none()
-    require_none({"tips": pair.tips}, "is for motions that are planned", "the live view follows at once")
+    cli.require_none({"tips": pair.tips}, "is for motions that are planned", "the live view follows at once")
     viser()  # what is missing is told before any long work
     require_free(host, port)
     with console.progress() as tell:
@@ -70,7 +58,7 @@ def view(
             side=side,
             height=height,
             adapter=adapter,
-            mounting=None if mounting == STRAIGHT else rotation(mounting),
+            mounting=None if mounting == STRAIGHT else cli.rotation(mounting),
             random_state=seed,
             progress=tell,
         )

@@ -7,8 +7,7 @@ from pathlib import Path
 from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arms
 from maniport.demonstrations import ArmFits, Recording
-from maniport.notebook import ShownInNotebooks
-from maniport.pipeline.execution import JOINT_FILES
+from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
 from maniport.tracking import PlannedArms
 
@@ -19,7 +18,7 @@ DATA_FILES = (*FOLDERS, *JOINT_FILES)
 
 
 @dataclass(frozen=True)
-class BothResult(ShownInNotebooks):
+class BothResult(SavedResult):
     """Motions of both arms of a person as ellipsoids, and what the two arms of a robot should make of them.
 
     Attributes
@@ -34,6 +33,8 @@ class BothResult(ShownInNotebooks):
     warnings : tuple of str
         What the steps warned of that concern both.
     """
+
+    data_files = DATA_FILES
 
     fits: ArmFits
     robot: Arms
@@ -57,16 +58,7 @@ class BothResult(ShownInNotebooks):
         return f"BothResult({self.robot.name!r}, {moved}, left={self.left!r}, right={self.right!r})"
 
     def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the joint positions of both to a folder, and the data of each arm to ``left`` and ``right`` in it.
-
-        The folder is made where it is missing, whole or not at all; earlier data in it are replaced where they may be
-        overwritten. `maniport.write_results` adds figures and pages.
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier data that shall stay, or other things, or cannot be written.
-        """
+        """Write the joint positions of both arms to a folder, and the data of each to ``left`` and ``right`` in it."""
         with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
             self.write_data(staging)
             for side, result in zip(FOLDERS, self.each, strict=True):
@@ -74,7 +66,7 @@ class BothResult(ShownInNotebooks):
                 result.write_data(staging / side)
 
     def write_data(self, folder: Path) -> None:
-        """Write the joint positions of both, where the robot was moved, into a folder that is there."""
+        """Write the joint positions of both arms into an existing folder, if the robot was moved."""
         if self.motion is not None:
             self.motion.save_joints_csv(folder / JOINT_FILES[0])
             self.motion.save_joints(folder / JOINT_FILES[1])

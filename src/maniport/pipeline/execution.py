@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,32 @@ DATA_FILES = (*PLACED_FILES, *JOINT_FILES)
 """The files that `Execution.save` writes."""
 
 
+class SavedResult(ShownInNotebooks):
+    """Base of results that are saved as a folder of data files."""
+
+    data_files: ClassVar[tuple[str, ...]]
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the data to a folder, whole or not at all; `maniport.write_results` adds a report.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds earlier data that must stay, or other files, or cannot be written.
+        """
+        with folder_written_whole(folder, self.data_files, overwrite) as staging:
+            self.write_data(staging)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the data files into an existing folder."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Execution(ShownInNotebooks):
+class Execution(SavedResult):
     """A robot's motion along a profile."""
+
+    data_files = DATA_FILES
 
     robot: Arm
     placement: PlacedPath | None  # Where the hand path was placed
@@ -68,13 +91,8 @@ class Execution(ShownInNotebooks):
         mean, floor, gap = (float(np.mean(one)) for one in (self.motion.distance, self.plan.node_floor, self.gap))
         return Parts(gap, floor - gap, mean - floor)
 
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page."""
-        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
-            self.write_data(staging)
-
     def write_data(self, folder: Path) -> None:
-        """Write `DATA_FILES`, without the path where there is none, into a folder that is there."""
+        """Write `DATA_FILES` into an existing folder, without the path if there is none."""
         save_ellipsoids(folder / PLACED_FILES[0], self.motion.target, self.motion.time)
         if self.motion.path is not None:
             save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)

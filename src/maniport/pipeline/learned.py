@@ -1,16 +1,14 @@
 """What is learned of several demonstrations, as data."""
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
 from maniport.files import save_arrays, save_ellipsoids, save_path
-from maniport.notebook import ShownInNotebooks
+from maniport.pipeline.execution import SavedResult
 from maniport.profiles import Alignment, ProfileGMM
 from maniport.profiles.agreement import Agreement
 from maniport.spd.regularization import Regularization
@@ -31,7 +29,7 @@ class Demonstration:
 
 
 @dataclass(frozen=True, eq=False)
-class LearnedProfile(ShownInNotebooks):
+class LearnedProfile(SavedResult):
     """One profile of several demonstrations, and how much they agree.
 
     Attributes
@@ -61,6 +59,8 @@ class LearnedProfile(ShownInNotebooks):
         How alike the demonstrations are.
     random_state : int
     """
+
+    data_files = DATA_FILES
 
     demonstrations: tuple[Demonstration, ...]
     arm: Arm
@@ -100,22 +100,12 @@ class LearnedProfile(ShownInNotebooks):
         recording = replace(one.recording, source=source, notes=(*one.recording.notes, note))
         return replace(one, recording=recording, fit=replace(one.fit, arm=self.arm))
 
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page.
-
-        ``profile.npz`` and ``path.npz`` are files that ``maniport track`` takes; `ProfileGMM.load` reads ``model.npz``;
-        ``demonstrations.npz`` has ``names``, ``time`` (m,), ``ellipsoids`` (k, m, d, d) and ``paths`` (k, m, 3).
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier data that may not be overwritten, or other things, or cannot be written.
-        """
-        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
-            self.write_data(staging)
-
     def write_data(self, folder: Path) -> None:
-        """Write `DATA_FILES` into a folder that is there."""
+        """Write `DATA_FILES` into an existing folder.
+
+        ``profile.npz`` and ``path.npz`` are input of ``maniport track``; `ProfileGMM.load` reads ``model.npz``;
+        ``demonstrations.npz`` has ``names``, ``time`` (m,), ``ellipsoids`` (k, m, d, d) and ``paths`` (k, m, 3).
+        """
         profile, path, model, every = (folder / name for name in DATA_FILES)
         save_ellipsoids(profile, self.profile, self.time)
         save_path(path, self.path, self.time)

@@ -1,20 +1,17 @@
 """What the main job returns, as data."""
 
 import csv
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from maniport.atomic_io import folder_written_whole
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.demonstrations import ArmFit, Recording
 from maniport.evaluation import Choice, Evaluation
 from maniport.files import save_ellipsoids
-from maniport.notebook import ShownInNotebooks
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES
-from maniport.pipeline.execution import Execution
+from maniport.pipeline.execution import Execution, SavedResult
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
 
@@ -23,7 +20,7 @@ DATA_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz", "a
 
 
 @dataclass(frozen=True)
-class TransferResult(ShownInNotebooks):
+class TransferResult(SavedResult):
     """A person's motion as ellipsoids, and what a robot should make of them.
 
     Attributes
@@ -58,6 +55,8 @@ class TransferResult(ShownInNotebooks):
         How the method was chosen, where none was named.
     """
 
+    data_files = DATA_FILES
+
     recording: Recording
     fit: ArmFit
     robot: Arm
@@ -85,21 +84,8 @@ class TransferResult(ShownInNotebooks):
             f"{len(self.time)} ellipsoids, {moved}, {len(self.warnings)} warnings)"
         )
 
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the data to a folder, whole or not at all; `maniport.write_results` adds figures and a page.
-
-        The folder is made where it is missing; earlier data in it are replaced where they may be overwritten.
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier data that shall stay, or other things, or cannot be written.
-        """
-        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
-            self.write_data(staging)
-
     def write_data(self, folder: Path) -> None:
-        """Write `DATA_FILES`, those of the motion where there is one, into a folder that is there."""
+        """Write `DATA_FILES` into an existing folder, those of the motion if there is one."""
         _write_joint_angles(folder / "person.csv", self.fit)
         save_ellipsoids(folder / "demonstrated_profile.npz", self.demonstrated_profile, self.time)
         save_ellipsoids(folder / "target_profile.npz", self.target_profile, self.time)

@@ -29,7 +29,7 @@ class Command:
     """The values of the controls."""
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
-    method: str  # One of `maniport.view.maps.Methods.names`
+    method: str  # One of the names of `maniport.view.maps.Methods`
     mounting: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     tip_follows: bool = False  # Whether the robot's end effector follows the person's hand, too
 

@@ -80,6 +80,10 @@ def read_recording(
 def shipped_recording(name: str) -> Path:
     """Return the path of a recording that comes with the package: "ladder", "freeform" or "both-arms".
 
+    Returns
+    -------
+    Path
+
     Raises
     ------
     UnknownNameError

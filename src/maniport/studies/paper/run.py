@@ -91,6 +91,9 @@ def _write_report(reproduction: Reproduction, folder: Path) -> None:
 
 def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Experiment:
     """Run one experiment and write its files."""
+    from maniport.optional import matplotlib
+
+    matplotlib()  # raises MissingPackageError
     from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
     from maniport.telling import figures
 
