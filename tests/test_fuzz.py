@@ -3,9 +3,9 @@
 import os
 
 import pytest
+from fuzz.trial import READ, REFUSED, files, outcome
 
 from fuzz.targets import TARGETS
-from fuzz.trial import READ, REFUSED, files, outcome
 
 EACH = 300 if os.environ.get("CI") else 100
 
