@@ -13,7 +13,7 @@ from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.tracking import Objective, nearest_feasible
 from maniport.tracking.follow import follower
-from maniport.tracking.follow.stepper import Stepper
+from maniport.tracking.follow.follower import Stepper
 from maniport.tracking.objective import FOLLOWING_WEIGHT
 from maniport.tracking.schedule import Schedule
 
@@ -88,7 +88,7 @@ def _steps(outcome: Outcome, passes: int) -> list[Array]:
     for _ in range(1 + passes):
         ClockedStepper.began.clear()
         with mock.patch.object(follower, "Stepper", ClockedStepper):
-            follower.Follower(objective).follow(result.joint_positions[0], schedule)
+            follower.Follower((objective,)).follow(result.joint_positions[0], (schedule,))
         durations.append(np.diff(ClockedStepper.began, axis=0))
     return durations[1:]  # the first pass compiles and fills caches
 

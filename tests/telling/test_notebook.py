@@ -156,7 +156,6 @@ def test_the_prompt_of_an_adapter_makes_it_again(objects):
     assert repr(again) == repr(clone(icp))
     assert "#" not in repr(again)
     assert "not fitted" in again._repr_html_()
-    assert "not fitted" in mp.ProfileGMM()._repr_html_()
 
 
 def test_slides_are_metres():

@@ -15,9 +15,9 @@ from maniport.errors import on_the_command_line
 from maniport.pipeline.execution import Execution
 from maniport.telling import as_html, as_markdown, as_numbers, facts_of
 from maniport.telling.console import Console
-from maniport.telling.metrics import rounded_sum
 from maniport.telling.page import as_html as as_page
 from maniport.telling.page.motions import motion_of
+from maniport.telling.summary import rounded_sum
 from maniport.tracking.plan.planned_motion import Room
 
 

@@ -1,9 +1,10 @@
-"""The robot that most tests of tracking move."""
+"""The robot that most tests of tracking move, and what is known of it."""
 
 import pytest
 
-from maniport.bodies import load_arm
-from maniport.tracking import StartBank, robot_model
+from maniport.bodies import VELOCITY, load_arm
+from maniport.bodies.collisions import Collisions
+from maniport.tracking import Atlas, MotionLimits, Planner, StartBank, robot_model
 
 
 @pytest.fixture(scope="session")
@@ -22,3 +23,12 @@ def model(panda):
 def bank(panda):
     """A small bank of starts for it."""
     return StartBank.build(panda, 4096)
+
+
+@pytest.fixture(scope="session")
+def planner(panda):
+    """A planner for it with few samples, which knows collisions."""
+    limits = MotionLimits.of(panda)
+    collisions = Collisions.of(limits.arm)
+    atlas = Atlas(limits.arm, VELOCITY, 20_000, collisions=collisions)
+    return Planner(limits, atlas, StartBank.build(limits.arm, 4096), collisions)

@@ -30,17 +30,6 @@ def test_the_pandas_limits_are_those_of_its_maker(panda):
     assert_array_equal(some.lower, panda.lower[1:4])
 
 
-def test_the_narrowed_arm_is_the_same_arm(panda):
-    """Kinematics and look stay; limits can only become closer."""
-    inner = MotionLimits.of(panda).arm
-    q = inner.sample(8, 0)
-    assert_array_equal(inner.forward(q), panda.forward(q))
-    assert inner.look is panda.look
-    assert inner.within_limits(q).all()
-    with pytest.raises(InvalidInputError, match=r"joint 'panda_joint2' .* must have limits within"):
-        panda.narrowed(panda.lower - np.eye(7)[1], panda.upper)
-
-
 def test_what_nobody_knows_is_assumed_and_said(crane):
     """Without any description the speed is assumed by the kind of joint, and what follows from it is named."""
     limits = MotionLimits.of(crane)

@@ -8,29 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from maniport.bodies import VELOCITY, load_arm
+from maniport.bodies import load_arm
 from maniport.bodies.human import hand_rotations
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.pipeline.turns import facing
-from maniport.tracking import MotionLimits, OrientationTask, Planner, StartBank, plan_motion, robot_model, track
-from maniport.tracking.effort import EFFORTS, FULL
+from maniport.tracking import OrientationTask, plan_motion, robot_model, track
 from maniport.tracking.objective import POINTING, WHOLE, Objective, axis_weights
-from maniport.tracking.plan.reachability_map import Atlas
 
 TIME = np.linspace(0.0, 2.0, 12)
-
-
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda with its hand."""
-    return load_arm("panda")
-
-
-@pytest.fixture(scope="module")
-def planner(panda):
-    """One with few samples."""
-    limits = MotionLimits.of(panda)
-    return Planner(limits, Atlas(limits.arm, VELOCITY, 8000), StartBank.build(limits.arm, 512))
 
 
 @pytest.fixture(scope="module")
@@ -86,15 +71,15 @@ def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
     assert keep == WHOLE or np.abs(nodes.q[:, 6] - middle).max() < 1e-9
 
 
-def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, monkeypatch):
+def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion):
     """Asked to point elsewhere than a free plan does, plan and tracker come near it, and the limits are kept."""
-    monkeypatch.setitem(EFFORTS, FULL, replace(EFFORTS[FULL], nodes=60))
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     given = {"time": 2.0 * TIME, "path": path, "damping": 0.01}
-    free = plan_motion(panda, profile, planner=planner, **given)
+    planned = {**given, "planner": planner, "effort": "quick"}
+    free = plan_motion(panda, profile, **planned)
     assert free.orientation_error is None
-    kept = plan_motion(panda, profile, planner=planner, rotations=rotations, **given)
+    kept = plan_motion(panda, profile, rotations=rotations, **planned)
     tips = panda.forward(free.joint_positions)[:, :3, 2]
     beside = np.arccos(np.clip(np.sum(tips * rotations[:, :, 2], axis=1), -1.0, 1.0))
     assert np.median(kept.orientation_error) < 0.1 < np.median(beside)

@@ -7,29 +7,33 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport import tracking
+from maniport.bodies import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.follow import follow
 from maniport.telling import as_numbers, facts_of
-from maniport.tracking import PlanControl, plan_motion
 
 CRANE = Arm.from_dh(
     "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
     [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
 )  # fmt: skip
-THREE = Arm.from_dh("three", [[0, 0, 0.5, 1.0]] * 3, -2.5, 2.5, velocity_limits=2.0)
 TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 TOUCH = 1e-3
 """A motion may be so much nearer than the floor, which is found by a search, with its tip in place."""
 
 
-def motion_of(arm, pace=1.5, share=0.25, seed=0):
+def plan_motion(*arguments, **options):
+    """Plan with little effort."""
+    return tracking.plan_motion(*arguments, **{"effort": "quick"} | options)
+
+
+def motion_of(arm, pace=1.5, seed=0):
     """Joint positions of a smooth motion well within the limits of an arm, at `TIME`."""
     generator = np.random.default_rng(seed)
     middle, half = 0.5 * (arm.lower + arm.upper), np.minimum(0.5 * (arm.upper - arm.lower), 1.5)
     waves = np.sin(np.outer(TIME - TIME[0], generator.uniform(0.6, 1.4, arm.dof) * pace))
-    return middle + half * (generator.uniform(-0.4, 0.4, arm.dof) + share * waves)
+    return middle + half * (generator.uniform(-0.4, 0.4, arm.dof) + 0.25 * waves)
 
 
 def wanted_of(arm, stretch=1.0, **motion):
@@ -42,12 +46,6 @@ def wanted_of(arm, stretch=1.0, **motion):
 def part_of(wanted):
     """The first points."""
     return {name: values[:5] for name, values in wanted.items()}
-
-
-@pytest.fixture(scope="module")
-def planner(panda):
-    """Knows the Panda."""
-    return PlanControl().planner(panda, VELOCITY)
 
 
 @pytest.fixture(scope="module")
@@ -115,10 +113,10 @@ def test_room_is_measured_between_the_points(planned, planner):
     assert planned.room.clearance <= nearest + 1e-4
 
 
-@pytest.mark.parametrize("name", ["panda", "crane", "three"])
+@pytest.mark.parametrize("name", ["panda", "crane"])
 def test_any_arm_follows_itself(panda, planner, name):
-    """With 7, 4 or 3 joints, revolute or prismatic: an arm's own motion is made again, within its limits."""
-    arm = {"panda": panda, "crane": CRANE, "three": THREE}[name]
+    """With 7 or 4 joints, revolute or prismatic: an arm's own motion is made again, within its limits."""
+    arm = {"panda": panda, "crane": CRANE}[name]
     plan = plan_motion(arm, **wanted_of(arm), rate=500.0, planner=planner if name == "panda" else None)
     require_laws(plan)
     assert np.median(plan.distance) < 0.1
@@ -148,14 +146,6 @@ def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planne
     assert near.tip_tolerance == 2e-4
 
 
-def test_little_effort_keeps_the_laws(panda, planner, wanted, planned):
-    """With little effort a motion keeps all limits and its tip's path, and is not far from what much effort finds."""
-    quick = plan_motion(panda, **wanted, planner=planner, effort="quick")
-    require_laws(quick)
-    assert np.percentile(quick.position_error, 95) <= 5e-3
-    assert np.linalg.norm(quick.distance) < 1.3 * np.linalg.norm(planned.distance)
-
-
 def test_tempo_is_the_largest_speed(panda, planner):
     """Slowly, the motion takes as much longer; fast, as long as the limits make it."""
     wanted = wanted_of(panda, pace=0.7)
@@ -167,9 +157,9 @@ def test_tempo_is_the_largest_speed(panda, planner):
     assert fast.limit_use.shares[1:].max() > 0.95
 
 
-def test_same_seed_same_bytes(panda, wanted):
+def test_same_seed_same_bytes(panda, planner, wanted):
     """Two runs from the same seed are equal bit for bit."""
-    first, again = (plan_motion(panda, **part_of(wanted)) for _ in range(2))
+    first, again = (plan_motion(panda, **part_of(wanted), planner=planner, random_state=3) for _ in range(2))
     assert_array_equal(first.control_positions, again.control_positions)
     assert_array_equal(first.node_floor, again.node_floor)
 
@@ -228,7 +218,7 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
 
 def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
     """An option that the tracker alone has lets it follow the plan; with others the plan is the motion."""
-    options = part_of(wanted) | {"place": False, "planner": planner}
+    options = part_of(wanted) | {"place": False, "planner": planner, "effort": "quick"}
     plain = follow(panda, **options, tip_tolerance=0.01)
     assert plain.motion is plain.plan
     tracked = follow(panda, **options, gain=0.5)
@@ -243,19 +233,14 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
     [
         ({"profile": np.eye(3)[None], "time": TIME[:1], "path": np.zeros((1, 3))}, InvalidInputError, "n ≥ 2"),
         ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
-        ({"path": np.zeros((13, 2))}, InvalidInputError, "path must have shape"),
         ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
         ({"speed": 2.0}, TypeError, "speed"),
         ({"tip_tolerance": 0.0}, InvalidInputError, "tip_tolerance"),
-        ({"tempo": -1.0}, InvalidInputError, "tempo"),
-        ({"rate": 5.0}, InvalidInputError, "rate"),
         ({"effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
-        ({"margin": 0.5}, InvalidInputError, "margin"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
         ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),
         ({"collisions": "yes"}, InvalidInputError, "collisions"),
         ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
-        ({"random_state": -1}, InvalidInputError, "random_state"),
         ({"time": TIME * 1e6}, InvalidInputError, "samples"),
     ],
 )
@@ -267,16 +252,8 @@ def test_bad_arguments_are_named(panda, wanted, change, error, words):
 
 def test_a_planner_of_another_arm_is_refused(planner, wanted):
     """It would move another robot, or look at other ellipsoids."""
-    with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'three'"):
-        plan_motion(THREE, **wanted, planner=planner)
+    with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"):
+        plan_motion(CRANE, **wanted, planner=planner)
     spec = EllipsoidSpec(part="rotation")
     with pytest.raises(InvalidInputError, match="does not fit"):
         plan_motion(planner.limits.arm, **wanted, planner=planner, spec=spec)
-
-
-def test_people_are_not_planned_for(wanted):
-    """Coupled joints and too few of them are told in words."""
-    with pytest.raises(InvalidInputError, match="'myoarm'"):
-        plan_motion(load_arm("myoarm"), **wanted)
-    with pytest.raises(InvalidInputError, match="'two' has 2 joints"):
-        plan_motion(Arm.from_dh("two", [[0, 0, 0.4, 0]] * 2, -2, 2), **wanted)

@@ -5,8 +5,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
-from maniport.errors import InvalidInputError
-from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Objective
 from maniport.tracking.plan.reachability_map import IN_PLACE, Atlas
 from maniport.tracking.plan.roadmap import shortest_path
@@ -41,10 +39,10 @@ def targets_of(arm, count=6, spec=VELOCITY, seed=3):
     return Objective.of(arm, spec).targets(arm.ellipsoids(q, spec), arm.forward(q)[:, :3, 3])
 
 
-@pytest.mark.parametrize("name", ["panda", "six", "shoulder"])
+@pytest.mark.parametrize("name", ["panda", "shoulder"])
 def test_arms_turn_about_their_first_axis(panda, shoulder, name):
     """A turn of the first joint turns the tip about the axis that is found: beside and along it nothing changes."""
-    arm = {"panda": panda, "six": SIX, "shoulder": shoulder}[name]
+    arm = {"panda": panda, "shoulder": shoulder}[name]
     axis = Atlas(arm, VELOCITY, 64).axis
     assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
     assert_allclose(axis.frame[2], [0, 1, 0] if name == "shoulder" else [0, 0, 1], atol=1e-12)
@@ -68,12 +66,12 @@ def test_joints_without_effect_stay_in_the_middle(panda):
     assert not Atlas(SIX, VELOCITY, 64).idle[:5].any()
 
 
-@pytest.mark.parametrize("name", ["panda", "six", "crane", "shoulder"])
+@pytest.mark.parametrize("name", ["panda", "crane", "shoulder"])
 def test_nodes_have_their_tips_in_place(panda, shoulder, name):
     """Nodes are within the limits and 0.1 mm, cost what the objective says, and are no more than were wanted."""
-    arm = {"panda": panda, "six": SIX, "crane": CRANE, "shoulder": shoulder}[name]
+    arm = {"panda": panda, "crane": CRANE, "shoulder": shoulder}[name]
     targets = targets_of(arm)
-    nodes = Atlas(arm, VELOCITY, 20_000).nodes(targets, 40, np.random.default_rng(0))
+    nodes = Atlas(arm, VELOCITY, 10_000).nodes(targets, 40, np.random.default_rng(0))
     counts = np.diff(nodes.first)
     assert counts.min() >= 16
     assert counts.max() <= 40
@@ -93,7 +91,7 @@ def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
     q = np.tile(SIX.sample(1, 2), (len(angles), 1))
     q[:, 0] = angles
     targets = Objective.of(wide).targets(wide.manipulability(q), wide.forward(q)[:, :3, 3])
-    nodes = Atlas(wide, VELOCITY, 20_000).nodes(targets, 60, np.random.default_rng(0))
+    nodes = Atlas(wide, VELOCITY, 10_000).nodes(targets, 60, np.random.default_rng(0))
     way = nodes.q[shortest_path(nodes, np.arange(40.0), np.full((40, 6), 1.0))]
     assert np.abs(np.diff(way[:, 0])).max() < 1.0
     assert np.ptp(way[:, 0]) > 2.0 * np.pi
@@ -118,19 +116,3 @@ def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():
     nodes = Atlas(arm, VELOCITY, 3000).nodes(targets, 50, np.random.default_rng(0))
     assert len(nodes.q) >= 1
     assert arm.within_limits(nodes.q).all()
-
-
-def test_what_does_not_fit_is_named():
-    """An atlas serves one arm with one tip, limits and ellipsoids; the message says which of these differs."""
-    panda = load_arm("panda")
-    atlas = Atlas(MotionLimits.of(panda).arm, VELOCITY, n=64)
-    atlas.require_fits(atlas.arm, VELOCITY)
-    spec = EllipsoidSpec(part="rotation")
-    for arm, asked, words in (
-        (panda, VELOCITY, r"does not fit 'panda': limits of panda_joint1: .*7 of 7 joints.*planner\.limits\.arm$"),
-        (load_arm("panda", frame="panda_link8"), VELOCITY, "tip: 'panda_hand_tcp' there, 'panda_link8' here"),
-        (Arm.from_dh("three", [[0, 0, 0.4, 0]] * 3), VELOCITY, "does not fit 'three': joints: .*joint3.* here"),
-        (atlas.arm, spec, "does not fit 'panda': ellipsoids: .* there, .*rotation.* here$"),
-    ):
-        with pytest.raises(InvalidInputError, match=words):
-            atlas.require_fits(arm, asked)

@@ -10,7 +10,6 @@ from maniport.bodies import Arm
 from maniport.errors import InvalidInputError
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.plan.home_motion import with_approach
-from maniport.tracking.plan.joint_path import JointPath
 from maniport.tracking.plan.time_parameterization import retime
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
@@ -41,9 +40,8 @@ def require_laws(limits, time, q, timed, rate=1000.0):
     assert_allclose(np.abs(there - q).max(axis=0), timed.deviation, atol=1e-12)
 
 
-@pytest.mark.parametrize("arm", [PLANAR, CRANE, SIX], ids=lambda arm: arm.name)
-@pytest.mark.parametrize("given", [None, HARD], ids=["assumed", "hard"])
-@pytest.mark.parametrize("pace", [0.05, 0.7, 5.0])
+@pytest.mark.parametrize("arm", [CRANE, SIX], ids=lambda arm: arm.name)
+@pytest.mark.parametrize(("given", "pace"), [(None, 0.7), (HARD, 0.05), (HARD, 5.0)], ids=["assumed", "slow", "fast"])
 def test_samples_keep_all_limits(arm, given, pace):
     """Slow or fast, with any number of joints, turning or sliding: no difference of samples exceeds its limit."""
     limits, time = MotionLimits.of(arm, given), np.linspace(3.0, 9.0, 61)
@@ -51,7 +49,7 @@ def test_samples_keep_all_limits(arm, given, pace):
     require_laws(limits, time, q, retime(limits, time, q))
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(seed=st.integers(0, 1000), n=st.integers(2, 30), step=st.sampled_from([1 / 120, 1 / 30, 1.0]))
 def test_jerky_noise_is_passed_slowly(seed, n, step):
     """Postures drawn at random over the whole range, at uneven times, are passed within all limits."""
@@ -59,14 +57,6 @@ def test_jerky_noise_is_passed_slowly(seed, n, step):
     limits, time = MotionLimits.of(CRANE, HARD), step * np.cumsum(generator.uniform(0.5, 1.5, n))
     q = generator.uniform(limits.lower, limits.upper, (n, 2))
     require_laws(limits, time, q, retime(limits, time, q))
-
-
-def test_a_slow_person_is_followed_in_their_time():
-    """Where the limits are far, only getting up to speed and braking take longer than the person did."""
-    limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 5.0, 51)
-    timed = retime(limits, time, waves(limits, time, pace=0.05))
-    assert_allclose(np.diff(timed.at)[3:-3], 0.1, rtol=1e-3)
-    assert timed.time[-1] < 5.3
 
 
 def test_a_straight_line_takes_as_long_as_it_must():
@@ -78,7 +68,7 @@ def test_a_straight_line_takes_as_long_as_it_must():
     assert use.shares[1:3, 0].min() > 0.99
 
 
-@pytest.mark.parametrize(("jerk", "rate"), [(0.1, 200.0), (1e-3, 20.0)])
+@pytest.mark.parametrize(("jerk", "rate"), [(0.1, 200.0)])
 def test_little_jerk_takes_long_and_stays_on_the_path(jerk, rate):
     """Less acceleration is used where full jerk reaches the limit late, so the moving average is short."""
     limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
@@ -107,13 +97,9 @@ def test_a_path_along_its_limits_stays_within():
     timed = retime(limits, time, q)
     require_laws(limits, time, q, timed)
     assert timed.deviation.max() < 1e-3
-    path = JointPath.through(time, q, limits.lower, limits.upper)
-    assert len(path.spline.c) > len(time)
-    assert_allclose(path.spline(path.grid[path.knots]), q, atol=1e-4)
-    assert np.diff(path.knots).max() >= 32 > len(path.grid) / len(time)
 
 
-@pytest.mark.parametrize("name", ["still", "pause", "stairs", "tiny", "one step", "hurried"])
+@pytest.mark.parametrize("name", ["still", "pause", "tiny", "one step", "hurried"])
 def test_odd_motions_are_passed_too(name):
     """Nothing moving, rests, equal postures, rounding, two postures, a person ten thousand times too fast."""
     limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 3.0, 91)
@@ -122,8 +108,6 @@ def test_odd_motions_are_passed_too(name):
         q[:] = q[0]
     if name == "pause":
         q[30:60] = q[30]
-    if name == "stairs":
-        q = np.repeat(q[::7], 7, axis=0)
     if name == "tiny":
         q = q[0] + 1e-7 * np.random.default_rng(0).normal(size=q.shape)
     if name == "one step":

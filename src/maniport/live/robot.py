@@ -8,10 +8,9 @@ from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions
 from maniport.bodies.manipulability import squared
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.tracking import Control, MotionLimits, Objective, StartBank
+from maniport.tracking import MotionLimits, Objective, StartBank
 from maniport.tracking.arm_model import require_trackable
-from maniport.tracking.follow.follower import Follower
-from maniport.tracking.follow.stepper import Stepper
+from maniport.tracking.follow.follower import Follower, Stepper
 from maniport.tracking.limits import RememberingLimit, UnevenLimit
 from maniport.tracking.objective import FOLLOWING_WEIGHT, Damping
 from maniport.tracking.schedule import Schedule
@@ -57,9 +56,9 @@ class Robot:
             np.zeros((1, 3)) if path else None,
             postures=None if reference is None else start[None].copy(),
         )
-        follower = Follower(objective, Control())
+        follower = Follower((objective,))
         constraints = [self._bounds] if self._collision is None else [self._bounds, self._collision]
-        self._stepper = Stepper(follower, start, constraints, self._targets, REFERENCE_COST)
+        self._stepper = Stepper(follower, start, constraints, (self._targets,), REFERENCE_COST)
         self._acceleration = BRAKING * follower.reach * float(limits.acceleration.min())
         self.rest(start)
 
@@ -114,7 +113,7 @@ class Robot:
             assert self._targets.positions is not None
             assert before is not None
             self._targets.positions[0] = tip - self._left_for_later(before, dt)
-        self._stepper.aim(self._targets, 0, before)
+        self._stepper.aim((self._targets,), 0, (before,))
         velocity = self._stepper.velocity(dt)
         if velocity is None or not self._move(velocity, dt, checked=True):
             self.brake(dt)

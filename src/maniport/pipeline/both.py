@@ -37,7 +37,7 @@ from maniport.tracking import (
     plan_arms,
 )
 from maniport.tracking.arm_model import why_not_trackable
-from maniport.tracking.both.targets import PLACED, RELATIVE
+from maniport.tracking.both.together import PLACED, RELATIVE
 from maniport.tracking.effort import as_effort
 from maniport.tracking.objective import Damping
 from maniport.tracking.search.pointwise import interpolated_distance

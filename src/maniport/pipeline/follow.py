@@ -1,7 +1,7 @@
 """A robot follows a profile: the hand path is placed before it, a motion planned, and tracked where that is asked."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, cast
 
 import numpy as np
@@ -58,88 +58,54 @@ def follow(
         raise InvalidInputError("workspace says where a path may be placed, and none is")
     regularization = Objective.of(robot, spec, damping, positive=True).damping
     same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
-    asked = _Asked(
-        robot, planner, settings, profile, time, path, turn, rotations, direction, planning, tracking, generator, same
-    )
-    seed = _seed_of(random_state)
-    if path is None or not place:
-        return asked.moved(None, None, seed)
-    return asked.placed_and_moved(seed)
+    seed = random_state if isinstance(random_state, int) else None
 
-
-@dataclass(frozen=True)
-class _Asked:
-    """What `follow` is given, checked."""
-
-    robot: Arm
-    planner: Planner
-    settings: PlanControl
-    profile: ArrayLike
-    time: ArrayLike
-    path: ArrayLike | None
-    turn: ArrayLike | None
-    rotations: ArrayLike | None
-    direction: ArrayLike | None
-    planning: dict[str, Any]
-    tracking: dict[str, Any]
-    generator: np.random.Generator
-    same: dict[str, Any]
-
-    def placed_and_moved(self, seed: int | None) -> Execution:
-        """Place the path and plan a motion there; where it collides, place the path anew with all points in reach."""
-        placement, floor = self.placed(reaching=False)
-        first = self.moved(placement, floor, seed)
-        if first.room.share > 0.0:  # perhaps where a point that did not count for the placement is out of reach
-            other, floor = self.placed(reaching=True)
-            if not np.array_equal(other.path, placement.path):
-                return min(first, self.moved(other, floor, seed), key=lambda one: one.room.share)
-        return first
-
-    def placed(self, *, reaching: bool) -> tuple[PlacedPath, Array]:
+    def placed(reaching: bool) -> tuple[PlacedPath, Array]:
         """Place the path, judged by some of its points, and the node floor there, at all points (n,)."""
-        assert self.path is not None
-        points, ellipsoids = as_finite(self.path, "path"), as_finite(self.profile, "profile")
-        effort, times = self.settings.effort, as_times(self.time, count=len(points))
-        each = placed_rows(len(points))
+        assert path is not None
+        points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
+        rows, times = placed_rows(len(points)), as_times(time, count=len(points))
         placement = place_path(
-            points[each], ellipsoids[each], self.planner.limits.arm, time=times[each],
-            whole=points if reaching else None, turn=self.turn, bank=self.planner.bank, atlas=self.planner.atlas,
-            workspace=self.settings.workspace, effort=effort, random_state=self.generator, **self.same,
+            points[rows], ellipsoids[rows], planner.limits.arm, time=times[rows], whole=points if reaching else None,
+            turn=turn, bank=planner.bank, atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort,
+            random_state=generator, **same,
         )  # fmt: skip
-        return placement, interpolated_distance(each, placement.distance, len(points))
+        return placement, interpolated_distance(rows, placement.distance, len(points))
 
-    def moved(self, placement: PlacedPath | None, floor: Array | None, seed: int | None) -> Execution:
+    def moved(placement: PlacedPath | None, floor: Array | None) -> Execution:
         """Plan a motion, at the place of the path where it has one, and track it where that is asked for."""
-        arm, target, tips, rotations = self.planner.limits.arm, self.profile, self.path, self.rotations
+        arm, target, tips, turned, free = planner.limits.arm, profile, path, rotations, None
         if placement is not None:
-            assert tips is not None
-            target, tips = placement.turned(as_finite(target, "profile")), placement.apply(tips)
-        planned = self.planning | {
-            "time": self.time,
+            assert path is not None
+            target, tips = placement.turned(as_finite(profile, "profile")), placement.apply(path)
+        planned = planning | {
+            "time": time,
             "path": tips,
-            "planner": self.planner,
+            "planner": planner,
             "node_floor": floor,
-            "random_state": self.generator,
+            "random_state": generator,
         }
-        free = None
-        if rotations is not None or self.direction is not None:
-            told = {**self.same, "progress": turned_freely(self.same["progress"])}
-            free = plan_motion(arm, target, **planned, **told)
-            rotations = turned_tips(rotations, self.direction, placement, len(free.time), self.settings.keep)
-        plan = plan_motion(arm, target, rotations=rotations, **planned, **self.same)
+        if rotations is not None or direction is not None:
+            free = plan_motion(arm, target, **planned, **same | {"progress": turned_freely(progress)})
+            turned = turned_tips(rotations, direction, placement, len(free.time), settings.keep)
+        plan = plan_motion(arm, target, rotations=turned, **planned, **same)
         motion, room = cast(TrackResult, plan), plan.room
-        if self.tracking:
-            more = self.tracking | {"reference": plan.joint_positions, "rotations": rotations}
-            motion = track(arm, target, time=plan.time, path=tips, **more, **self.same)
-            room = Room.of(self.planner.collisions, motion)
-        effort = as_effort(self.settings.effort).of_gap
-        gap = feasibility_gap(arm, target, bank=self.planner.bank, **effort, **self.same)
-        return Execution(self.robot, placement, plan, motion, room, gap, self.planner.collisions, free, seed)
+        if tracking:
+            more = tracking | {"reference": plan.joint_positions, "rotations": turned}
+            motion = track(arm, target, time=plan.time, path=tips, **more, **same)
+            room = Room.of(planner.collisions, motion)
+        gap = feasibility_gap(arm, target, bank=planner.bank, **as_effort(settings.effort).of_gap, **same)
+        return Execution(robot, placement, plan, motion, room, gap, planner.collisions, free, seed)
 
-
-def _seed_of(random_state: Any) -> int | None:
-    """Return the seed where a random state is one."""
-    return random_state if isinstance(random_state, int) else None
+    if path is None or not place:
+        return moved(None, None)
+    placement, floor = placed(reaching=False)
+    first = moved(placement, floor)
+    if first.room.share > 0.0:  # perhaps where a point that did not count for the placement is out of reach
+        other, floor = placed(reaching=True)
+        if not np.array_equal(other.path, placement.path):
+            return min(first, moved(other, floor), key=lambda one: one.room.share)
+    return first
 
 
 def controls(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

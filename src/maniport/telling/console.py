@@ -51,17 +51,7 @@ def progress() -> Iterator[Tell]:
 
 
 class Console:
-    """Results on standard output, progress on standard error.
-
-    Parameters
-    ----------
-    as_json : bool
-        Print one JSON object at the end and nothing else.
-    quiet : bool
-        Print nothing but the JSON object where that is requested.
-    verbose : bool
-        Print the whole report where otherwise a summary of a result is printed.
-    """
+    """Results on standard output, progress on standard error."""
 
     def __init__(self, as_json: bool = False, quiet: bool = False, verbose: bool = False):
         self.as_json, self.quiet, self.verbose = as_json, quiet, verbose

@@ -313,12 +313,3 @@ def in_axes(distance: float) -> str:
 def listed(values: Sequence[object]) -> str:
     """Write values with commas between them."""
     return ", ".join(map(str, values))
-
-
-def rounded_sum(parts: Sequence[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
-    """Write a sum and its parts such that the printed parts add up: the largest part takes the rounding error."""
-    unit = 10**decimals
-    whole, counts = round(sum(parts) * unit), [round(part * unit) for part in parts]
-    counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
-    total, *each = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
-    return total, tuple(each)

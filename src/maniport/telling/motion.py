@@ -23,7 +23,7 @@ from maniport.telling.robot import assumed_limits, missing_meshes, unchecked_lin
 from maniport.tracking import TrackResult
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
 from maniport.tracking.plan.planned_motion import PlannedMotion, Room, over_floor
-from maniport.tracking.plan.relaxation import FAR
+from maniport.tracking.plan.planner import FAR
 from maniport.validation import Array
 
 POSITION_FACTOR = FAR

@@ -51,31 +51,12 @@ def is_gap(steps: Array) -> NDArray[np.bool_]:
 
 
 class DiffusionMap:
-    """Coordinates of SPD matrices that are invariant to congruences of the whole space.
+    """Coordinates of SPD matrices that are invariant to congruences of the whole space."""
 
-    Parameters
-    ----------
-    n_components : int
-        Number of coordinates.
-    bandwidth : float
-        Width ε of the kernel exp(−d² / ε) relative to the median of d²; ε is larger where outliers need it.
-
-    Attributes
-    ----------
-    points_ : ndarray, shape (n, d, d)
-        The points of `fit`.
-    coordinates_ : ndarray, shape (n, n_components)
-        Coordinates of the points of `fit`; `transform` gives the same.
-    eigenvalues_ : ndarray, shape (n_components,)
-        Eigenvalues of the diffusion, descending, below 1.
-    epsilon_ : float
-        The kernel's ε.
-    """
-
-    points_: Array
-    coordinates_: Array
-    eigenvalues_: Array
-    epsilon_: float
+    points_: Array  # (n, d, d): the points of `fit`
+    coordinates_: Array  # (n, n_components): coordinates of the points of `fit`
+    eigenvalues_: Array  # (n_components,): eigenvalues of the diffusion, descending, below 1
+    epsilon_: float  # The kernel's ε
 
     def __init__(self, n_components: int = 2, bandwidth: float = 1.0) -> None:
         self.n_components = n_components

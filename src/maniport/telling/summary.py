@@ -10,7 +10,7 @@ from maniport.defaults import DAMPING, TIP_TOLERANCE
 from maniport.demonstrations.data_quality import LARGE, beyond_limits, far_off
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.telling.metrics import Metric, Summary, in_axes, listed, rounded_sum
+from maniport.telling.metrics import Metric, Summary, in_axes, listed
 from maniport.telling.motion import errors, exceeded_limits, far_points, missed_points, plan_metrics
 from maniport.telling.robot import command_line_of
 from maniport.tracking.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
@@ -84,6 +84,15 @@ def mean_distance(execution: Execution) -> Metric:
         "smoothness.",
         "mean_distance", {"mean": float(np.mean(execution.motion.distance)), **execution.parts._asdict()},
     )  # fmt: skip
+
+
+def rounded_sum(parts: Sequence[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
+    """Write a sum and its parts such that the printed parts add up: the largest part takes the rounding error."""
+    unit = 10**decimals
+    whole, counts = round(sum(parts) * unit), [round(part * unit) for part in parts]
+    counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
+    total, *each = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
+    return total, tuple(each)
 
 
 def _ellipsoids(median: float) -> str:

@@ -34,38 +34,31 @@ if TYPE_CHECKING:
     from maniport.tracking.plan.time_parameterization import Timed, retime
     from maniport.tracking.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
 
-_HOMES = {
-    "ArmsPlanner": "both.planner",
-    "Atlas": "plan.reachability_map",
-    "BrakingLimit": "limits",
-    "CollisionLimit": "limits",
-    "Control": "follow.follower",
-    "LimitUse": "motion_limits",
-    "ManipulabilityEllipsoidTask": "tasks",
-    "MotionLimits": "motion_limits",
-    "OrientationTask": "tasks",
-    "Place": "placement.placed_path",
-    "PlacedPath": "placement.placed_path",
-    "PlanControl": "plan.plan_control",
-    "PlannedArms": "both.planned_arms",
-    "PlannedMotion": "plan.planned_motion",
-    "Planner": "plan.planner",
-    "PositionTask": "tasks",
-    "Timed": "plan.time_parameterization",
-    "TrackedArms": "both.follow",
-    "TrackResult": "follow.track_result",
-    "export_motion": "exports",
-    "place_path": "placement.placement",
-    "place_paths": "placement.placement",
-    "plan_arms": "both.plan",
-    "plan_motion": "plan.plan_motion",
-    "retime": "plan.time_parameterization",
-    "robot_model": "arm_model",
-    "track": "follow.tracker",
-    "track_arms": "both.follow",
-    "with_approach": "plan.home_motion",
+_LAZY = {
+    "arm_model": ("robot_model",),
+    "both.follow": ("TrackedArms", "track_arms"),
+    "both.plan": ("plan_arms",),
+    "both.planned_arms": ("PlannedArms",),
+    "both.planner": ("ArmsPlanner",),
+    "exports": ("export_motion",),
+    "follow.follower": ("Control",),
+    "follow.track_result": ("TrackResult",),
+    "follow.tracker": ("track",),
+    "limits": ("BrakingLimit", "CollisionLimit"),
+    "motion_limits": ("LimitUse", "MotionLimits"),
+    "placement.placed_path": ("Place", "PlacedPath"),
+    "placement.placement": ("place_path", "place_paths"),
+    "plan.home_motion": ("with_approach",),
+    "plan.plan_control": ("PlanControl",),
+    "plan.plan_motion": ("plan_motion",),
+    "plan.planned_motion": ("PlannedMotion",),
+    "plan.planner": ("Planner",),
+    "plan.reachability_map": ("Atlas",),
+    "plan.time_parameterization": ("Timed", "retime"),
+    "tasks": ("ManipulabilityEllipsoidTask", "OrientationTask", "PositionTask"),
 }
-"""Names that are loaded on first use, since Pink and its solvers take their time to import."""
+"""Names by module, loaded on first use, since Pink and its solvers take their time to import."""
+_HOMES = {name: module for module, names in _LAZY.items() for name in names}
 
 __all__ = [
     "ArmsPlanner",

@@ -143,10 +143,7 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
 
 
 class RememberingLimit(CollisionLimit):
-    """The same with distances that are computed again after joint motion of 0.045 rad or m, and linear in between.
-
-    The second derivatives of distances are about as large as an arm is long, so that they are wrong by 1 mm then.
-    """
+    """The same with distances that are computed again after joint motion of 0.045 rad or m, and linear in between."""
 
     def __init__(self, collisions: Collisions, way_out: float = 0.1):
         super().__init__(collisions, way_out=way_out)
@@ -173,25 +170,7 @@ class RememberingLimit(CollisionLimit):
 
 
 class UnevenLimit(Limit):  # type: ignore[misc]  # Pink is untyped
-    """As `BrakingLimit`, for control steps that take as long as the time since the last one.
-
-    Between steps a joint has the constant velocity v; its acceleration is (v − v₀) / ½(Δt₀ + Δt). A joint whose
-    velocity falls by the acceleration a is at rest after (v − ½ a Δt)² / 2a beyond the end of a step, however long the
-    next ones are. With the distance D to its limit its velocity may be
-
-        v = √(2 a D) − ½ a Δt,   or D / Δt where that is more than v = ½ a Δt allows,
-
-    and from each state that keeps to this some step does again. For models whose joints have one coordinate each.
-
-    Attributes
-    ----------
-    velocity : ndarray, shape (dof,)
-        In the step before [rad/s or m/s]; the caller keeps it and the next up to date.
-    last : float or None
-        Duration of that step [s]; None before the first.
-    share : float
-        Of the velocity limits; faster joints slow down as they can.
-    """
+    """As `BrakingLimit`, for control steps that take as long as the time since the last one."""
 
     def __init__(self, limits: MotionLimits):
         self.limits = limits

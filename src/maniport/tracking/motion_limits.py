@@ -27,13 +27,6 @@ PANDA = {
 """[rad/s² and rad/s³], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
 PANDA_SOURCE = "Franka's limits of the Panda (FER)"
 
-SPEED = {"rad": 1.0, "m": 0.25}
-"""Velocity of a joint that no description limits [rad/s or m/s]: slow enough for any arm."""
-SECONDS_TO_SPEED, SECONDS_TO_ACCELERATION = 0.25, 0.04
-"""Without a number for them, accelerations reach the velocity limit, and jerks that acceleration, in these times [s].
-
-On the safe side of makers who publish theirs: the Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s.
-"""
 DERIVATIVES = ("velocity", "acceleration", "jerk")
 QUANTITIES = ("position", *DERIVATIVES)
 
@@ -252,27 +245,33 @@ def _look_up(
     """Limits of one quantity for all joints, the sentence that says where they come from, and the assumed ones."""
     values, names_by_source, assumed = np.zeros(arm.dof), dict[str, list[str]](), list[str]()
     for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, _own_names(arm), strict=True)):
-        described = np.inf if arm.velocity_limits is None else arm.velocity_limits[i]
-        if quantity in joints.get(name, {}):
-            values[i], source = joints[name][quantity], where
-        elif quantity in default:
-            values[i], source = default[quantity], f"{where} (default)"
-        elif quantity in PANDA.get(own, {}):
-            values[i], source = PANDA[own][quantity], PANDA_SOURCE
-        elif quantity == "velocity" and np.isfinite(described):
-            values[i], source = described, "the robot's description"
-        elif quantity == "velocity":
+        described = np.inf if arm.velocity_limits is None else float(arm.velocity_limits[i])
+        known = (
+            (joints.get(name, {}).get(quantity), where),
+            (default.get(quantity), f"{where} (default)"),
+            (PANDA.get(own, {}).get(quantity), PANDA_SOURCE),
+            (described if quantity == "velocity" and np.isfinite(described) else None, "the robot's description"),
+        )
+        value, source = next((one for one in known if one[0] is not None), (None, ""))
+        if value is None:
             assumed.append(name)
-            values[i], source = SPEED[unit], f"assumed: {SPEED[unit]:g} {unit}/s"
-        elif quantity == "acceleration":
-            assumed.append(name)
-            values[i] = found["velocity"][i] / SECONDS_TO_SPEED
-            source = f"assumed: velocity limit reached in {SECONDS_TO_SPEED:g} s"
-        else:
-            assumed.append(name)
-            values[i] = found["acceleration"][i] / SECONDS_TO_ACCELERATION
-            source = f"assumed: acceleration limit reached in {SECONDS_TO_ACCELERATION:g} s"
+            value, source = _assumed(quantity, unit, {key: found[key][i] for key in found})
+        values[i] = value
         names_by_source.setdefault(source, []).append(name)
     sources = [f"{source} ({', '.join(names)})" for source, names in names_by_source.items()]
     text = next(iter(names_by_source)) if len(sources) == 1 else "; ".join(sources)
     return values, text, tuple(assumed)
+
+
+def _assumed(quantity: str, unit: str, lower: Mapping[str, float]) -> tuple[float, str]:
+    """Limit of a joint of which nothing is known, by its limits of lower derivatives, and its source.
+
+    Without a number for them, accelerations reach the velocity limit, and jerks that acceleration, in certain times: on
+    the safe side of makers who publish theirs. The Panda takes 0.13 to 0.29 s and 0.002 s, the xArm7 0.16 s and 0.04 s.
+    """
+    if quantity == "velocity":
+        speed = {"rad": 1.0, "m": 0.25}[unit]  # slow enough for any arm
+        return speed, f"assumed: {speed:g} {unit}/s"
+    if quantity == "acceleration":
+        return lower["velocity"] / 0.25, "assumed: velocity limit reached in 0.25 s"
+    return lower["acceleration"] / 0.04, "assumed: acceleration limit reached in 0.04 s"

@@ -148,27 +148,14 @@ class Objective:
 
 @dataclass(frozen=True)
 class Targets:
-    """What an arm shall reach, one row for each target; make them with `Objective.targets`.
-
-    Attributes
-    ----------
-    objective : Objective
-    root, whitening : ndarray, shape (n, d, d)
-        (A + ε I)^½ of the target ellipsoids A, and its inverse.
-    positions : ndarray, shape (n, 3), or None
-        Target positions of the tip [m].
-    weights : ndarray, shape (n, m, m), or None
-        W.
-    rotations : ndarray, shape (n, 3, 3), or None
-        A: where the axes of the tip shall point, in the base frame.
-    """
+    """What an arm shall reach, one row for each target; make them with `Objective.targets`."""
 
     objective: Objective
-    root: Array
-    whitening: Array
-    positions: Array | None = None
-    weights: Array | None = None
-    rotations: Array | None = None
+    root: Array  # (n, d, d): (A + ε I)^½ of the target ellipsoids A, and its inverse
+    whitening: Array  # (n, d, d): (A + ε I)^½ of the target ellipsoids A, and its inverse
+    positions: Array | None = None  # (n, 3): target positions of the tip [m]
+    weights: Array | None = None  # (n, m, m): W
+    rotations: Array | None = None  # (n, 3, 3): A: where the axes of the tip shall point, in the base frame
 
     def __getitem__(self, rows: Any) -> "Targets":
         rest = (None if one is None else one[rows] for one in (self.positions, self.weights, self.rotations))

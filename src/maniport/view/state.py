@@ -183,8 +183,8 @@ class ViewState:
 
     @cached_property
     def _follower(self) -> Follower:
-        first, *others = (side.objective for side in self.sides)
-        return Follower((first, others[0]), None, self.robot) if isinstance(self.robot, Arms) else Follower(first)
+        pair = self.robot if isinstance(self.robot, Arms) else None
+        return Follower([side.objective for side in self.sides], pair=pair)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -203,9 +203,8 @@ class ViewState:
             self.joints = self._joined([side.best(target) for side, target in zip(self.sides, targets, strict=True)])
             self._jump = False
         if elapsed > 0.0:
-            schedules = tuple(target.schedule(elapsed) for target in targets)
-            followed = schedules if isinstance(self.robot, Arms) else schedules[0]
-            self.joints = self._follower.follow(self.joints, followed)[0][-1]
+            schedules = [target.schedule(elapsed) for target in targets]
+            self.joints = self._follower.follow(self.joints, schedules)[0][-1]
         parts = zip(self.sides, targets, self._columns, strict=True)
         return tuple(side.frame(target, self.joints[columns], command.mounting) for side, target, columns in parts)
 

@@ -16,10 +16,10 @@ from maniport.tracking.both.planner import as_arms, two
 from maniport.tracking.follow.follower import Control, Follower
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import TrackResult, in_words
+from maniport.tracking.follow.tracker import evaluated
 from maniport.tracking.limits import RememberingLimit
 from maniport.tracking.objective import Damping, Objective
 from maniport.tracking.schedule import Schedule
-from maniport.validation import Array
 
 
 @dataclass(frozen=True, repr=False)
@@ -105,9 +105,8 @@ def track_arms(
         require_trackable(arm, meant)
         objective = Objective.of(arm, meant, damping, settings.position_cost, positive=True)
         objectives.append(objective.keeping(settings.keep, settings.orientation_weight))
-        own = postures[..., columns]
-        schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, own))
-    follower = Follower((objectives[0], objectives[1]), settings, pair)
+        schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, postures[..., columns]))
+    follower = Follower(objectives, settings, pair)
     step = Step(progress, "move both arms")
     whole = replace(schedules[0], postures=postures), replace(schedules[1], postures=None)
     sampled = tuple(
@@ -115,36 +114,16 @@ def track_arms(
         for one, objective in zip(whole, objectives, strict=True)
     )
     joints, held = follower.follow(np.clip(postures[0], pair.lower, pair.upper), sampled, step)
-    result = _judged(pair, follower, objectives, schedules, sampled[0].time, joints, held)
-    step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
-    return result
-
-
-def _judged(
-    arms: Arms,
-    follower: Follower,
-    objectives: list[Objective],
-    asked: list[Schedule],
-    clock: Array,
-    joints: Array,
-    held: NDArray[np.bool_],
-) -> TrackedArms:
-    """What became of what was asked."""
-    sides = []
-    for objective, one, columns in zip(objectives, asked, arms.columns, strict=True):
-        result = TrackResult.of_motion(
-            objective.arm, one.time, one.ellipsoids, clock, joints[:, columns], spec=objective.spec,
-            damping=objective.damping, path=one.positions, velocity_limits=follower.velocity_limits[columns], held=held,
-        )  # fmt: skip
-        axes = one.targets(objective).axis_angles(result.joint_positions)
-        sides.append(replace(result, orientation_error=axes))
+    left, right = (
+        evaluated(objective, one, sampled[0].time, joints[:, columns], held, follower.velocity_limits[columns])
+        for objective, one, columns in zip(objectives, schedules, pair.columns, strict=True)
+    )
     together = {}
     for name in ("joint_positions", "control_positions", "control_velocities", "control_accelerations"):
-        together[name] = np.empty((len(getattr(sides[0], name)), arms.dof))
-        for side, columns in zip(sides, arms.columns, strict=True):
-            together[name][:, columns] = getattr(side, name)
-    left, right = sides
-    return TrackedArms(
-        joint_names=arms.joint_names, joint_units=arms.joint_units, time=left.time, control_time=clock, left=left,
-        right=right, held=held, **together,
+        together[name] = pair.joined(getattr(left, name), getattr(right, name))
+    result = TrackedArms(
+        joint_names=pair.joint_names, joint_units=pair.joint_units, time=left.time, control_time=left.control_time,
+        left=left, right=right, held=held, **together,
     )  # fmt: skip
+    step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
+    return result

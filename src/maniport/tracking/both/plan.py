@@ -15,8 +15,7 @@ from maniport.steps import Progress, Step, between, pieces
 from maniport.subsample import evenly_spaced
 from maniport.tracking.both.planned_arms import PlannedArms
 from maniport.tracking.both.planner import ArmsPlanner, as_arms, two
-from maniport.tracking.both.targets import PLACED, RELATIVE, BothTargets, floors_of
-from maniport.tracking.both.together import together
+from maniport.tracking.both.together import PLACED, RELATIVE, BothTargets, floors_of, together
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.tracking.follow.track_result import in_words
 from maniport.tracking.motion_limits import MotionLimits

@@ -89,10 +89,6 @@ def export_motion(
         When the format needs a package that is not there.
     OutputError
         When the file cannot be written.
-
-    See Also
-    --------
-    TrackResult.save_joints_csv : the plainest format.
     """
     found = FORMATS[as_choice(format, "format", FORMATS)]
     if found.write is None:

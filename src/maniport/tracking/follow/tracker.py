@@ -96,13 +96,13 @@ def track(
     objective = objective.keeping(settings.keep, settings.orientation_weight)
     asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
     begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
-    follower = Follower(objective, settings)
+    follower = Follower((objective,), settings)
     step, planned = Step(progress, "move the robot"), 0.0 if begin is not None else 0.5  # the share of the work
     if begin is None:
         begin = _planned_start(asked, objective, settings, bank, random_state)
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)
-    joints, held = follower.follow(begin, schedule, between(step, planned, 1.0))
-    result = _judged(follower, asked, schedule, joints, held)
+    joints, held = follower.follow(begin, (schedule,), between(step, planned, 1.0))
+    result = evaluated(objective, asked, schedule.time, joints, held, follower.velocity_limits)
     step.end(in_words(result))
     return result
 
@@ -124,14 +124,13 @@ def _planned_start(
     return np.asarray(plan.joint_positions[0])
 
 
-def _judged(
-    follower: Follower, asked: Schedule, schedule: Schedule, joints: Array, held: NDArray[np.bool_]
+def evaluated(
+    objective: Objective, asked: Schedule, time: Array, joints: Array, held: NDArray[np.bool_], velocity_limits: Array
 ) -> TrackResult:
-    """What became of what was asked."""
-    objective = follower.objective
+    """Compare joint positions (m, dof) at control times (m,) with their targets."""
     result = TrackResult.of_motion(
-        objective.arm, asked.time, asked.ellipsoids, schedule.time, joints, spec=objective.spec,
-        damping=objective.damping, path=asked.positions, velocity_limits=follower.velocity_limits, held=held,
+        objective.arm, asked.time, asked.ellipsoids, time, joints, spec=objective.spec,
+        damping=objective.damping, path=asked.positions, velocity_limits=velocity_limits, held=held,
     )  # fmt: skip
     return replace(result, orientation_error=asked.targets(objective).axis_angles(result.joint_positions))
 

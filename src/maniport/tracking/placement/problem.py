@@ -141,10 +141,7 @@ class PlacementProblem:
 
 @dataclass(frozen=True)
 class ArmGroup:
-    """Placement problems of one or several arms with one common placement, and the reachability maps of the arms.
-
-    The problems have the same times, given numbers and workspace. The cost of a placement is the sum over the arms.
-    """
+    """Placement problems of one or several arms with one common placement, and the reachability maps of the arms."""
 
     problems: tuple[PlacementProblem, ...]
     atlases: tuple[Atlas, ...]

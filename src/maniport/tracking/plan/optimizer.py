@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits
+from maniport.bodies.collisions import Collisions
+from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits, PathCost
 from maniport.validation import Array
 
 CLEARANCE = 0.015
@@ -32,42 +33,11 @@ POSITION_WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 """Weights of the position error, tried in turn until it is within the tolerance [1/m]."""
 
 
-class DistanceWatch(Protocol):
-    """Distances of the pairs of solids that are near one another."""
-
-    def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """As `maniport.bodies.collisions.Collisions.gradient`, for configurations (n, dof)."""
-
-
-class CollisionModel(Protocol):
-    """A collision model, such as `maniport.bodies.collisions.Collisions`."""
-
-    def watch(self, threshold: float) -> DistanceWatch:
-        """Watch pairs nearer than a threshold [m]."""
-
-    def collides(self, q: Array) -> NDArray[np.bool_]:
-        """Whether configurations (n, dof) collide, shape (n,)."""
-
-
 class WaypointCost(Protocol):
     """Cost f of the configuration at each waypoint."""
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
-
-
-class PathCost(WaypointCost, Protocol):
-    """The same for paths of end effectors, such as `maniport.tracking.objective.Targets`."""
-
-    @property
-    def arm(self) -> JointLimits:
-        """The arm or the pair of arms."""
-
-    def weighing(self, position_weight: float) -> "PathCost":
-        """Change the weight of the position error [1/m]."""
-
-    def tip_error(self, q: Array) -> Array | None:
-        """Position errors [m], shape (n,) or (n, arms); None without paths."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +49,7 @@ class TrajectoryTerms:
     weights: Array | None = None  # w (n,) [s]; None: half the time to both neighbors
     velocity: Array | None = None  # limits (dof,)
     acceleration: Array | None = None  # limits (dof,)
-    collisions: CollisionModel | None = None
+    collisions: Collisions | None = None
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
     clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
 
@@ -153,10 +123,7 @@ def descend(problem: Problem[State], state: State, rel_tol: float, max_iter: int
 
 
 class Differences:
-    """The k-th derivative at uneven times as a banded matrix D of n − k rows.
-
-    `rows` (n − k, k + 1) multiply the waypoints i to i + k in row i; `spans` (n − k,) is the time of each row [s].
-    """
+    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
 
     def __init__(self, time: Array, order: int):
         count = len(time) - order

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -17,18 +17,6 @@ from maniport.tracking.objective import ORIENTATION_WEIGHT, POINTING, axis_weigh
 from maniport.tracking.placement.arguments import as_workspace
 from maniport.tracking.plan.planner import Planner
 from maniport.validation import Array, as_number
-
-
-class Known(Protocol):
-    """A planner, of one arm or of two."""
-
-    @property
-    def limits(self) -> MotionLimits:
-        """What the joints may do."""
-
-    @property
-    def collisions(self) -> Collisions | None:
-        """What is kept apart."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +76,8 @@ class PlanControl:
         axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
 
-    def resolved(self, arm: Arm | Arms, planner: Known | None = None) -> "PlanControl":
-        """Look up limits and collisions for an arm or two, or take a planner's, and check the home posture by them.
+    def resolved(self, arm: Arm | Arms, planner: Any = None) -> "PlanControl":
+        """Look up limits and collisions for an arm or two, or take those of a planner; check the home posture.
 
         Raises
         ------

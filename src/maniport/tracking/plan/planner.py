@@ -1,11 +1,12 @@
 """The planner in five steps: reachability map, roadmap, graph search, optimizer, time parameterization."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from maniport.bodies import Arm, EllipsoidSpec
 from maniport.bodies.collisions import Collisions, as_collisions
@@ -14,18 +15,17 @@ from maniport.tracking.effort import Effort
 from maniport.tracking.motion_limits import MotionLimits
 from maniport.tracking.objective import Targets
 from maniport.tracking.plan.optimizer import (
+    CLEARANCE,
     POSITION_WEIGHTS,
-    CollisionModel,
-    PathCost,
     TrajectoryTerms,
     optimize,
     optimize_to_tolerance,
     time_weights,
 )
 from maniport.tracking.plan.reachability_map import Atlas
-from maniport.tracking.plan.relaxation import relaxed
 from maniport.tracking.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, turned_to_rotations
 from maniport.tracking.plan.time_parameterization import Timed, retime
+from maniport.tracking.search.descent import PathCost
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_generator
 
@@ -35,6 +35,8 @@ COARSE_TOLERANCE = 1e-3
 """Smallest position tolerance before the time parameterization [m]."""
 SMOOTHNESS = 0.04
 """Factor of the smoothness costs for a demonstration of 1 s; see `smoothness_share`."""
+FAR = 3.0
+"""Position errors of so many times the tolerance of the 95th percentile are large."""
 SPEED_SHARE = 0.9
 """Share of the limits of velocity and acceleration that the optimizer uses."""
 
@@ -131,7 +133,7 @@ def smoothness_share(time: Array) -> float:
 
 
 def coarse_terms(
-    limits: MotionLimits, collisions: CollisionModel | None, smoothness: float, effort: Effort
+    limits: MotionLimits, collisions: Collisions | None, smoothness: float, effort: Effort
 ) -> TrajectoryTerms:
     """Cost of a trajectory on the planning time scale."""
     return TrajectoryTerms(
@@ -159,7 +161,7 @@ def interpolated(known: Array, q: Array, time: Array) -> Array:
 
 def time_parameterized(
     limits: MotionLimits,
-    collisions: CollisionModel | None,
+    collisions: Collisions | None,
     targets: PathCost,
     time: Array,
     q: Array,
@@ -197,6 +199,46 @@ def time_parameterized(
     return other, other_timed
 
 
-def colliding_share(collisions: CollisionModel | None, timed: Timed) -> float:
+def colliding_share(collisions: Collisions | None, timed: Timed) -> float:
     """Share of the samples that collide."""
     return 0.0 if collisions is None else float(collisions.collides(timed.positions).mean())
+
+
+def relaxed(
+    targets: PathCost,
+    time: Array,
+    q: Array,
+    terms: TrajectoryTerms,
+    weight: float,
+    tolerance: float,
+    rounds: int = 6,
+) -> Array:
+    """Optimize again with half the clearance and 1.5 times the duration around large errors, as long as that helps.
+
+    The position has priority: where a path leads through a narrow passage, or from one branch of configurations to
+    another, clearance and duration alone cause large position errors. Those above `FAR` tolerances count.
+    """
+    clearance = np.full(len(time), CLEARANCE)
+    error = _largest_error(targets, q)
+    for _ in range(rounds):
+        far = maximum_filter1d(error > FAR * tolerance, 5)
+        if not far.any():
+            break
+        clearance = np.where(far, np.maximum(0.5 * clearance, 0.003), clearance)
+        time = np.append(time[0], time[0] + np.cumsum(np.where(far[1:] & far[:-1], 1.5, 1.0) * np.diff(time)))
+        # few waypoints are a small share of the cost
+        changed = replace(terms, clearance=clearance, rel_tol=0.1 * terms.rel_tol)
+        trial = optimize(targets, time, q, changed, weight)
+        trial_error = _largest_error(targets, trial)
+        if terms.collisions is not None and terms.collisions.collides(trial[far]).any():
+            break
+        if trial_error[far].max() > 0.95 * error[far].max():
+            break
+        q, error = trial, trial_error
+    return q
+
+
+def _largest_error(targets: PathCost, q: Array) -> Array:
+    """Largest position error of all arms (n,) [m]; zero without a path."""
+    error = targets.tip_error(q)
+    return np.zeros(len(q)) if error is None else error.reshape(len(q), -1).max(axis=1)

@@ -28,14 +28,14 @@ class JointLimits(Protocol):
     dof: int
 
 
-class SearchTargets(Protocol):
+class PathCost(Protocol):
     """Targets, one row each, such as `maniport.tracking.objective.Targets`."""
 
     @property
     def arm(self) -> JointLimits:
         """The arm, or two."""
 
-    def __getitem__(self, rows: Any) -> "SearchTargets":
+    def __getitem__(self, rows: Any) -> "PathCost":
         """Some of the targets, or each several times."""
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
@@ -45,16 +45,16 @@ class SearchTargets(Protocol):
         """Distance of target and achieved ellipsoids, shape (n,)."""
 
     def tip_error(self, q: Array) -> Array | None:
-        """How far tips are beside their targets [m]; None without."""
+        """Position errors [m], shape (n,) or (n, arms); None without paths."""
 
-    def weighing(self, position_weight: float) -> "SearchTargets":
-        """The same with another weight of the tips' places [1/m]."""
+    def weighing(self, position_weight: float) -> "PathCost":
+        """Change the weight of the position error [1/m]."""
 
 
 class Searches:
     """The state of all searches, shapes (n · k, ...): the k of the first target, then those of the second and so on."""
 
-    def __init__(self, target: SearchTargets, starts: Array):
+    def __init__(self, target: PathCost, starts: Array):
         self.target, (self.count, self.each, dof) = target, starts.shape
         self.lower, self.upper = target.arm.lower, target.arm.upper
         self.q = np.clip(starts.reshape(-1, dof), self.lower, self.upper)
@@ -103,7 +103,7 @@ class Searches:
         return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
 
 
-def descend(target: SearchTargets, starts: Array, tol: float, max_iter: int, halving: int = 4) -> Array:
+def descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving: int = 4) -> Array:
     """Search for each target from starts (n, k, dof); return the best joint positions found (n, dof).
 
     Every `halving` steps the worse half of the searches for a target ends.
@@ -123,7 +123,7 @@ def descend(target: SearchTargets, starts: Array, tol: float, max_iter: int, hal
 
 
 def descend_in_blocks(
-    target: SearchTargets,
+    target: PathCost,
     starts: Array,
     tol: float,
     max_iter: int,

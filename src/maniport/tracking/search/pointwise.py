@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from maniport.steps import Part, pieces
 from maniport.tracking.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
-from maniport.tracking.search.descent import SearchTargets, descend_in_blocks
+from maniport.tracking.search.descent import PathCost, descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
 
@@ -33,7 +33,7 @@ def pointwise_best(
 
 
 def search_pointwise(
-    targets: SearchTargets, starts: Array, known: Sequence[Array] = (), progress: Part | None = None
+    targets: PathCost, starts: Array, known: Sequence[Array] = (), progress: Part | None = None
 ) -> PointwiseBest:
     """Search from starts (n, k, dof), then from the results of the neighbors and from known configurations."""
     first, then = (None, None) if progress is None else pieces(progress, 4.0, 1.0)
@@ -52,10 +52,10 @@ def interpolated_distance(rows: NDArray[np.intp], distance: Array, count: int) -
     return np.asarray(np.sqrt(np.interp(np.arange(count), rows, distance**2)))
 
 
-def _best(targets: SearchTargets, starts: Array, progress: Part | None = None) -> PointwiseBest:
+def _best(targets: PathCost, starts: Array, progress: Part | None = None) -> PointwiseBest:
     q = _descend(targets, starts, EXACT_WEIGHT, progress)
     return PointwiseBest(q, targets.distance(q), targets.tip_error(q))
 
 
-def _descend(targets: SearchTargets, starts: Array, position_weight: float, progress: Part | None) -> Array:
+def _descend(targets: PathCost, starts: Array, position_weight: float, progress: Part | None) -> Array:
     return descend_in_blocks(targets.weighing(position_weight), starts, tol=1e-6, max_iter=100, block=64, tell=progress)
