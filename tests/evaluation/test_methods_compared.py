@@ -2,14 +2,11 @@
 
 from functools import partial
 
-import numpy as np
 import pytest
 
-from maniport.cli.domains import _rows
-from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.evaluation.baselines import EVERY_ROW, ROWS
+from maniport.errors import InvalidInputError
 from maniport.studies import human_to_panda
-from maniport.studies.methods import GaussianTransport, compare_methods, in_short
+from maniport.studies.methods import compare_methods, in_short
 from maniport.studies.paper import known_truth, run
 from maniport.telling import as_markdown, facts_of
 
@@ -44,26 +41,3 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     found = run.reproduce("human-robot", tmp_path / "out", methods=("raw-copy",), draws=1)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
     assert "| raw-copy |" in as_markdown(facts_of(found))
-
-
-def test_rows_are_asked_for_by_names():
-    """Separated by commas, or all; what is no name is refused with the names there are."""
-    assert _rows("icp, raw-copy") == ("icp", "raw-copy")
-    assert _rows("all") == EVERY_ROW
-    assert set(ROWS) < set(EVERY_ROW)
-    with pytest.raises(UnknownNameError, match="unknown method 'ipc'; there are, nearest first: 'icp'"):
-        _rows("ipc")
-
-
-def test_the_gaussian_transport_keeps_the_laws_of_a_map(random_clouds):
-    """SPD results; for a cloud and its scaled copy the scaling, since the transport is exact there."""
-    teacher, student = random_clouds
-    adapter = GaussianTransport().fit(teacher, 3.0 * teacher)
-    np.testing.assert_allclose(adapter.transform(teacher), 3.0 * teacher, rtol=1e-6)
-    assert np.linalg.eigvalsh(GaussianTransport(damping=0.01).fit(teacher, student).transform(teacher)).min() > 0
-
-
-@pytest.fixture
-def random_clouds(make_cloud, rng):
-    """Two clouds of SPD matrices."""
-    return make_cloud(rng, 60), make_cloud(rng, 80, spread=0.3)

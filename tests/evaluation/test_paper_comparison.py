@@ -64,20 +64,6 @@ def test_comparison_counts_what_is_matched_lower_and_higher(reproduction):
         assert bool(one["reason"]) is not known
 
 
-def test_rows_of_the_paper_and_others_have_tables_of_their_own(reproduction):
-    """The paper's rows show its numbers, ours in both forms and the authors' baseline; a row of ours stands apart."""
-    section = next(one for one in facts_of(reproduction).sections if one.key == "human-robot")
-    printed, further = section.tables
-    names = printed.columns[4:]
-    assert names == ("H-Eval-1", "H-Eval-2", "H-Eval-3", "H-Eval-4")
-    row = paper_table("III")[0]
-    first = {cells[3]: cells[4:] for cells in printed.rows if cells[1:3] == (row.label, row.method)}
-    assert list(first) == ["paper", f"{PAPER} ÷ c", f"{PAPER} ÷ c²", f"{AUTHORS} ÷ c", f"{AUTHORS} ÷ c²", f"{OURS} ÷ c"]
-    assert first["paper"] == ("0.539", "0.834", "0.340", "0.297")
-    assert first[f"{AUTHORS} ÷ c²"] == first["paper"]
-    assert [cells[2] for cells in further.rows] == ["raw copy"]
-
-
 def lifted(points):
     """Ellipsoids whose eigenvalues are at least the floor."""
     values, vectors = np.linalg.eigh(points)

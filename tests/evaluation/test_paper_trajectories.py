@@ -35,20 +35,6 @@ def test_human_arm_is_the_published_one(degrees, hand):
     assert_allclose(arm.forward(q)[:3, 3], hand, atol=1e-12)
 
 
-def test_human_trajectories_have_the_published_angles():
-    """Eight training motions make 400 configurations within the limits; sideways -90° to 130°, upwards 79° to 180°."""
-    arm, paths = trajectories.human_arm(), trajectories.human_training()
-    assert list(paths) == ["side_90", "side_110", "side_120", "side_150", "up_0", "up_30", "up_45", "up_90"]
-    for name, path in paths.items():
-        arm.require_within_limits(path)
-        kind, angle = name.split("_")
-        moving, resting, ends = (0, 1, (-90, 130)) if kind == "side" else (1, 0, (79, 180))
-        assert path.shape == (50, 7)
-        assert_allclose(np.degrees(path[[0, -1], moving]), ends)
-        assert_allclose(np.degrees(path[:, resting]), float(angle))
-        assert_allclose(path[:, 2:], 0.0)
-
-
 def test_panda_follows_the_scaled_hand_path_within_its_limits():
     """Every Panda trajectory stays within the limits and within a millimetre of its target, without jumps."""
     arm = trajectories.robot_arm()

@@ -105,7 +105,7 @@ def test_choice_and_reason_are_among_the_metrics(chosen):
 )
 def test_every_check_can_fail(worse):
     """Each measure beyond its limit fails by itself."""
-    good = FieldReport(100, 0.0, 0.0, 0.0, 1.0, 0.8, 0.0, 1.0, 0.0, None, 0.05, 0.1, 0.03)
+    good = FieldReport(100, 0.0, 0.0, 0.0, 1.0, 0.8, 0.0, 1.0, 0.0, moved_axes=0.05, reversing=0.1, contrary=0.03)
     assert good.failures() == ()
     assert len(replace(good, **worse).failures()) == 1
 

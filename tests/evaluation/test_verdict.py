@@ -61,22 +61,6 @@ def test_a_lookup_is_never_recommended_for_its_gaps():
     assert (verdict(table).best, verdict(table).recommended) == (LOOKUP, TRANSPORT)
 
 
-def test_a_user_s_method_is_recommended_by_the_name_of_its_row():
-    """It is in no registry; where it is the best, its row is named."""
-    table = [Row("mine", feasibility_gap=Gaps(0.1, 0.1, 0.1)), *rows(0.9, 0.5, 0.2)[1:]]
-    assert verdict(table).recommended == "mine"
-    table[0] = Row("mine", method="icp", feasibility_gap=Gaps(0.1, 0.1, 0.1))
-    assert verdict(table).recommended == "icp"
-    assert verdict(table).as_dict()["best"] == "mine"
-
-
-def test_equal_values_are_reported():
-    """Values that differ by rounding only are equal."""
-    assert verdict(rows(0.5, 0.5, 0.2)).same_as == (RAW_COPY,)
-    assert verdict(rows(0.2 * (1 + 1e-10), 0.5, 0.2)).same_as == (TRANSPORT,)
-    assert verdict(rows(0.2001, 0.5, 0.2)).same_as == ()
-
-
 @pytest.mark.parametrize(
     ("metrics", "codes"),
     [

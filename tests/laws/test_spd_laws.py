@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from laws.strategies import (
-    EPS,
     FORMS,
     ROUNDED,
     TAME,
@@ -172,17 +171,6 @@ def test_powers_are_multiples_of_the_logarithm(case):
     root, inverse = spd.sqrtm(x), spd.invsqrtm(x)
     assert_allclose(root @ root, x, atol=1e-12 * case.scale)
     assert_allclose(root @ inverse, np.broadcast_to(np.eye(case.d), x.shape), atol=case.rounding)
-
-
-@given(case=cases())
-def test_mandel_vectors_are_matrices_by_another_name(case):
-    """Vectors have the matrices' inner product, and come back as the matrices, bit by bit but for one rounding."""
-    one, two = case.symmetric(2, 4)
-    vectors = spd.to_vector(one), spd.to_vector(two)
-    products = np.einsum("nij,nij->n", one, two)
-    assert_allclose(np.einsum("nk,nk->n", *vectors), products, atol=1e-12 * case.scale**2 * case.d**2)
-    assert_allclose(spd.from_vector(vectors[0]), one, rtol=2 * EPS)
-    assert_allclose(spd.to_vector(spd.from_vector(vectors[0])), vectors[0], rtol=2 * EPS)
 
 
 @given(case=cases())

@@ -12,7 +12,6 @@ from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, refus
 from maniport import spd
 from maniport.errors import NotInvertibleError
 from maniport.transfer import METHODS, Search, load_adapter, method_of, name_of
-from maniport.transfer.icp.correspondence import CORRESPONDENCES, correspondence_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10), "n_resamples": 0}, "lengths-field": {"n_rounds": 2}}
@@ -146,53 +145,3 @@ def test_a_file_holds_the_whole_map(name, case, tmp_path_factory):
     assert name_of(loaded) == name_of(method_of(name)) == name
     assert_array_equal(loaded.transform(new), adapter.transform(new))
     assert isinstance(method_of(loaded), type(adapter))
-
-
-@pytest.mark.parametrize("name", CORRESPONDENCES)
-@fewer(0.35)
-@given(case=cases(least=0.3, most=4.0, sizes=(2, 3, 6)))
-def test_partners_stay_together(name, case):
-    """Who matches whom depends neither on the order of the samples nor on the frame both clouds are seen from."""
-    case = replace(case, scale=1.0)
-    teacher, student, turn = case.spd(9), case.spd(9), np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]
-    kind = correspondence_of(name)
-    matches = kind.between(teacher, student)(np.eye(case.d))
-    assert_allclose(matches.weight.sum(), 1.0, rtol=1e-12)
-    one, other = case.rng.permutation(9), case.rng.permutation(9)
-    found = kind.between(teacher[one], student[other])(np.eye(case.d))
-    assert _table(one[found.teacher], other[found.student], found.weight) == pytest.approx(_table(*_parts(matches)))
-    turned = kind.between(congruent(turn, teacher), congruent(turn, student))(np.eye(case.d))
-    assert _table(*_parts(turned)) == pytest.approx(_table(*_parts(matches)), abs=1e-6)
-    assert _parts(matches.exchanged().exchanged()) == _parts(matches)
-
-
-def _parts(matches):
-    return matches.teacher, matches.student, matches.weight
-
-
-def _table(teacher, student, weight):
-    """Weights of all pairs, flat."""
-    weights = np.zeros((9, 9))
-    np.add.at(weights, (teacher, student), weight)
-    return weights.ravel()
-
-
-@given(
-    options=st.fixed_dictionaries(
-        {
-            "n_starts": st.integers(0, 20),
-            "margin": st.floats(0, 0.99),
-            "compete": st.booleans(),
-            "most_singular": st.none() | st.integers(2, 1000),
-            "max_iter": st.integers(1, 1000),
-            "tol": st.floats(1e-300, 1.0),
-        }
-    )
-)
-def test_options_of_the_search_are_values(options):
-    """Equal options make equal searches with equal words, from which they can be made again."""
-    search = Search(**options)
-    assert search == Search(**options)
-    assert eval(repr(search), {"Search": Search}) == search
-    for name, value in options.items():
-        assert getattr(search, name) == value

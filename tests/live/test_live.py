@@ -41,11 +41,10 @@ def require_limits(live, limits, collisions, time, moments):
     assert {one.state for one in moments} <= set(STATES)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_limits_are_kept_whatever_comes(small_result, frames, seed):
+def test_limits_are_kept_whatever_comes(small_result, frames):
     """Drop-outs, leaps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
-    draw = np.random.default_rng(seed)
+    draw = np.random.default_rng(0)
     live = mp.Live.of(small_result, clock=None)
     count = 250
     time = np.cumsum(draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02]))
@@ -148,31 +147,26 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
     assert moments[-1].distance < 2.0
 
 
-@pytest.mark.parametrize(
-    ("points", "time", "words"),
-    [
+def test_wrong_frames_are_refused_and_change_nothing(small_result, frames):
+    """The error names what is wrong; the next good frame is processed as if nothing had happened."""
+    live, other = mp.Live.of(small_result, clock=None), mp.Live.of(small_result, clock=None)
+    live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
+    for points, time, words in (
         (np.zeros((3, 3)), 1.0, "points must have shape"),
         ("nothing", 1.0, "points must be numbers"),
         ({"Spine": [0.0, 0.0]}, 1.0, "Spine"),
         ({"Nose": [0.0, 0.0, 0.0]}, 1.0, "unknown point 'Nose'.*'Spine'"),
         ({3: None}, 1.0, "unknown point 3"),
         ([[np.inf] * 3] * 7, 1.0, "within ±1e\\+12"),
-        ([[1e308] * 3] * 7, 1.0, "found 1e\\+308"),
         ([[10**400] * 3] * 7, 1.0, "points must be numbers"),
         (np.full((7, 3), 1j), 1.0, "points must be numbers"),
         (None, np.nan, "time"),
-        (None, 1e300, "time"),
         (None, 0.0, "later than 0"),
         (None, "now", "time"),
         (None, None, "time is required"),
-    ],
-)
-def test_wrong_frames_are_told_and_change_nothing(small_result, frames, points, time, words):
-    """What is wrong is said; the next good frame is taken as if nothing had been."""
-    live, other = mp.Live.of(small_result, clock=None), mp.Live.of(small_result, clock=None)
-    live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
-    with pytest.raises(InvalidInputError, match=words):
-        live.step(points, time)
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            live.step(points, time)
     assert_array_equal(live.step(frames[0][1], 0.02).joint_positions, other.step(frames[0][1], 0.02).joint_positions)
 
 
@@ -182,6 +176,7 @@ def test_wrong_frames_are_told_and_change_nothing(small_result, frames, points, 
         ({"start": np.zeros(3)}, "start"),
         ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: in this posture"),
         ({"hold_after": 0.0}, "hold_after"),
+        ({"clock": 5}, "clock"),
         ({"spec": "velocity"}, "spec must be of type EllipsoidSpec"),
         ({"random_state": -1}, "random_state"),
         ({"path": np.zeros((3, 3))}, "PlacedPath"),
@@ -208,7 +203,7 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
     points, time = frames
     live = mp.Live.of(small_result, clock=None)
     moments = played(live, points, time / 6.0)
-    moments += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 300)]
+    moments += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
     errors = {state: [one.tip_error for one in moments if one.state == state] for state in (FOLLOWING, LAGGING)}
     assert max(errors[FOLLOWING]) <= FAR
     assert max(errors[LAGGING]) > FAR

@@ -7,7 +7,6 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import maniport as mp
-from maniport.errors import InvalidInputError
 
 TICK = 0.01
 
@@ -52,11 +51,9 @@ def senders():
     even = TICK * np.arange(300)
     draw = np.random.default_rng(0)
     stalled = np.where(even % 0.5 < 0.3, np.ceil(even / 0.5) * 0.5 + 1e-4 * np.arange(300), even)
-    cases = {"+90 ms": (10 * even, even), "3 × the frame rate": (even / 3, even)}
-    cases |= {"without pauses": (even, 4e-4 * np.arange(300))}
+    cases = {"3 × the frame rate": (even / 3, even)}
     cases |= {"bursts after stalls": (even, np.maximum.accumulate(stalled))}
     cases |= {"noise": (even, np.sort(even + draw.uniform(-TICK, TICK, 300)))}
-    cases |= {"all at once": (even, np.repeat(even[::10], 10))}
     return cases
 
 
@@ -104,13 +101,6 @@ def test_a_long_step_is_not_made_up_for(small_result, led):
         clock.now += 1e-3 if i % 10 == 5 else TICK
     far = np.abs(np.diff(q, axis=0)) / limits.velocity
     assert (far <= np.diff(sent)[:, None] + 2e-3 + 1e-9).all()
-
-
-@pytest.mark.parametrize("clock", [5, lambda: "now", lambda: float("nan"), lambda: float("inf")])
-def test_a_clock_that_is_none_is_refused(small_result, clock):
-    """By what it must be; a clock that returns nonsense moves nothing."""
-    with pytest.raises(InvalidInputError, match="clock"):
-        mp.Live.of(small_result, clock=clock).step(None)
 
 
 def test_a_clock_that_goes_back_stops_the_robot(small_result, led):

@@ -90,7 +90,7 @@ def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
                 guest.sendto(line, ("127.0.0.1", port))
                 found.append(json.loads(guest.recv(9999)))
             os.kill(os.getpid(), signal.SIGINT)
-            while found[-1]["state"] != "holding":
+            while found[-1].get("state") != "holding":  # a slow start answers several greetings
                 found.append(json.loads(guest.recv(9999)))
 
     sender = threading.Thread(target=send)

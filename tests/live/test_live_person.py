@@ -8,7 +8,7 @@ import maniport as mp
 from maniport.bodies.human import human_arm
 from maniport.demonstrations import frame_kernel, performed
 from maniport.demonstrations.directions import Directions
-from maniport.live.person import Person, updated
+from maniport.live.person import Person
 
 
 def moving(side, rate=120.0):
@@ -77,13 +77,3 @@ def test_one_frame_is_compiled_as_many_are(person, names):
         assert_allclose(cost, r @ r)
         assert_allclose(gradient, j.T @ r, atol=1e-12)
         assert_allclose(hessian, j.T @ j, atol=1e-12)
-
-
-def test_covariances_are_updated_as_by_kalman():
-    """The covariance after an information of the angles is the inverse of the sum of informations."""
-    draw = np.random.default_rng(1)
-    root, rows = draw.normal(size=(6, 6)), draw.normal(size=(3, 3))
-    covariance, information = root @ root.T + np.eye(6), rows @ rows.T
-    whole = np.linalg.inv(covariance)
-    whole[:3, :3] += information
-    assert_allclose(updated(covariance, information), np.linalg.inv(whole), atol=1e-10)

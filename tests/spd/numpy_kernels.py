@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.spd.kernels import Moments, factored, mandel_indices, symmetrize
+from maniport.spd.kernels import Moments, mandel_indices, symmetrize
 
 NEAR = 1e-3
 
@@ -15,17 +15,6 @@ def compose(values, vectors):
 def congruence(left, matrices):
     """Build L M Lᵀ."""
     return symmetrize(left @ matrices @ np.swapaxes(left, -1, -2))
-
-
-def distances(a, b):
-    """Affine-invariant distances."""
-    return np.asarray(2.0 * np.linalg.norm(np.log(factored(a, b).singular), axis=-1))
-
-
-def power_congruence(left, points, power, right):
-    """Build R (L X Lᵀ)^s Rᵀ."""
-    values, vectors = np.linalg.eigh(congruence(left, points))
-    return congruence(right, compose(values**power, vectors))
 
 
 def moments(points, whitening, weights, sizes, curved):

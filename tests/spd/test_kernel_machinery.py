@@ -27,26 +27,6 @@ def test_threads_change_no_bit(d, random_spd, monkeypatch):
         assert_array_equal(together[:1000], alone[-1000:])
 
 
-@pytest.mark.parametrize("threads", [1, 4])
-def test_parts_cover_a_batch_once(threads, monkeypatch):
-    """Every matrix belongs to one part, and an error in a part reaches the caller."""
-    monkeypatch.setattr(kernels.config, "NUMBA_NUM_THREADS", threads)
-    for count in (0, 1, 16, 123_456):
-        counted = np.zeros(count, int)
-
-        def work(first, last, counted=counted):
-            counted[first:last] += 1
-
-        kernels.in_parts(work, count, 3)
-        assert np.all(counted == 1)
-
-    def fail(first, last):
-        raise KeyError(first)
-
-    with pytest.raises(KeyError):
-        kernels.in_parts(fail, 123_456, 3)
-
-
 def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     """Kernels may be called from several threads at once."""
     x = random_spd(np.random.default_rng(1), (500,), 3)

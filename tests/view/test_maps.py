@@ -10,8 +10,7 @@ from maniport import ParallelTransport
 from maniport.bodies import EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.transfer import METHODS
-from maniport.view.maps import AS_FOUND, GIVEN, Methods, Refitting
+from maniport.view.maps import GIVEN, Methods, Refitting
 
 TURN = Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix()
 
@@ -20,33 +19,6 @@ TURN = Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix()
 def domains(arms):
     """Small domains of both arms, and ellipsoids of the person that are not in them."""
     return sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1), sample_domain(arms[0], 8, 5)
-
-
-def test_every_method_is_offered(all_maps):
-    """Those of the library, and ICP's result as found; warnings of the fits become notes."""
-    assert set(all_maps) == {AS_FOUND, *METHODS}
-    assert all(isinstance(note, str) for found in all_maps.values() for note in found.notes)
-
-
-@pytest.mark.parametrize("name", ["raw-copy", "parallel-transport", "nearest-neighbor"])
-def test_maps_are_those_of_the_library(all_maps, domains, name):
-    """At the identity, a map gives what its adapter gives."""
-    teacher, student, some = domains
-    options = {"mounting": np.eye(3)} if "mounting" in METHODS[name]().get_params() else {}
-    adapter = METHODS[name](damping=0.01, **options).fit(teacher, student)
-    found = np.array([all_maps[name].transform(one) for one in some])
-    assert found == pytest.approx(adapter.transform(some), abs=1e-12)
-
-
-@pytest.mark.parametrize("name", [AS_FOUND, *METHODS])
-def test_a_mounting_is_a_change_of_axes(domains, all_maps, name):
-    """Turning all of the person's ellipsoids and taking the turn back by the mounting gives the same map."""
-    teacher, student, some = domains
-    turned = Methods(TURN.T @ teacher @ TURN, student).fit(name, TURN)
-    for one in some:
-        seen = TURN.T @ one @ TURN
-        image = turned.transform(0.5 * (seen + seen.T))
-        assert image == pytest.approx(all_maps[name].transform(one), abs=2e-5)
 
 
 def test_a_given_adapter_keeps_its_mounting(arms, domains):

@@ -16,10 +16,9 @@ from scipy.spatial.transform import Rotation
 from maniport.bodies import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
 from maniport.live import Moment
-from maniport.view.panel import OWN, RECORDING, SLIDERS
+from maniport.view.panel import OWN
 from maniport.view.scene import ROBOT_AT, camera_for
 from maniport.view.server import LiveView, Onlooker, require_free
-from maniport.view.state import ViewState
 
 pytest.importorskip("viser")
 RING = 0.65 * 0.3
@@ -107,26 +106,6 @@ def test_sliders_rings_and_list_show_one_mounting(make_view):
     assert [slider.value for slider in panel._angles] == [0.0, 0.0, 0.0]
 
 
-def test_a_recording_plays_until_sliders_are_chosen(make_view):
-    """The time slider seeks, and the joint sliders continue from the recording."""
-    view = make_view(recorded=True)
-    panel, player = view._panel, view.state.playback
-    first = panel.read(0.0).joints
-    assert np.abs(panel.read(0.5).joints - first).max() > 0.01
-    assert player.position == pytest.approx(0.5)
-    panel._time.value = 1.5
-    panel.read(0.1)
-    panel._plays.value = False
-    panel.read(0.1)
-    assert player.position == pytest.approx(1.5)
-    panel._source.value = SLIDERS
-    assert panel.read(0.1).joints == pytest.approx(player.joints(), abs=1e-6)
-    assert panel._folders[0].visible
-    panel._source.value = RECORDING
-    panel.read(0.1)
-    assert not panel._folders[0].visible
-
-
 def test_errors_before_the_page_is_complete(make_view, make_state, monkeypatch):
     """A robot without a surface is a skeleton; Ctrl-C leaves no server behind."""
 
@@ -164,31 +143,6 @@ def test_frames_arrive_whole_and_meshes_once(make_view, running):
     assert len(shapes) == len(set(shapes)) == len(view.state.robot.surfaces())
     for frame in moving(windows)[1:]:
         assert {(name, "SetPositionMessage") for name in moves} <= set(frame)
-
-
-def test_a_page_of_both_arms(make_state):
-    """Sliders, headlines and ellipsoids of each; motions of both are not recorded."""
-    from test_state import METHOD, load_arms, sides_of
-
-    robot = load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
-    page = LiveView(ViewState(robot, list(sides_of(robot))), METHOD, np.eye(3))
-    try:
-        panel = page._panel
-        assert len(panel._sliders) == 14
-        panel._sliders[10].value = 45.0
-        assert panel.read(0.0).joints[10] == pytest.approx(np.pi / 4)
-        assert all(f"{side}: distance" in panel._head.content for side in ("left", "right"))
-        assert panel._ellipsoids.content.count("achieved") == 2
-        frames = page.state.frames(panel.read(0.0), 0.0)
-        page._scene.draw(frames)
-        for side, frame, name in zip(page._scene.sides, frames, ("left", "right"), strict=True):
-            part = side.achieved._parts[0]
-            assert part.name == f"/robot/{name}/achieved"
-            np.testing.assert_allclose(part.position, frame.student_skeleton[-1], atol=1e-6)
-        panel._record.value = True
-        assert not panel.records
-    finally:
-        page.stop()
 
 
 def test_a_browser_shows_the_page(make_view, running, browser):

@@ -13,11 +13,8 @@ from maniport.errors import FileFormatError
 from maniport.view.shapes import (
     SIZE,
     RobotBody,
-    bones,
     find_surfaces,
     from_roll_pitch_yaw,
-    quaternion,
-    rings,
     roll_pitch_yaw,
     rotation_of,
     shell,
@@ -33,14 +30,6 @@ def test_roll_pitch_yaw_give_the_rotation_back(roll, pitch, yaw):
     assert from_roll_pitch_yaw(roll_pitch_yaw(rotation)) == pytest.approx(rotation, abs=1e-7)
 
 
-@pytest.mark.parametrize("pitch", [90.0, -90.0])
-def test_roll_pitch_yaw_at_the_poles(pitch):
-    """Straight up and down, where roll and yaw turn about one axis, the rotation comes back too."""
-    rotation = from_roll_pitch_yaw(np.array([30.0, pitch, -50.0]))
-    assert from_roll_pitch_yaw(roll_pitch_yaw(rotation)) == pytest.approx(rotation, abs=1e-7)
-    assert rotation_of(quaternion(rotation)) == pytest.approx(rotation)
-
-
 def test_a_scaled_and_turned_ball_is_the_ellipsoid():
     """Axes and turn put together give the matrix, in the size that it is drawn in."""
     root = np.random.default_rng(0).normal(size=(3, 3))
@@ -49,23 +38,6 @@ def test_a_scaled_and_turned_ball_is_the_ellipsoid():
     drawn = rotation @ np.diag(np.square(semi_axes)) @ rotation.T
     assert drawn == pytest.approx(SIZE**2 * root @ root.T)
     assert min(shell(np.diag([1.0, 0.5, 0.0]))[0]) > 0, "a flat ellipsoid can be seen"
-
-
-def test_rings_are_three_closed_lines_about_the_ball():
-    """Each line starts where the one before it ends; all corners lie a trace outside, in a plane of symmetry."""
-    lines = rings(16).reshape(3, 16, 2, 3)
-    assert lines[:, :, 1] == pytest.approx(np.roll(lines[:, :, 0], -1, axis=1))
-    assert np.linalg.norm(lines, axis=-1) == pytest.approx(1.0, abs=0.01)
-    assert np.linalg.norm(lines, axis=-1).min() > 1.0
-    assert sorted(np.abs(lines).max(axis=(1, 2)).argmin(axis=-1)) == [0, 1, 2]
-
-
-def test_bones_lie_along_the_polyline():
-    """A bone's z axis, times its length, leads from each point to the next, in all directions."""
-    points = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0.5], [1, 2, 0.5], [1, 2, 0.5], [0.3, 0.2, 0.1]], dtype=float)
-    turns, starts, lengths = bones(points)
-    ends = starts + lengths[:, None] * np.array([rotation_of(turn)[:, 2] for turn in turns])
-    assert ends == pytest.approx(points[1:], abs=1e-5)
 
 
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.3]])
@@ -116,21 +88,6 @@ def test_each_piece_of_the_surface_moves_with_its_joint(panda):
             at = drawn(scene.nodes[f"/robot/surface/{joint}"], CORNERS)
             assert at == pytest.approx(CORNERS @ pose[:3, :3].T + pose[:3, 3], abs=1e-12)
     assert drawn(scene.nodes["/robot/surface/0"], CORNERS) == pytest.approx(CORNERS)
-
-
-def test_either_the_surface_is_seen_or_the_skeleton(panda):
-    """The wish decides; without a surface it is the skeleton in any case, and what is unseen is left where it is."""
-    frame, other = (frame_of(panda, joints) for joints in panda.sample(2, 1))
-    for surfaces in ((Surface(5, CORNERS, SIDES),), ()):
-        scene = Notes()
-        body = RobotBody(scene, "/robot", surfaces, frame)
-        for covered in (True, False, True):
-            body.draw(other if covered else frame, covered)
-            shown = covered and bool(surfaces)
-            assert scene.nodes["/robot/surface"].visible is shown
-            assert scene.nodes["/robot/skeleton"].visible is not shown
-        at = scene.nodes["/robot/skeleton/hand"].position
-        assert np.allclose(at, (frame if surfaces else other).student_skeleton[-1])
 
 
 def test_why_a_robot_is_bare_is_told(panda, monkeypatch):

@@ -84,17 +84,6 @@ def test_the_end_effector_follows_on_request(make_state, place):
     assert np.linalg.norm(frame.student_skeleton[-1] - frame.target_tip) == pytest.approx(frame.position_error)
 
 
-def test_joints_at_limits(make_state):
-    """The person's are clipped, the robot's are named."""
-    state = make_state()
-    arm, robot = state.sides[0].teacher, state.robot
-    assert advance(state, joints=arm.upper + 3.0).teacher_joints == pytest.approx(arm.upper)
-    state.joints = 0.5 * (robot.lower + robot.upper)
-    assert advance(state, seconds=0.0).at_limit == ()
-    state.joints[3] = robot.lower[3]
-    assert advance(state, seconds=0.0).at_limit == (robot.joint_names[3],)
-
-
 @pytest.mark.parametrize("more", [{"joints": np.full(7, np.nan)}, {"joints": np.zeros(3)}, {"method": "magic"}])
 def test_invalid_commands_are_refused(make_state, more):
     """Nan, a wrong number of joints, and unknown methods."""
@@ -120,15 +109,6 @@ def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, arms):
     assert flat.target_ellipsoid == pytest.approx(good.target_ellipsoid)
     assert state.sides[0].gaps(flat.demonstrated_ellipsoid)[GIVEN] is None
     assert advance(state, GIVEN).note == ""
-
-
-def test_gaps_of_all_methods(make_state):
-    """Targets of nearest neighbors are feasible; others may not be."""
-    state = make_state()
-    gaps = state.sides[0].gaps(advance(state).demonstrated_ellipsoid)
-    assert set(gaps) == set(state.methods)
-    assert gaps.pop("nearest-neighbor") < 0.02
-    assert max(gaps.values()) > 0.05
 
 
 def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):

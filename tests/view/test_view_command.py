@@ -1,7 +1,6 @@
 """The command `maniport view`: it starts, prints where, and ends with Ctrl-C."""
 
 import signal
-import socket
 import subprocess
 import sys
 import urllib.request
@@ -129,14 +128,3 @@ def test_bad_words_end_with_one_sentence(run, words, told):
     assert (code, out) == (2, "")
     assert told in err
     assert "Traceback" not in err
-
-
-def test_a_port_that_is_taken_is_told_before_any_work(run):
-    """Someone else's port ends the command at once; the sentence says what to do instead."""
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        code, _, err = run("--port", other.getsockname()[1])
-    assert code == 2
-    assert "Port 0 takes a free one" in err
-    assert "fit all methods" not in err

@@ -1,9 +1,9 @@
-"""The compiled search for the joint angles of one frame."""
+"""Compiled steps of the estimate of a person's arm in one frame."""
 
 import numpy as np
 
 from maniport.demonstrations.frame_kernel import frame_terms
-from maniport.jit import kernel
+from maniport.jit import kernel, part
 from maniport.tracking.kernels import step_within_limits
 
 
@@ -60,3 +60,83 @@ def search(q, targets, weights, body, held, mean, prior, max_iterations, gain, h
         else:
             damping[:] = max(1e-3, 8.0 * damping[0])
     return square
+
+
+@kernel
+def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, held, information, gain):  # type: ignore[no-untyped-def]
+    """Predict angles, velocities and covariance after dt, search with the frame, and update; also return |r|².
+
+    Velocities decay by a factor; `noise` (dof,) is the variance of the accelerations, `information` that on each joint
+    without any measurement.
+    """
+    lower, upper, _, _ = held
+    n = len(q)
+    transition = np.eye(2 * n)
+    for j in range(n):
+        transition[j, n + j], transition[n + j, n + j] = dt, decay
+    predicted = transition @ covariance @ np.ascontiguousarray(transition.T)
+    for j in range(n):
+        predicted[j, j] += dt**4 * noise[j]
+        predicted[j, n + j] += dt**3 * noise[j]
+        predicted[n + j, j] += dt**3 * noise[j]
+        predicted[n + j, n + j] += dt**2 * noise[j]
+    mean = np.minimum(np.maximum(q + dt * velocity, lower), upper)
+    prior = np.linalg.inv(np.ascontiguousarray(predicted[:n, :n]))
+    seen, used = targets.copy(), weights.copy()
+    for i in range(len(targets)):
+        if np.isnan(targets[i, 0]):
+            seen[i], used[i] = 0.0, 0.0
+    found, measured = mean.copy(), np.empty((n, n))
+    square = search(found, seen, used, body, held, mean, prior, 6, gain, measured)
+    change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (prior @ (found - mean))
+    for j in range(n):
+        if (found[j] <= lower[j] and change[j] < 0.0) or (found[j] >= upper[j] and change[j] > 0.0):
+            change[j] = 0.0
+    return found, change, updated(predicted, measured, information), square
+
+
+@kernel
+def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
+    """Covariance (2n, 2n) after a measured information (n, n) on the first n, and one on each of them."""
+    n = len(measured)
+    rows, total = covariance[:n].copy(), measured + information * np.eye(n)
+    left = np.eye(n) + total @ np.ascontiguousarray(rows[:, :n])
+    reduced = covariance - np.ascontiguousarray(rows.T) @ np.linalg.solve(left, total @ rows)
+    return 0.5 * (reduced + reduced.T)
+
+
+@kernel
+def trunk_directions(positions, linear, forward, shortest):  # type: ignore[no-untyped-def]
+    """Unit vectors (k, 3) in the trunk frame of points (n, 3), nan where a point is not seen.
+
+    `linear` (k + 2, n) gives the vectors, of which the last two are the trunk's upward axis and its second axis, x
+    where `forward`, else y.
+    """
+    vectors, targets, axes = np.zeros((len(linear), 3)), np.zeros((len(linear) - 2, 3)), np.empty((3, 3))
+    for i in range(len(linear)):
+        for n in range(len(positions)):
+            if linear[i, n] != 0.0:
+                vectors[i] += linear[i, n] * positions[n]
+    z, across = scaled(vectors[-2], shortest), vectors[-1]
+    second = scaled(across - (across * z).sum() * z, shortest)
+    axes[2] = z
+    if forward:
+        axes[0], axes[1] = second, cross(z, second)
+    else:
+        axes[0], axes[1] = cross(second, z), second
+    for i in range(len(targets)):
+        targets[i] = (axes * scaled(vectors[i], 0.0)).sum(axis=1)
+    return targets
+
+
+@part
+def scaled(vector, shortest):  # type: ignore[no-untyped-def]
+    """Scale a vector to length one; nan where it is no longer than `shortest`."""
+    length = np.sqrt((vector * vector).sum())
+    return vector / (length if length > shortest else np.nan)
+
+
+@part
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """Cross product of two vectors."""
+    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))

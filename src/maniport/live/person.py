@@ -25,8 +25,8 @@ from maniport.demonstrations.initial_path import KEY_RATE, MOTION_SCALE, RESIDUA
 from maniport.demonstrations.jumps import FASTEST_JOINT
 from maniport.demonstrations.observation import vectors_of
 from maniport.demonstrations.path_solver import LEAST_GAIN
-from maniport.demonstrations.roles import Basis, across_role, direction, points_of, trunk_axes, unit
-from maniport.live.kernels import search
+from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, points_of
+from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.validation import Array
 
 MAX_SPEED = math.radians(FASTEST_JOINT)
@@ -69,11 +69,8 @@ class Person:
 
     def directions(self, positions: Array) -> Array | None:
         """Directions (k, 3) in the trunk frame of points (n, 3), nan where not seen; None without arm or trunk."""
-        hidden = np.asarray(np.isnan(positions).any(axis=1))
-        vectors = self._linear @ np.where(hidden[:, None], 0.0, positions)
-        vectors[(self._linear[:, hidden] != 0.0).any(axis=1)] = np.nan
-        targets = unit(vectors[:-2]) @ trunk_axes(vectors[-2], vectors[-1], self._forward)
-        return None if np.isnan(targets[: len(self._least_jump)]).any() else np.ascontiguousarray(targets)
+        targets = trunk_directions(positions, self._linear, self._forward, SHORTEST)
+        return None if np.isnan(targets[: len(self._least_jump)]).any() else targets
 
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
         """Ellipsoid (d, d) of joint angles (dof,), and the position of the hand (3,) [m], in the trunk frame."""
@@ -110,22 +107,25 @@ class Person:
             costs += np.sum((starts - near) ** 2, axis=1) / MOTION_SCALE**2
         best = int(np.argmin(costs))
         covariance = np.diag((np.repeat([PRIOR, 20.0], n) / MEASUREMENT_ERROR) ** 2)
-        covariance = updated(covariance, information[best] + PRIOR_INFORMATION * np.eye(n))
+        covariance = updated(covariance, information[best], PRIOR_INFORMATION)
         return ArmEstimate(starts[best], np.zeros(n), covariance, targets)
 
     def follow(self, before: ArmEstimate, targets: Array, dt: float) -> ArmEstimate:
         """Estimate the arm a time dt [s] after an estimate; joints that no point shows come to rest within 0.25 s."""
-        (lower, upper, _, _), n = self._held, self.arm.dof
-        mean, velocity, covariance = predicted(before, dt, math.exp(-dt / 0.25), self._noise)
-        mean = np.minimum(np.maximum(mean, lower), upper)
-        weights = np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
-        q, information, prior = mean.copy(), np.empty((n, n)), np.linalg.inv(covariance[:n, :n])
-        square = search(
-            q, np.nan_to_num(targets), weights, self._body, self._held, mean, prior, 6, LEAST_GAIN, information
+        q, velocity, covariance, square = follow(
+            before.q,
+            before.velocity,
+            before.covariance,
+            targets,
+            dt,
+            math.exp(-dt / 0.25),
+            self._noise,
+            self._weights,
+            self._body,
+            self._held,
+            PRIOR_INFORMATION,
+            LEAST_GAIN,
         )
-        velocity += covariance[n:, :n] @ (prior @ (q - mean))
-        velocity[((q <= lower) & (velocity < 0.0)) | ((q >= upper) & (velocity > 0.0))] = 0.0
-        covariance = updated(covariance, information + PRIOR_INFORMATION * np.eye(n))
         since_search = before.since_search + dt
         if square > RESIDUAL_SCALE**2 and since_search > 1.0 / KEY_RATE:
             # the arm may be in a wrong local minimum: then another configuration is worth the motion to it
@@ -134,22 +134,3 @@ class Person:
                 return other
             since_search = 0.0
         return ArmEstimate(q, velocity, covariance, targets, since_search)
-
-
-def predicted(before: ArmEstimate, dt: float, decay: float, noise: Array) -> tuple[Array, Array, Array]:
-    """Angles, velocities and covariance after dt; velocities decay, `noise` (dof,) is the accelerations' variance."""
-    n = len(before.q)
-    joints, transition = np.arange(n), np.eye(2 * n)
-    transition[joints, n + joints], transition[n + joints, n + joints] = dt, decay
-    covariance = transition @ before.covariance @ transition.T
-    for row, column, power in ((0, 0, 4), (0, n, 3), (n, 0, 3), (n, n, 2)):
-        covariance[row + joints, column + joints] += dt**power * noise
-    return before.q + dt * before.velocity, decay * before.velocity, covariance
-
-
-def updated(covariance: Array, information: Array) -> Array:
-    """Covariance (2n, 2n) after a measurement with an information (n, n) on the first n."""
-    n = len(information)
-    gain = np.linalg.solve(np.eye(n) + information @ covariance[:n, :n], information @ covariance[:n])
-    updated = covariance - covariance[:, :n] @ gain
-    return np.asarray(0.5 * (updated + updated.T))
