@@ -3,7 +3,6 @@
 import os
 
 import pytest
-from fuzz.trial import READ, REFUSED, files, outcome
 
 from fuzz.__main__ import READ, REFUSED, mutation, outcome
 from fuzz.targets import TARGETS
