@@ -24,11 +24,9 @@ try:
 except ImportError:  # Windows: no locks, hence no removal
     fcntl = None  # type: ignore[assignment]
 
-EARLIER = ".earlier"
-"""Suffix of the former target where two folders cannot be exchanged in one operation."""
+EARLIER = ".earlier"  # Suffix of the former target where two folders cannot be exchanged in one operation
 
-_targets: dict[Path, Path] = {}
-"""Targets that this process is writing, by temporary path."""
+_targets: dict[Path, Path] = {}  # Targets that this process is writing, by temporary path
 _last: Path | None = None
 
 

@@ -12,8 +12,7 @@ from typing import Any, Self, TypeVar
 from maniport.errors import InvalidInputError
 
 E = TypeVar("E")
-LONGEST = 200
-"""Characters of a parameter that are shown."""
+LONGEST = 200  # Characters of a parameter that are shown
 
 
 class Estimator:

@@ -13,43 +13,28 @@ from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 
 MEGABYTE = 2**20
 
-ROBOT_BYTES = 16 * MEGABYTE
-"""Of a URDF, MJCF or SRDF."""
-MESH_BYTES = 256 * MEGABYTE
-"""Of a mesh, and of the buffers that a glTF names."""
+ROBOT_BYTES = 16 * MEGABYTE  # Of a URDF, MJCF or SRDF
+MESH_BYTES = 256 * MEGABYTE  # Of a mesh, and of the buffers that a glTF names
 RECORDING_BYTES = 512 * MEGABYTE
-KEYPOINTS_BYTES = 128 * MEGABYTE
-"""Of keypoints in JSON, which take ten times as much in memory."""
-ARRAYS_BYTES = 1024 * MEGABYTE
-"""Of the arrays that are taken out of an ``.npz`` file, as they are in memory."""
-SETTINGS_BYTES = MEGABYTE // 4
-"""Of what people write by hand."""
+KEYPOINTS_BYTES = 128 * MEGABYTE  # Of keypoints in JSON, which take ten times as much in memory
+ARRAYS_BYTES = 1024 * MEGABYTE  # Of the arrays that are taken out of an ``.npz`` file, as they are in memory
+SETTINGS_BYTES = MEGABYTE // 4  # Of what people write by hand
 
-TAGS = 500_000
-"""Tags in a robot's XML."""
-NESTING = 128
-"""How deep elements stand in one another; a native reader goes down into them with its stack."""
-LINKS = 1000
-"""Links (bodies) of a robot, and links in a row."""
+TAGS = 500_000  # Tags in a robot's XML
+NESTING = 128  # How deep elements stand in one another; a native reader goes down into them with its stack
+LINKS = 1000  # Links (bodies) of a robot, and links in a row
 
-INCLUDES = 64
-"""Files that a robot's file includes."""
+INCLUDES = 64  # Files that a robot's file includes
 
-SHAPES = 5000
-"""Of a robot."""
+SHAPES = 5000  # Of a robot
 
-NODES = 20_000
-"""Nodes of the scene in a mesh file; one that is drawn twice counts twice."""
-TRIANGLES = 10_000_000
-"""Triangles and, by themselves, points of one mesh, and triangles of all that a robot shows."""
+NODES = 20_000  # Nodes of the scene in a mesh file; one that is drawn twice counts twice
+TRIANGLES = 10_000_000  # Triangles and, by themselves, points of one mesh, and triangles of all that a robot shows
 
 FRAMES = 2_000_000
-POINTS = 5000
-"""Named points of a recording."""
-PLACES = 50_000_000
-"""Frames × points of a recording."""
-LINE = 2 * MEGABYTE
-"""Characters of a line of a table: `POINTS` places of 20 digits for each number fill half of it."""
+POINTS = 5000  # Named points of a recording
+PLACES = 50_000_000  # Frames × points of a recording
+LINE = 2 * MEGABYTE  # Characters of a line of a table: `POINTS` places of 20 digits for each number fill half of it
 FRAME_BYTES = MEGABYTE // 64
 """Of one frame that comes in live, as a line or a datagram: 150 points with long names; parsed in less than 1 ms."""
 NAME = 256

@@ -12,8 +12,7 @@ T = TypeVar("T")
 Progress = Callable[..., None]
 """Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
 
-Part = Callable[[float], None]
-"""Called with the fraction, from 0 to 1, of a piece of a step that is done."""
+Part = Callable[[float], None]  # Called with the fraction, from 0 to 1, of a piece of a step that is done
 
 ALMOST = 0.999
 """The largest fraction of a step before its end: whoever works at it last does not know what was found in all."""

@@ -13,8 +13,7 @@ from maniport.errors import InvalidInputError, NotSPDError, spoken, unknown_name
 Array = NDArray[np.float64]
 
 MIN_DIMENSION, MAX_DIMENSION = 2, 12
-SYMMETRY_TOLERANCE = 1e-8
-"""Largest |A - Aᵀ| that counts as rounding, relative to the largest entry."""
+SYMMETRY_TOLERANCE = 1e-8  # Largest |A - Aᵀ| that counts as rounding, relative to the largest entry
 SPD_TOLERANCE = 1e-14
 """Largest ratio of the smallest eigenvalue to the trace of a matrix that counts as singular.
 
@@ -22,10 +21,8 @@ It lies above the rounding of J Jᵀ with a rank-deficient J (about 1e-16) and a
 """
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-70, 1e70
 """Range of a nonzero trace: beyond it, products of eigenvalues overflow or underflow."""
-MAX_POSITION = 1e4
-"""Larger positions [m] are in another unit."""
-LATEST = 1e12
-"""Later times [s], even since 1970, are in another unit."""
+MAX_POSITION = 1e4  # Larger positions [m] are in another unit
+LATEST = 1e12  # Later times [s], even since 1970, are in another unit
 
 
 class Bounds(TypedDict, total=False):

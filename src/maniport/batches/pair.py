@@ -24,14 +24,11 @@ from maniport.telling.metrics import facts_of
 from maniport.telling.write import RUN_FILES, write_run, write_run_page
 from maniport.transfer import load_adapter
 
-PAIR = "pair.json"
-"""The file with the settings of a pair, the sizes of its files, and its row of the table."""
+PAIR = "pair.json"  # The file with the settings of a pair, the sizes of its files, and its row of the table
 
-ADAPTERS = "adapters"
-"""The folder of the adapters, which recordings of one person share."""
+ADAPTERS = "adapters"  # The folder of the adapters, which recordings of one person share
 
-_alone = Lock()
-"""Workers of Dask may have several threads, and warnings are caught for a whole process."""
+_alone = Lock()  # Workers of Dask may have several threads, and warnings are caught for a whole process
 _robots: dict[str, KnownRobot] = {}
 _adapters: dict[Path, Fitted] = {}
 

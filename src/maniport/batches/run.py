@@ -37,8 +37,7 @@ from maniport.transfer import DomainAdapter
 from maniport.validation import as_count, as_number
 from maniport.version import __version__
 
-Pair = tuple[str, str]
-"""Names of a recording and a robot."""
+Pair = tuple[str, str]  # Names of a recording and a robot
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ FAILED = "failed"
 
 TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
 
-COMPUTING = "computing_s"
-"""Processor time of a pair [s], the one column in which two runs of the same batch differ."""
+COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in which two runs of the same batch differ
 
 STATISTICS = ("median", "p95", "max")
 PARTS = ("upper arm", "forearm", "hand")

@@ -12,8 +12,7 @@ import numpy as np
 from maniport.bodies.chain import PRISMATIC, Chain
 from maniport.validation import Array
 
-Attachment = tuple[int, Array]
-"""After how many joints of the chain, and a vector (3,) in the frame of the last of them."""
+Attachment = tuple[int, Array]  # After how many joints of the chain, and a vector (3,) in the frame of the last of them
 
 
 class Attached:

@@ -52,11 +52,9 @@ JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup
 FRACTIONS = {"upper arm": 0.2817 / 1.741, "forearm": 0.2689 / 1.741, "hand": 0.108 * 0.0553 / 0.1741}
 """Length of each segment as a fraction of the body height."""
 
-LONGEST_SEGMENT = 1.0
-"""No segment of a human arm is as long as this [m]; larger values are most likely in another unit."""
+LONGEST_SEGMENT = 1.0  # No segment of a human arm is as long as this [m]; larger values are most likely in another unit
 
-BREADTH = 0.17
-"""How far a shoulder is from the middle of the trunk [m]."""
+BREADTH = 0.17  # How far a shoulder is from the middle of the trunk [m]
 
 
 def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:

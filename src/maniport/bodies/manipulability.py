@@ -95,8 +95,7 @@ class EllipsoidSpec:
         return f"{self.kind} ellipsoids ({self.part})"
 
 
-VELOCITY = EllipsoidSpec()
-"""The default: velocity ellipsoids of the translation."""
+VELOCITY = EllipsoidSpec()  # The default: velocity ellipsoids of the translation
 
 
 def manipulability(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:

@@ -160,8 +160,7 @@ def _console(
     return Console(as_json, quiet)
 
 
-prints = group("console", _console)
-"""Gives a command that has a parameter `console` the options of printing."""
+prints = group("console", _console)  # Gives a command that has a parameter `console` the options of printing
 
 
 def regularization(damping: float, floor: float | None) -> dict[str, float | None]:

@@ -148,8 +148,7 @@ def _options(
     """Define the options; nothing else."""
 
 
-moves = group("motion", _options, Motion)
-"""Gives a verb that has a parameter `motion` these options."""
+moves = group("motion", _options, Motion)  # Gives a verb that has a parameter `motion` these options
 moves_many = group("motion", _options, Motion, effort=BATCH_EFFORT, rate=BATCH_RATE)
 """The same for a verb that plans many motions."""
 

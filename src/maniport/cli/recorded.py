@@ -69,8 +69,7 @@ class Recorded:
         return roles
 
 
-takes_recording = cli.group("recorded", Recorded)
-"""Gives a command that has a parameter `recorded` these options."""
+takes_recording = cli.group("recorded", Recorded)  # Gives a command that has a parameter `recorded` these options
 
 
 def _job(
@@ -101,8 +100,6 @@ def _job(
     return {**fit, "method": method, **ellipsoids, "mounting": cli.rotation(mounting), "random_state": seed}
 
 
-transfers = cli.group("job", _job)
-"""Gives a command that has a parameter `job` the options of a transfer."""
+transfers = cli.group("job", _job)  # Gives a command that has a parameter `job` the options of a transfer
 
-transfers_many = cli.group("job", _job, method=BATCH_METHOD)
-"""The same for commands that transfer many recordings."""
+transfers_many = cli.group("job", _job, method=BATCH_METHOD)  # The same for commands that transfer many recordings

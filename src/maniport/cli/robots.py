@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 NO_ROBOT = "name the robot with --robot"
 
-ROUNDED = 5e-3
-"""Half of the last printed digit of limits [deg or m]; a printed limit may be given as a position."""
+ROUNDED = 5e-3  # Half of the last printed digit of limits [deg or m]; a printed limit may be given as a position
 
 
 def _one_arm(help: str, **more: Any) -> Any:
@@ -93,8 +92,7 @@ def _in_own_units(lock: Mapping[str, float], joints: Mapping[str, tuple[str, flo
     return positions
 
 
-takes_chain = group("chain", Chain)
-"""Gives a command that has a parameter `chain` these options."""
+takes_chain = group("chain", Chain)  # Gives a command that has a parameter `chain` these options
 
 Base = tuple[float, float, float, float]
 
@@ -161,5 +159,4 @@ class Pair:
         return load_arms(robots, self.frames, **options, lock=_in_own_units(chain.held, units))
 
 
-takes_pair = group("pair", Pair)
-"""Gives a command that has a parameter `pair` these options."""
+takes_pair = group("pair", Pair)  # Gives a command that has a parameter `pair` these options

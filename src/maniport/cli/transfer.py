@@ -19,8 +19,7 @@ from maniport.steps import Progress
 from maniport.telling.console import Console
 from maniport.telling.metrics import Report
 
-LOAD = "load the program"
-"""Name of the first step."""
+LOAD = "load the program"  # Name of the first step
 DEMOS = {
     "freeform": "A person moves the right arm freely for 8 s; the motion is transferred to a Panda.",
     "ladder": "A person climbs a ladder for 38 s, the hard case; the motion is transferred to a Panda.",

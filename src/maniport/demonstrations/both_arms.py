@@ -21,8 +21,7 @@ from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress, Step
 from maniport.validation import Array, as_number
 
-EACH = LEFT, RIGHT
-"""The order of a pair everywhere."""
+EACH = LEFT, RIGHT  # The order of a pair everywhere
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,7 @@ from maniport.demonstrations.roles import role_position
 from maniport.errors import InvalidInputError, RecordingError
 from maniport.validation import Array
 
-LEAST_LEAP = 0.1
-"""Least displacement of a point that is taken for lost for a moment [m]."""
+LEAST_LEAP = 0.1  # Least displacement of a point that is taken for lost for a moment [m]
 
 
 def repaired(recording: Recording, points: Sequence[str], roles: Mapping[str, Any]) -> Recording:

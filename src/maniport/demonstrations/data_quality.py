@@ -16,20 +16,15 @@ from maniport.validation import Array
 MEASUREMENT_ERROR = np.radians(1.0)
 """Assumed error of a direction of weight one [rad]; directions of less weight have more of it."""
 
-PRIOR = 1.0
-"""Standard deviation of a joint angle without any measurement [rad]."""
+PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
 
-AT_LIMIT = 1e-3
-"""A joint nearer to a limit than this is saturated [rad]."""
+AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
 
-MOST_FRAMES = 0.5
-"""Share of the frames above which a joint that is seen counts as determined."""
+MOST_FRAMES = 0.5  # Share of the frames above which a joint that is seen counts as determined
 
-LARGE = 10.0
-"""Excess over a limit of the model from which a warning is given [degrees]."""
+LARGE = 10.0  # Excess over a limit of the model from which a warning is given [degrees]
 
-NOTABLE = 1.0
-"""Excess over a limit of the model from which a note is given [degrees]."""
+NOTABLE = 1.0  # Excess over a limit of the model from which a note is given [degrees]
 
 
 def expected_error(slopes: Array) -> Array:

@@ -27,8 +27,7 @@ TURN = JOINTS.index("pro_sup")
 DEVIATION = JOINTS.index("deviation")
 FLEXION = JOINTS.index("flexion")
 
-AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}
-"""The joint whose axis each pair of markers shows."""
+AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint whose axis each pair of markers shows
 
 AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
 """The segment whose rotation about its own axis each pair of markers shows."""

@@ -22,14 +22,11 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.
 RECOGNIZED = ("m", "cm", "mm", "inch", "CMU")
 """Units that are recognized; `UPPER_ARM` is narrow enough that no two of them fit one length."""
 
-UPPER_ARM = (0.20, 0.42)
-"""Usual lengths of an upper arm [m], from a child of ten to the tallest adults."""
+UPPER_ARM = (0.20, 0.42)  # Usual lengths of an upper arm [m], from a child of ten to the tallest adults
 
-POSSIBLE_UPPER_ARM = (0.1, 0.6)
-"""Lengths of an upper arm [m] outside of which a declared unit is wrong."""
+POSSIBLE_UPPER_ARM = (0.1, 0.6)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
 
-LARGEST_ANGLE = 1e3
-"""Joint angles beyond this count as missing [rad]."""
+LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
 
 
 @dataclass(frozen=True)

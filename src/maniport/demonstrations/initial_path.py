@@ -12,12 +12,9 @@ from maniport.demonstrations.directions import Directions
 from maniport.demonstrations.path_solver import parts_of, solve_each
 from maniport.validation import Array
 
-KEY_RATE = 8.0
-"""Key frames per second."""
-RESIDUAL_SCALE = 0.02
-"""A residual that costs as much [rad] …"""
-MOTION_SCALE = 0.25
-"""… as this joint motion from one key frame to the next [rad]."""
+KEY_RATE = 8.0  # Key frames per second
+RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
+MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
 
 
 def initial_path(directions: Directions, time: Array) -> Array:

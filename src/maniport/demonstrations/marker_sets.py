@@ -10,11 +10,9 @@ import yaml
 
 from maniport.errors import InvalidInputError, unknown_name
 
-Group = tuple[str, ...]
-"""Names of points whose mean is taken."""
+Group = tuple[str, ...]  # Names of points whose mean is taken
 
-POINTS = ("shoulder", "elbow", "wrist", "hand")
-"""Roles of a point, or of the mean of several."""
+POINTS = ("shoulder", "elbow", "wrist", "hand")  # Roles of a point, or of the mean of several
 
 DIRECTIONS = {
     "elbow_axis": "medial to lateral",
@@ -26,13 +24,11 @@ DIRECTIONS = {
 """Roles of a pair of such points, and from which to which."""
 
 ROLES = (*POINTS, *DIRECTIONS)
-ARM = ("shoulder", "elbow", "wrist")
-"""Roles that make an arm."""
+ARM = ("shoulder", "elbow", "wrist")  # Roles that make an arm
 
 TRUNK = ("trunk_up", "trunk_front", "trunk_left")
 
-END = "EndSite"
-"""Prefix of the ends of chains in BVH files, before the name of the joint."""
+END = "EndSite"  # Prefix of the ends of chains in BVH files, before the name of the joint
 
 
 @cache

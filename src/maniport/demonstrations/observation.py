@@ -26,8 +26,7 @@ from maniport.demonstrations.smoothing import smoothed
 from maniport.errors import RecordingError
 from maniport.validation import Array
 
-SHORTEST_SEGMENT = 0.005
-"""Lower bound of the length of an arm segment [m]."""
+SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,7 @@ from maniport.validation import Array
 
 Residual = Callable[[Array], tuple[Array, Array]]
 
-BLOCK = 4096
-"""The most frames that are solved at once."""
+BLOCK = 4096  # The most frames that are solved at once
 
 LEAST_GAIN = 1e-5
 """A step that lowers the cost by a smaller share, and turns no joint by more than `smallest_step`, is the last."""

@@ -20,8 +20,7 @@ Bools = NDArray[np.bool_]
 
 UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 
-MAX_POSITION = 1e12
-"""Largest coordinate [m]: squares of distances stay finite."""
+MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
 
 LONGEST_GAP = 0.2
 """Default length of gaps that are interpolated [s]: the time in which a hand changes its speed appreciably."""

@@ -22,8 +22,7 @@ from maniport.demonstrations.recording import Recording
 from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
 from maniport.validation import Array, as_choice
 
-SHORTEST = 1e-4
-"""Shortest vector that has a direction [m]."""
+SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 
 
 def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right") -> dict[str, Any]:

@@ -28,8 +28,7 @@ people who climb and jump 0.002, keypoints of video 0.005 to 0.02."""
 LEAST_SHARE = 0.003
 """Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimetres."""
 
-CUTOFFS = np.geomspace(0.8, 12.0, 15)
-"""Candidate cutoff frequencies, at which half the amplitude is left [Hz]."""
+CUTOFFS = np.geomspace(0.8, 12.0, 15)  # Candidate cutoff frequencies, at which half the amplitude is left [Hz]
 
 
 def noise(track: Array, order: int = 6) -> float:

@@ -10,8 +10,7 @@ from maniport.demonstrations.directions import ELBOW, FLEXION, MARKED, TURN, req
 from maniport.demonstrations.recording import Recording
 from maniport.validation import Array, as_finite, as_times, require_shape
 
-HALF_WIDTH = 0.03
-"""Distance of the points beside elbow and wrist from the middle of the joint [m]."""
+HALF_WIDTH = 0.03  # Distance of the points beside elbow and wrist from the middle of the joint [m]
 
 TRUNK = {
     "trunk_low": (0.0, 0.0, -0.3),

@@ -18,14 +18,11 @@ from maniport.transfer.rigid_adapter import RigidAdapter, recentre
 from maniport.validation import Array, as_choice
 
 RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
-PROCRUSTES = "procrustes"
-"""Baselines by their names in `maniport.transfer.METHODS`, but for `Procrustes`."""
+PROCRUSTES = "procrustes"  # Baselines by their names in `maniport.transfer.METHODS`, but for `Procrustes`
 
-ROWS = (RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)
-"""The default baselines, cheapest first."""
+ROWS = (RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first
 
-EVERY_ROW = (*METHODS, PROCRUSTES)
-"""All methods that an adapter may be compared with."""
+EVERY_ROW = (*METHODS, PROCRUSTES)  # All methods that an adapter may be compared with
 
 
 class Procrustes(RigidAdapter):

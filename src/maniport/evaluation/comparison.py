@@ -29,8 +29,7 @@ from maniport.validation import Array, as_count, as_finite, as_generator, as_poi
 GAP_SEARCH = "feasibility gap"
 """The setting that describes the search of the gap; empty where at every ellipsoid of the profile, without a floor."""
 
-GAP_POINTS = 128
-"""Most ellipsoids of a profile whose feasibility gap is searched, evenly spread."""
+GAP_POINTS = 128  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
 
 
 def evaluate(

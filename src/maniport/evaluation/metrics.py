@@ -22,8 +22,7 @@ from maniport.transfer.lengths.report import AXIS_MOVED
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array, as_count, as_finite, as_points
 
-STILL = 1e-9
-"""Largest distance that is put down to rounding: nothing moves there."""
+STILL = 1e-9  # Largest distance that is put down to rounding: nothing moves there
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,11 @@ from maniport.transfer import METHODS
 from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE
 from maniport.validation import Array
 
-WORTH_WHILE = 0.95
-"""A value must fall below this fraction of another to count as better."""
+WORTH_WHILE = 0.95  # A value must fall below this fraction of another to count as better
 
-ROUGH = 1.5
-"""Largest step over the teacher's largest above which a method is rough."""
+ROUGH = 1.5  # Largest step over the teacher's largest above which a method is rough
 
-RESTLESS = 0.15
-"""Largest passing value of the identity test."""
+RESTLESS = 0.15  # Largest passing value of the identity test
 
 UNSTEADY = 5.0
 """Root mean squared angle between the rotations of several fits above which the rotation is unobservable [degrees]."""

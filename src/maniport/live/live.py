@@ -26,10 +26,8 @@ from maniport.tracking.plan.plan_control import require_free
 from maniport.transfer import DomainAdapter
 from maniport.validation import LATEST, Array, as_count, as_number, require_shape
 
-CONTROL_STEP = 0.01
-"""A longer time between two frames is shared among several control steps [s]."""
-Target = tuple[Array, Array | None]
-"""Ellipsoid (d, d) and position of the end effector (3,) [m]."""
+CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
+Target = tuple[Array, Array | None]  # Ellipsoid (d, d) and position of the end effector (3,) [m]
 
 
 class Live:

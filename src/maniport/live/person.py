@@ -29,10 +29,8 @@ from maniport.demonstrations.roles import SHORTEST, Basis, across_role, directio
 from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.validation import Array
 
-MAX_SPEED = math.radians(FASTEST_JOINT)
-"""Of a person's joints [rad/s]."""
-PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2
-"""Information on each joint that is there without any measurement."""
+MAX_SPEED = math.radians(FASTEST_JOINT)  # Of a person's joints [rad/s]
+PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2  # Information on each joint that is there without any measurement
 
 
 @dataclass(frozen=True)

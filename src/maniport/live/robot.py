@@ -17,11 +17,9 @@ from maniport.tracking.schedule import Schedule
 from maniport.tracking.search.descent import descend
 from maniport.validation import Array
 
-COLLISION_TIME = 0.1
-"""The clearance is used up with this time constant, or slower [s]."""
+COLLISION_TIME = 0.1  # The clearance is used up with this time constant, or slower [s]
+# This share of the acceleration that the slowest joint gives a stretched arm's end effector brakes it before its target
 BRAKING = 0.5
-"""This share of the acceleration that the slowest joint gives a stretched arm's end effector brakes it before its
-target."""
 REFERENCE_COST = 2.0
 """Cost of a radian away from the reference: high enough that a robot which is led faster than it can follow stays on
 its branch of configurations, and low enough that the end effector is on its path where it can be."""

@@ -16,10 +16,8 @@ from maniport.live.state import HOLDING, LAGGING, REACHING
 from maniport.live.transport import Datagrams, Line, Pipe
 from maniport.version import __version__
 
-BRAKING_STEP = 0.01
-"""Between two steps of a robot that brakes without frames [s]."""
-LONGEST_WAIT = 0.1
-"""The robot brakes after this time without a frame, or after twice the time between the last two [s]."""
+BRAKING_STEP = 0.01  # Between two steps of a robot that brakes without frames [s]
+LONGEST_WAIT = 0.1  # The robot brakes after this time without a frame, or after twice the time between the last two [s]
 CLOCK_JUMP = 0.1
 """A sender's clock that gains more than this on the clock here jumps; its next frame counts as measured now [s]."""
 

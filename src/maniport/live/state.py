@@ -17,10 +17,8 @@ STATES = (REACHING, FOLLOWING, LAGGING, HOLDING, RECOVERING)
 effector far from its path. `holding`: brakes and rests, since the person is not seen or jumps. `recovering`: returns to
 the target after that."""
 
-NEAR = 0.01
-"""The robot is at its target when its end effector is so near to it [m]."""
-FAR = 0.03
-"""The robot lags once its end effector is farther away than this, until it is near again [m]."""
+NEAR = 0.01  # The robot is at its target when its end effector is so near to it [m]
+FAR = 0.03  # The robot lags once its end effector is farther away than this, until it is near again [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -46,8 +46,7 @@ from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.validation import Array, as_choice
 
 KNOW = "get to know the robot"
-TURNED_APART = 5.0
-"""Where two adapters turn ellipsoids by more than this apart, that is told [degrees]."""
+TURNED_APART = 5.0  # Where two adapters turn ellipsoids by more than this apart, that is told [degrees]
 
 
 def transfer_both(
@@ -144,16 +143,11 @@ class BothJob:
     """What was asked for, checked; `run` reads as the data flows."""
 
     arms: Arms
-    each: tuple[Job, Job]
-    """What is done for each arm by itself, which does not move alone."""
-    spec: EllipsoidSpec
-    """Which ellipsoids of both, weights for all joints."""
-    whose: Mapping[str, Any]
-    """What `fit_arms` is told of the person."""
-    control: PlanControl | None
-    """How the motion is planned; None where the arms shall not move."""
-    tips: str
-    """What is kept of the hands' paths."""
+    each: tuple[Job, Job]  # What is done for each arm by itself, which does not move alone
+    spec: EllipsoidSpec  # Which ellipsoids of both, weights for all joints
+    whose: Mapping[str, Any]  # What `fit_arms` is told of the person
+    control: PlanControl | None  # How the motion is planned; None where the arms shall not move
+    tips: str  # What is kept of the hands' paths
     tell: Progress
 
     def run(self, motion: Recording) -> BothResult:

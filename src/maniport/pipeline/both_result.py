@@ -11,10 +11,8 @@ from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
 from maniport.tracking import PlannedArms
 
-FOLDERS = "left", "right"
-"""Where the data of each arm are, as of a run of one."""
-DATA_FILES = (*FOLDERS, *JOINT_FILES)
-"""What `BothResult.save` writes."""
+FOLDERS = "left", "right"  # Where the data of each arm are, as of a run of one
+DATA_FILES = (*FOLDERS, *JOINT_FILES)  # What `BothResult.save` writes
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from maniport.tracking.plan.planned_motion import Room
 from maniport.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
-DATA_FILES = (*PLACED_FILES, *JOINT_FILES)
-"""The files that `Execution.save` writes."""
+DATA_FILES = (*PLACED_FILES, *JOINT_FILES)  # The files that `Execution.save` writes
 
 
 class SavedResult(ShownInNotebooks):

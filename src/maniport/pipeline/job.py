@@ -23,8 +23,7 @@ from maniport.tracking import PlanControl
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import as_choice, as_count, as_rotation
 
-ORIENTATIONS = FREE, DEMONSTRATED, "constant"
-"""How the robot's tip may be turned."""
+ORIENTATIONS = FREE, DEMONSTRATED, "constant"  # How the robot's tip may be turned
 
 
 def transfer_recording(

@@ -26,8 +26,7 @@ from maniport.steps import Progress, Step, counted
 from maniport.subsample import evenly_spaced
 from maniport.validation import Array, as_choice, as_count, as_numbers
 
-FEWEST = 10
-"""A demonstration has at least so many frames."""
+FEWEST = 10  # A demonstration has at least so many frames
 
 Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
 

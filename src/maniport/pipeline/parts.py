@@ -11,11 +11,9 @@ from maniport.tracking import Planner
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
 
-Fitted = tuple[DomainAdapter, tuple[str, ...]]
-"""A fitted adapter, and what its fit warned of."""
+Fitted = tuple[DomainAdapter, tuple[str, ...]]  # A fitted adapter, and what its fit warned of
 
-FEWEST = 3
-"""Frames without which there is no motion to judge."""
+FEWEST = 3  # Frames without which there is no motion to judge
 
 
 @dataclass(frozen=True, eq=False)

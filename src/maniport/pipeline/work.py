@@ -34,19 +34,16 @@ from maniport.validation import Array
 
 T = TypeVar("T")
 
-FREE, DEMONSTRATED = "free", "demonstrated"
-"""Two ways in which the robot's tip may be turned."""
+FREE, DEMONSTRATED = "free", "demonstrated"  # Two ways in which the robot's tip may be turned
 
-BESIDE = ("raw-copy", "recentring", "parallel-transport")
-"""What the chosen method is compared with."""
+BESIDE = ("raw-copy", "recentring", "parallel-transport")  # What the chosen method is compared with
 
 
 @dataclass(frozen=True)
 class Job:
     """What was asked for, checked; `run` reads as the data flows."""
 
-    whose: Mapping[str, Any]
-    """What `fit_arm` is told of the person."""
+    whose: Mapping[str, Any]  # What `fit_arm` is told of the person
     robot: Arm
     adapter: DomainAdapter | Mapping[str, Any]
     """Unfitted; or the regularisation and the mounting of one that is to be chosen."""

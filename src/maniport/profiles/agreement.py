@@ -21,8 +21,7 @@ from maniport.steps import Progress, Step, counted
 from maniport.subsample import evenly_spaced
 from maniport.validation import Array
 
-FEWEST = 3
-"""Fewest demonstrations of which one can be left out."""
+FEWEST = 3  # Fewest demonstrations of which one can be left out
 
 
 @dataclass(frozen=True)

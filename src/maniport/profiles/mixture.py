@@ -18,8 +18,7 @@ from maniport.spd.mean import mean
 from maniport.steps import Part, counted
 from maniport.validation import Array, as_count, as_finite, require_shape
 
-STARVED = 1e-8
-"""A component that explains less than this many points keeps its mean and covariance."""
+STARVED = 1e-8  # A component that explains less than this many points keeps its mean and covariance
 
 
 def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -> Array:

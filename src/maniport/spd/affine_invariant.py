@@ -42,8 +42,7 @@ def distance(a: ArrayLike, b: ArrayLike) -> Array:
     return distances(points_a, points_b)
 
 
-distance_unchecked = distances
-"""Same as `distance` on float64 arrays that are known to be SPD."""
+distance_unchecked = distances  # Same as `distance` on float64 arrays that are known to be SPD
 
 
 def inner(base: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:

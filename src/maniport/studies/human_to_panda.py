@@ -21,8 +21,7 @@ from maniport.subsample import evenly_spaced
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.validation import Array
 
-FITTED_METHODS = ("icp", "lengths-field")
-"""Methods in every table besides the baselines."""
+FITTED_METHODS = ("icp", "lengths-field")  # Methods in every table besides the baselines
 
 RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
 

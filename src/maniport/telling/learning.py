@@ -28,8 +28,7 @@ from maniport.telling.recording import RECORDING
 from maniport.telling.runs import software
 from maniport.telling.summary import status_of
 
-AGREE, IN_PART = 0.2, 0.5
-"""Shares of the variance between demonstrations up to which they agree, and agree in part."""
+AGREE, IN_PART = 0.2, 0.5  # Shares of the variance between demonstrations up to which they agree, and agree in part
 
 HELD_OUT = ("learned", "plain_mean", "nearest_other", "one_for_all_times")
 

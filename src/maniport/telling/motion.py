@@ -29,8 +29,7 @@ from maniport.validation import Array
 AXIS_ANGLE = 30.0
 """Warning threshold of the median angle between the longest axes of target and achieved ellipsoids [degrees]."""
 
-EXCESS = 1e-3
-"""Relative excess of a limit without a warning: a solver keeps the limits of a tracker."""
+EXCESS = 1e-3  # Relative excess of a limit without a warning: a solver keeps the limits of a tracker
 
 
 @describe.register

@@ -19,8 +19,7 @@ from maniport.telling.metrics import INFO, WARNING, Metric, Report, Section, Sum
 SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
-ENDINGS = (".png", ".svg")
-"""Formats of the files of a figure."""
+ENDINGS = (".png", ".svg")  # Formats of the files of a figure
 
 # Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs.
 _MARKUP = re.compile(r"\\(?=[!-/:-@[-`{-~])|<(?=[A-Za-z/!?])|&(?=#?\w+;)|\](?=[(\[:])|^[#>]")

@@ -38,8 +38,7 @@ from maniport.transfer.rotation_group import rotation_angle
 from maniport.validation import Array
 from maniport.version import __version__
 
-STEP = "step"
-"""Key of warnings that a step of the run gave."""
+STEP = "step"  # Key of warnings that a step of the run gave
 
 
 @describe.register

@@ -13,8 +13,7 @@ from maniport.telling.page.content import Body, Motion
 from maniport.telling.roles import REFERENCE, ROLES, TARGET
 from maniport.validation import Array
 
-GREY = 190, 196, 204
-"""Color of arms."""
+GREY = 190, 196, 204  # Color of arms
 
 
 def write_scene(path: str | os.PathLike[str], motion: Motion) -> None:

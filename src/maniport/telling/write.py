@@ -33,10 +33,8 @@ FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms", "motion")
 EXPORTS = tuple(one.file for one in FORMATS.values())
 EXECUTION_FILES = (*MOTION_DATA, *TOLD, *EXPORTS, *files_of("motion"))
 """Files of an `Execution`. A folder with other files is not replaced."""
-LEARNED_FILES = (*LEARNED_DATA, *TOLD, *files_of("learned"))
-"""Files of a `LearnedProfile`."""
-RUN_FILES = (*DATA_FILES, *TOLD, *EXPORTS, *files_of(*FIGURES))
-"""Files of a `TransferResult`."""
+LEARNED_FILES = (*LEARNED_DATA, *TOLD, *files_of("learned"))  # Files of a `LearnedProfile`
+RUN_FILES = (*DATA_FILES, *TOLD, *EXPORTS, *files_of(*FIGURES))  # Files of a `TransferResult`
 BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS, *files_of("motions", "arms"))
 """Files of a `BothResult`, and folders with `RUN_FILES`."""
 

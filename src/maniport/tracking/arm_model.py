@@ -61,8 +61,7 @@ def robot_model(arm: Arm | Arms) -> pin.Model:
     return model
 
 
-Place = tuple[int, pin.SE3]
-"""A joint of a model, and a pose in its frame."""
+Place = tuple[int, pin.SE3]  # A joint of a model, and a pose in its frame
 
 
 def _grown(model: pin.Model, arm: Arm, prefix: str = "", trunk: Sequence[Place] = ()) -> list[Place]:

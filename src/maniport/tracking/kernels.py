@@ -5,8 +5,7 @@ import numpy as np
 from maniport.jit import kernel, part
 from maniport.spd.kernels.loops import diagonalize_one
 
-SINGULAR = 1e-14
-"""Smallest ratio of eigenvalues of an ellipsoid that is not taken for rounding."""
+SINGULAR = 1e-14  # Smallest ratio of eigenvalues of an ellipsoid that is not taken for rounding
 
 
 @kernel

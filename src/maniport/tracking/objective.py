@@ -27,8 +27,7 @@ from maniport.spd.regularization import Regularization
 from maniport.tracking.kernels import add_log_residual, add_residual, log_slopes
 from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
 
-Damping = float | Regularization | None
-"""How ellipsoids are damped before they are compared; see `as_damping`."""
+Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 
 DAMPING_SAMPLES = 4096
 
@@ -43,8 +42,7 @@ EXACT_WEIGHT = 1000.0
 
 POINTING, WHOLE = "pointing", "whole"
 """Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
-ORIENTATION_WEIGHT = 10.0
-"""Weight of a radian: 6° count as much as a distance of 1 between ellipsoids [1/rad]."""
+ORIENTATION_WEIGHT = 10.0  # Weight of a radian: 6° count as much as a distance of 1 between ellipsoids [1/rad]
 
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
 

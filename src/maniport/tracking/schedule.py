@@ -14,11 +14,9 @@ from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.tracking.objective import Objective, Targets
 from maniport.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
-MOST_SAMPLES = 3_000_000
-"""Of a motion, at its control rate."""
+MOST_SAMPLES = 3_000_000  # Of a motion, at its control rate
 
-MOST_BETWEEN = 8
-"""A finer schedule has at most so many pieces for each."""
+MOST_BETWEEN = 8  # A finer schedule has at most so many pieces for each
 
 
 @dataclass(frozen=True)

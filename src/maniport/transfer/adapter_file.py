@@ -19,8 +19,7 @@ from maniport.validation import as_count, as_finite, as_flag, as_number, as_posi
 
 FILE_FORMAT = "maniport-adapter-2"
 
-METHODS_BY_CLASS: dict[str, type] = {}
-"""Every class of adapters by its name; each enters itself."""
+METHODS_BY_CLASS: dict[str, type] = {}  # Every class of adapters by its name; each enters itself
 
 Law = Callable[[Any, str], Any]
 Schema = dict[str, tuple[tuple[str | int, ...], Law]]

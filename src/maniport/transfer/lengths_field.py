@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap
 
 
-HELD_OUT = 400
-"""Most samples that are held out of the fit."""
+HELD_OUT = 400  # Most samples that are held out of the fit
 
 
 class LengthsField(DomainAdapter):

@@ -22,15 +22,11 @@ from maniport.ports import LOOPBACK_NAMES, is_loopback
 from maniport.validation import MAX_POSITION
 
 LOG = logging.getLogger("maniport.view")
-MESSAGE_BYTES = 1 << 16
-"""Largest message; the page's own have a few hundred bytes."""
-MAX_PAGES = 64
-"""Pages that may be connected at the same time."""
-LOGGED = 5
-"""So many refusals of a kind are logged one by one, then every 10 000th."""
+MESSAGE_BYTES = 1 << 16  # Largest message; the page's own have a few hundred bytes
+MAX_PAGES = 64  # Pages that may be connected at the same time
+LOGGED = 5  # So many refusals of a kind are logged one by one, then every 10 000th
 LONGEST_TEXT = 200
-SHORTEST = 1e-6
-"""Least length of a direction or a quaternion, and distance between camera and its target [m]."""
+SHORTEST = 1e-6  # Least length of a direction or a quaternion, and distance between camera and its target [m]
 POSITIONS = {"position": 3, "look_at": 3}
 DIRECTIONS = {"wxyz": 4, "up_direction": 3}
 RANGES = {

@@ -16,8 +16,7 @@ from maniport.tracking import StartBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import Array, as_choice, as_rotation
 
-GIVEN = "adapter file"
-"""Name of an adapter that was given fitted."""
+GIVEN = "adapter file"  # Name of an adapter that was given fitted
 
 AS_FOUND = "icp, as found"
 """The result of ICP, also where it is not clearly better than its start, which ``"icp"`` keeps then."""

@@ -14,16 +14,14 @@ from maniport.validation import Array
 from maniport.view.maps import LiveMap
 from maniport.view.state import Frame, ViewState
 
-MEMORY = 10.0
-"""Seconds of the past that the curve shows."""
+MEMORY = 10.0  # Seconds of the past that the curve shows
 
 
 def _named(role: Role) -> str:
     return f'<span style="color: rgb{role.rgb}; margin-right: 0.9em; font-weight: bold">● {role.name}</span>'
 
 
-LEGEND = "".join(map(_named, (PERSON, TARGET, ACHIEVED)))
-"""The colors of the ellipsoids."""
+LEGEND = "".join(map(_named, (PERSON, TARGET, ACHIEVED)))  # The colors of the ellipsoids
 
 
 class History:

@@ -12,8 +12,7 @@ from maniport.view.numbers import History, ellipsoid_table, headlines, method_ta
 from maniport.view.shapes import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of
 from maniport.view.state import Command, Frame, ViewState
 
-STEP = 0.5
-"""Of the sliders of angles [degrees]."""
+STEP = 0.5  # Of the sliders of angles [degrees]
 RECORDING = "recording"
 SLIDERS = "sliders"
 MOUNTINGS = {

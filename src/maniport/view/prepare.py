@@ -27,8 +27,7 @@ from maniport.view.state import Side, ViewState
 TEACHER_SAMPLES = 2048
 STUDENT_SAMPLES = 4096
 BANK_SIZE = 16_384
-AT_ONCE = "parallel-transport"
-"""The method that is fitted before the page is there: it takes milliseconds."""
+AT_ONCE = "parallel-transport"  # The method that is fitted before the page is there: it takes milliseconds
 PREFERRED = "lengths-field"
 """The method that is shown as soon as it is fitted, within some seconds; `maniport transfer` mostly chooses it."""
 

@@ -14,11 +14,9 @@ from maniport.validation import Array
 from maniport.view.shapes import RobotBody, Shell, Skeleton, quaternion
 from maniport.view.state import Frame
 
-PERSON_AT = np.array([0.0, -0.6, 1.4])
-"""Base frame of the person [m], to the left for a viewer in front of them."""
+PERSON_AT = np.array([0.0, -0.6, 1.4])  # Base frame of the person [m], to the left for a viewer in front of them
 ROBOT_AT = np.array([0.0, 0.5, 0.7])
-FIELD_OF_VIEW = 45.0
-"""Vertical [degrees]."""
+FIELD_OF_VIEW = 45.0  # Vertical [degrees]
 PALE = (196, 201, 208)
 
 
@@ -31,8 +29,7 @@ class Layout:
     aside: float
 
 
-LAYOUTS = {1: Layout(2.4, 2.9, 0.0), 2: Layout(2.6, 4.2, 0.45)}
-"""By the number of arms."""
+LAYOUTS = {1: Layout(2.4, 2.9, 0.0), 2: Layout(2.6, 4.2, 0.45)}  # By the number of arms
 
 
 def camera_for(aspect: float, layout: Layout = LAYOUTS[1]) -> tuple[Array, Array]:

@@ -24,8 +24,7 @@ from maniport.view.scene import FIELD_OF_VIEW, LAYOUTS, Layout, Scene, camera_fo
 from maniport.view.shapes import find_surfaces
 from maniport.view.state import Frame, ViewState
 
-NUMBERS_PERIOD = 0.25
-"""Time between two updates of the numbers [s]; they could not be read faster."""
+NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
 
 
 class LiveView:

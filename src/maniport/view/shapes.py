@@ -11,8 +11,7 @@ from maniport.spd.ellipsoid import axes
 from maniport.validation import Array
 from maniport.view.state import Frame
 
-SIZE = 0.25
-"""Length at which a semi-axis of 1 m/s per rad/s is drawn [m]."""
+SIZE = 0.25  # Length at which a semi-axis of 1 m/s per rad/s is drawn [m]
 Color = tuple[int, int, int]
 
 

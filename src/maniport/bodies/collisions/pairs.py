@@ -18,14 +18,12 @@ from maniport.validation import Array
 FIRST = 1024
 """Number of samples that estimates how often hulls meet; the others are looked at where a pair may be left out."""
 
-OFTEN = 0.05
-"""Pairs whose hulls meet in a larger share of the samples are decided by their meshes."""
+OFTEN = 0.05  # Pairs whose hulls meet in a larger share of the samples are decided by their meshes
 
 NEARLY_ALL = 0.9
 """Pairs whose meshes meet in a larger share of the samples, and at rest, are left out: their meshes overlap."""
 
-_Body = tuple[Part, int]
-"""A part, and the link of the tree that it is on."""
+_Body = tuple[Part, int]  # A part, and the link of the tree that it is on
 
 
 class Chosen(NamedTuple):

@@ -11,8 +11,7 @@ from maniport.bodies.collisions.tree import LinkTree
 from maniport.jit import kernel, part
 from maniport.validation import Array
 
-TABLE = -1
-"""Stands in pairs for the table."""
+TABLE = -1  # Stands in pairs for the table
 
 Pairs = NDArray[np.int64]
 

@@ -7,8 +7,7 @@ import numpy as np
 from maniport.bodies.chain import Mesh
 from maniport.validation import Array
 
-SIDES = 32
-"""Corners of the polygon that stands for a circle; its sides lie within 0.5 % of the radius."""
+SIDES = 32  # Corners of the polygon that stands for a circle; its sides lie within 0.5 % of the radius
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:

@@ -15,8 +15,7 @@ from maniport.input_limits import MEGABYTE, NESTING, ROBOT_BYTES, TAGS, read_who
 from maniport.optional import xacrodoc
 
 XACRO = ".xacro"
-LONGEST_XACRO = 30.0
-"""Macros that are expanded for longer than this never end [s]."""
+LONGEST_XACRO = 30.0  # Macros that are expanded for longer than this never end [s]
 
 _PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
 _DECLARED = re.compile(r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
@@ -60,8 +59,7 @@ def _depth(root: ElementTree.Element) -> int:
     return depth
 
 
-LARGEST = 1e9
-"""No number of a robot is larger, whatever it measures."""
+LARGEST = 1e9  # No number of a robot is larger, whatever it measures
 
 
 def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:

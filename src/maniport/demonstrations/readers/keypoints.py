@@ -16,8 +16,7 @@ from maniport.errors import FileFormatError
 from maniport.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
-MOST_ITEMS = PLACES // 10
-"""Most lists and mappings of a file, which take more memory than their numbers."""
+MOST_ITEMS = PLACES // 10  # Most lists and mappings of a file, which take more memory than their numbers
 
 _PEOPLE = ("people", "instances")
 _POINTS = (
@@ -30,8 +29,7 @@ _IN_PICTURE = (
     "OpenPose: pose_keypoints_3d), or let Pose2Sim or OpenCap find them (TRC)"
 )
 
-Point = tuple[float, float, float, float]
-"""x, y, z and confidence."""
+Point = tuple[float, float, float, float]  # x, y, z and confidence
 
 
 def read(file: Path, options: ImportOptions) -> Recording:

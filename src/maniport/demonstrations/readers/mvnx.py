@@ -11,8 +11,7 @@ from maniport.errors import FileFormatError
 from maniport.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.validation import Array
 
-ELEMENTS = 3_000_000
-"""Most elements of a file; the largest file whose frames hold nothing but positions has half of it."""
+ELEMENTS = 3_000_000  # Most elements of a file; the largest file whose frames hold nothing but positions has half of it
 
 
 def read(file: Path, options: ImportOptions) -> Recording:

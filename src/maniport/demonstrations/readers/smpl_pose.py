@@ -22,8 +22,7 @@ from maniport.errors import FileFormatError
 from maniport.input_limits import FRAMES, require_at_most
 from maniport.validation import Array
 
-HEIGHT = 1.75
-"""Body height whose lengths are taken [m]."""
+HEIGHT = 1.75  # Body height whose lengths are taken [m]
 
 INDEX = {
     "pelvis": 0,

@@ -37,8 +37,7 @@ LAYOUTS = (
     "NAME_z (or NAME.x …) and time, or a row for each point, with columns time, name, x, y, z"
 )
 
-UNUSED = ""
-"""Name of a column that is not read."""
+UNUSED = ""  # Name of a column that is not read
 
 
 @dataclass(frozen=True)

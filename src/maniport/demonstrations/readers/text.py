@@ -12,8 +12,7 @@ from maniport.errors import FileFormatError
 from maniport.input_limits import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
 from maniport.validation import Array
 
-Row = tuple[int, str]
-"""The number of a line, from one, and the line."""
+Row = tuple[int, str]  # The number of a line, from one, and the line
 
 
 def text_lines(file: Path) -> list[str]:

@@ -18,8 +18,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.loops import WIDTH, compose_loop, congruence_loop, distance_loop, eigh_loop, hessian_loop
 from maniport.validation import Array
 
-MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150
-"""Range of the eigenvalues that an exponential or power may produce."""
+MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
 
 ILL_CONDITIONED = "the matrices are too ill-conditioned together: rounding makes one indefinite"
 

@@ -13,10 +13,8 @@ from maniport.jit import kernel, part
 
 WIDTH = 64
 """Matrices of a block: with 32 a decomposition takes 15 % longer, with more, 6×6 matrices leave the fastest cache."""
-EPS2 = float(np.finfo(np.float64).eps) ** 2
-"""Square of the relative size of off-diagonal entries that count as zero."""
-APART = 1e-9
-"""Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them."""
+EPS2 = float(np.finfo(np.float64).eps) ** 2  # Square of the relative size of off-diagonal entries that count as zero
+APART = 1e-9  # Least ratio of the eigenvalues of A⁻¹B up to which a distance is computed from them
 
 
 @part

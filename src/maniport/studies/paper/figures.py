@@ -19,15 +19,12 @@ from maniport.telling.roles import ACHIEVED, PERSON, TARGET
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
 
-SHOWN = "H-Eval-4"
-"""The human trajectory that the paper shows: the extended arm moves upwards."""
+SHOWN = "H-Eval-4"  # The human trajectory that the paper shows: the extended arm moves upwards
 
-RATE = 10.0
-"""Configurations a second; the paper has no times."""
+RATE = 10.0  # Configurations a second; the paper has no times
 UNIT = "m/s per rad/s"
 
-Moved = tuple[Arm, Array]
-"""An arm and its joint path (n, dof) [rad]."""
+Moved = tuple[Arm, Array]  # An arm and its joint path (n, dof) [rad]
 
 
 def toy_figures(seed: int = 0) -> dict[str, Figure]:
@@ -140,8 +137,7 @@ def human_robot_motion(seed: int = 0) -> Motion:
     return _motion(*_human_robot_pair(), _human_robot_adapter(seed), 0.25, note)
 
 
-MOVED = {"two-dof": two_dof_motion, "human-robot": human_robot_motion}
-"""Who shows an experiment in motion."""
+MOVED = {"two-dof": two_dof_motion, "human-robot": human_robot_motion}  # Who shows an experiment in motion
 
 
 def _motion(teacher: Moved, student: Moved, adapter: DomainAdapter, size: float, note: str) -> Motion:

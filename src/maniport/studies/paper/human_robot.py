@@ -28,10 +28,8 @@ from maniport.studies.paper.tables import (
 from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy
 from maniport.validation import Array
 
-ALL = 400
-"""Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th."""
-SAME_FRAME = np.eye(3)
-"""How the Panda is mounted relative to the person."""
+ALL = 400  # Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th
+SAME_FRAME = np.eye(3)  # How the Panda is mounted relative to the person
 REMEDIES: dict[str, dict[str, Any]] = {PAPER: {"floor": FLOOR}, OURS: {"damping": DAMPING}}
 
 Known = dict[str, tuple[Array, Array]]

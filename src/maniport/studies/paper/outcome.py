@@ -17,8 +17,7 @@ from maniport.studies.paper.tables import OURS, PaperRow, in_words
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.validation import Array
 
-DRAWS = 10
-"""Random sets, over which errors are averaged."""
+DRAWS = 10  # Random sets, over which errors are averaged
 
 FORMS = tuple(form.name for form in fields(RMSE))
 

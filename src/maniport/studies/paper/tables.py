@@ -19,8 +19,7 @@ from maniport.validation import as_choice
 PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "ours, defaults"
 """How a row is fitted and measured: the paper's settings, the same against the authors' baseline, our defaults."""
 
-FLOOR = 1e-4
-"""Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead."""
+FLOOR = 1e-4  # Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead
 
 PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
     {"damping": None, "mounting": None, "scale": True, "dispersion": "mean", "recenter": "training"}

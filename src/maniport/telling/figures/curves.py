@@ -19,16 +19,13 @@ from maniport.validation import Array, as_choice, as_positive_semidefinite, as_t
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 
-UNIT = "m/s per rad/s"
-"""Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints."""
+UNIT = "m/s per rad/s"  # Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints
 
 LINE_STYLES = ("-", "--", ":")
 
-TEXT = 7.0
-"""Size of letters [pt], in a figure that is printed as wide as it is made."""
+TEXT = 7.0  # Size of letters [pt], in a figure that is printed as wide as it is made
 
-COLUMN = 3.5
-"""Width of a figure [in]: one column of a two-column paper."""
+COLUMN = 3.5  # Width of a figure [in]: one column of a two-column paper
 
 
 def curves(

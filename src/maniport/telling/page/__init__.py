@@ -38,8 +38,7 @@ __all__ = [
     "Body", "Cloud", "DomainMap", "Line", "Motion", "Panel", "Part", "Picture", "as_html", "document", "write_page",
 ]  # fmt: skip
 
-LARGEST = 6_000_000
-"""Upper bound of the size of a page [bytes]."""
+LARGEST = 6_000_000  # Upper bound of the size of a page [bytes]
 
 Shown = Mapping[str, Sequence[Motion | Picture]]
 """Motions and pictures by the key (or the title) of the section that they belong to."""

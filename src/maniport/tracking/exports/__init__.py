@@ -25,10 +25,8 @@ class Format(NamedTuple):
     file: str
     write: Callable[..., None] | None
     """None where the file needs more than the motion: `maniport.write_results` writes it."""
-    package: Callable[[], Any] | None = None
-    """Imports the package that it needs, or raises `MissingPackageError`."""
-    robot: str = ""
-    """What the arm is to the writer: `NEEDED`, `WELCOME`, or nothing."""
+    package: Callable[[], Any] | None = None  # Imports the package that it needs, or raises `MissingPackageError`
+    robot: str = ""  # What the arm is to the writer: `NEEDED`, `WELCOME`, or nothing
 
     @property
     def ready(self) -> str:

@@ -11,8 +11,7 @@ from maniport.optional import mcap_writer
 from maniport.tracking.follow.joint_motion import JointMotion
 from maniport.validation import Array
 
-POINTS_PER_SECOND = 100.0
-"""Of files for ROS 2 and MCAP: controllers lay splines between their points."""
+POINTS_PER_SECOND = 100.0  # Of files for ROS 2 and MCAP: controllers lay splines between their points
 
 MESSAGE = {
     "type": "object",

@@ -17,8 +17,7 @@ from maniport.tracking.objective import Objective
 from maniport.tracking.schedule import Schedule
 from maniport.validation import Array
 
-Columns = dict[str, tuple[Array, str]]
-"""Values and their unit, by name."""
+Columns = dict[str, tuple[Array, str]]  # Values and their unit, by name
 
 
 def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm | Arms | None = None) -> None:

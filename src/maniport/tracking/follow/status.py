@@ -19,16 +19,13 @@ Ellipsoid and position together have more constraints than a 7-joint arm has deg
 be feasible at another position.
 """
 
-REACHED = (FOLLOWED, NEARLY_FOLLOWED)
-"""Statuses of points that are not missed."""
+REACHED = (FOLLOWED, NEARLY_FOLLOWED)  # Statuses of points that are not missed
 
 ENOUGH_DISTANCE, NEAR_DISTANCE = 0.1, 0.4
 """Largest distance of a followed and of a nearly followed ellipsoid: one axis 5 % and 22 % too long."""
 ENOUGH_METRES = 1e-3
-NEAR_STOP = 1e-3
-"""How close to a position limit counts as there [rad or m]."""
-NEAR_SPEED = 0.999
-"""Share of a velocity limit that counts as there."""
+NEAR_STOP = 1e-3  # How close to a position limit counts as there [rad or m]
+NEAR_SPEED = 0.999  # Share of a velocity limit that counts as there
 
 
 def statuses_of(

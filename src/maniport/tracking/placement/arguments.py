@@ -13,8 +13,7 @@ from maniport.tracking.placement.problem import HEADING, SCALE, SIZE, TILT, YAW,
 from maniport.tracking.plan.reachability_map import Atlas
 from maniport.validation import Array, as_choice, as_metres, as_number, as_rotation, as_times, require_shape
 
-FREE = "free"
-"""A tilt that is searched."""
+FREE = "free"  # A tilt that is searched
 
 
 def problems_of(

@@ -21,8 +21,7 @@ from maniport.tracking.placement.problem import SIZE, ArmGroup, PlacementProblem
 from maniport.tracking.plan.optimizer import TrajectoryCost, TrajectoryTerms, descend
 from maniport.validation import Array
 
-State = tuple[Array, tuple[Array, ...]]
-"""A placement (7,) and joint positions (n, dof) of each arm."""
+State = tuple[Array, tuple[Array, ...]]  # A placement (7,) and joint positions (n, dof) of each arm
 
 
 def descend_jointly(

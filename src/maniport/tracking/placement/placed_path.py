@@ -14,8 +14,7 @@ from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
 from maniport.validation import Array, as_finite
 
-DATA_FILES = ("placed_profile.npz", "path.npz")
-"""What `PlacedPath.save` writes."""
+DATA_FILES = ("placed_profile.npz", "path.npz")  # What `PlacedPath.save` writes
 
 
 @dataclass(frozen=True, eq=False)

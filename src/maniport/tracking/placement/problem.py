@@ -19,8 +19,7 @@ from maniport.validation import Array
 
 SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
 SIZE = 7
-ROUNDING = 1e-9
-"""How far beyond a workspace a path may be by rounding [m]."""
+ROUNDING = 1e-9  # How far beyond a workspace a path may be by rounding [m]
 
 
 def base_rotations(places: Array) -> Array:

@@ -23,12 +23,9 @@ from maniport.bodies.collisions import Collisions
 from maniport.tracking.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits, PathCost
 from maniport.validation import Array
 
-CLEARANCE = 0.015
-"""Distance that motions keep from collisions [m]."""
-CLEARANCE_WEIGHT = 300.0
-"""w_c [1/m]."""
-LIMIT_WEIGHT = 30.0
-"""w_l [1/s]."""
+CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
+CLEARANCE_WEIGHT = 300.0  # w_c [1/m]
+LIMIT_WEIGHT = 30.0  # w_l [1/s]
 POSITION_WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 """Weights of the position error, tried in turn until it is within the tolerance [1/m]."""
 

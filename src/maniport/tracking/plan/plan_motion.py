@@ -26,8 +26,7 @@ from maniport.tracking.search.pointwise import improved_from, interpolated_dista
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array, as_finite, as_generator
 
-POINTWISE_POINTS = 250
-"""Most waypoints at which the pointwise optimum is searched."""
+POINTWISE_POINTS = 250  # Most waypoints at which the pointwise optimum is searched
 
 
 def plan_motion(

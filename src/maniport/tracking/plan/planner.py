@@ -31,14 +31,10 @@ from maniport.validation import Array, as_generator
 
 PLANNING_TIME_SCALE = 4.0
 """Trajectories are planned as if they took so many times the demonstrated time; time parameterization comes last."""
-COARSE_TOLERANCE = 1e-3
-"""Smallest position tolerance before the time parameterization [m]."""
-SMOOTHNESS = 0.04
-"""Factor of the smoothness costs for a demonstration of 1 s; see `smoothness_share`."""
-FAR = 3.0
-"""Position errors of so many times the tolerance of the 95th percentile are large."""
-SPEED_SHARE = 0.9
-"""Share of the limits of velocity and acceleration that the optimizer uses."""
+COARSE_TOLERANCE = 1e-3  # Smallest position tolerance before the time parameterization [m]
+SMOOTHNESS = 0.04  # Factor of the smoothness costs for a demonstration of 1 s; see `smoothness_share`
+FAR = 3.0  # Position errors of so many times the tolerance of the 95th percentile are large
+SPEED_SHARE = 0.9  # Share of the limits of velocity and acceleration that the optimizer uses
 
 
 @dataclass(frozen=True)

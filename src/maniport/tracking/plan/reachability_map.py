@@ -25,14 +25,10 @@ from maniport.tracking.objective import Objective, Targets
 from maniport.tracking.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
 from maniport.validation import SPD_TOLERANCE, Array, as_count, as_generator
 
-SAMPLES = 100_000
-"""With 30 000 the planned motion of the demo's recording is 3 % farther from its targets."""
-GAP_WEIGHT = 30.0
-"""Weight of the distance between a position and the sample that stands for it [1/m]."""
-MIN_NODES = 16
-"""Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach."""
-BLOCK = 1024
-"""Number of targets compared with their samples at a time: their data stays in the processor's cache."""
+SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3 % farther from its targets
+GAP_WEIGHT = 30.0  # Weight of the distance between a position and the sample that stands for it [1/m]
+MIN_NODES = 16  # Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach
+BLOCK = 1024  # Number of targets compared with their samples at a time: their data stays in the processor's cache
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from maniport.tracking.motion_limits import DERIVATIVES, MotionLimits
 from maniport.tracking.schedule import require_few, require_rows
 from maniport.validation import Array, as_number, as_times
 
-REST = 3
-"""Samples of rest at either end, so that differences up to the third see the robot start and stop."""
+REST = 3  # Samples of rest at either end, so that differences up to the third see the robot start and stop
 PATH_TOLERANCE = 1e-4
 """Largest distance of a path from a waypoint, or beyond a limit, that needs no other spline [rad or m]."""
 

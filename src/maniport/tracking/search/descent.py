@@ -16,8 +16,7 @@ from maniport.tracking.kernels import step_within_limits
 from maniport.validation import Array
 
 LARGEST_DAMPING = 1e8
-LEAST_GAIN = 1e-4
-"""Share of the expected decrease of the cost that a step must bring to be taken."""
+LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken
 
 
 class JointLimits(Protocol):

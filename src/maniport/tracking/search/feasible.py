@@ -17,8 +17,7 @@ from maniport.tracking.search.descent import descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank, as_positions
 from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
 
-STARTS = 48
-"""Samples that a search starts from."""
+STARTS = 48  # Samples that a search starts from
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,8 +12,7 @@ from maniport.tracking.search.descent import PathCost, descend_in_blocks
 from maniport.tracking.search.start_bank import StartBank
 from maniport.validation import Array
 
-STARTS = 32
-"""Samples that a search starts from at each target."""
+STARTS = 32  # Samples that a search starts from at each target
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,7 @@ class FeasibleProjector:
         When an argument has a wrong value.
     """
 
-    needs_damping = True
-    """Ellipsoids that it gets must be damped."""
+    needs_damping = True  # Ellipsoids that it gets must be damped
 
     def __init__(
         self,

@@ -27,8 +27,7 @@ _ARRAYS = (
     *("joint_positions", "tip_positions", "ellipsoids"),
 )
 BANK_SIZE = 16_384
-CHECKED = 16
-"""Number of samples that are computed again to check that a bank belongs to an arm."""
+CHECKED = 16  # Number of samples that are computed again to check that a bank belongs to an arm
 
 
 class StartBank(ShownInNotebooks):

@@ -32,8 +32,7 @@ class CheckedTask(Task):  # type: ignore[misc]  # Pink is untyped
     are multiplied with `slowed` (nv, nv), by default the identity, such as ones for the joints of one of two arms.
     """
 
-    told: tuple[str, ...] = ()
-    """Further attributes of the representation."""
+    told: tuple[str, ...] = ()  # Further attributes of the representation
 
     def __init__(
         self, frame: str, size: int, cost: float | Sequence[float] | None, gain: float, lm_damping: float

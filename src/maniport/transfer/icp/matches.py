@@ -53,8 +53,7 @@ class Matches:
         )
 
 
-Matching = Callable[[Array], Matches]
-"""Matches R T_i Rᵀ with S_j for a rotation R, shape (d, d)."""
+Matching = Callable[[Array], Matches]  # Matches R T_i Rᵀ with S_j for a rotation R, shape (d, d)
 
 
 class Correspondence(ABC):

@@ -13,8 +13,7 @@ from maniport.spd.kernels import congruence, eigh
 from maniport.transfer.rotation_group import orthonormal, rotation_from_vector, rotation_planes
 from maniport.validation import Array
 
-NEAR = 1e-5
-"""Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them."""
+NEAR = 1e-5  # Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,9 @@ from maniport.spd.kernels import eigh
 from maniport.transfer.icp.matches import Indices, Matches, Matching, Seeking
 from maniport.validation import Array, as_number
 
-EQUAL_EIGENVALUES = 1e-6
-"""Relative difference below which an eigenvector is undefined and must not decide a match."""
+EQUAL_EIGENVALUES = 1e-6  # Relative difference below which an eigenvector is undefined and must not decide a match
 
-TIE = 1e-12
-"""Scores that differ by less are equal; of equal scores the lowest index wins."""
+TIE = 1e-12  # Scores that differ by less are equal; of equal scores the lowest index wins
 
 
 @dataclass(frozen=True)

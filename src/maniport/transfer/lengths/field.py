@@ -16,8 +16,7 @@ from maniport.spd.matrix_functions import from_vector, to_vector
 from maniport.transfer.lengths.kernels import map_many
 from maniport.validation import SPD_TOLERANCE, Array, as_numbers
 
-KAPPA = 1e-4
-"""κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it."""
+KAPPA = 1e-4  # κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it
 
 NO_AXIS = np.zeros(0)
 

@@ -8,8 +8,7 @@ from maniport.spd.kernels.loops import diagonalize_one
 from maniport.spd.kernels.single import admit, compose, congruence
 from maniport.validation import SPD_TOLERANCE
 
-ROUNDED = 0.1 * SPD_TOLERANCE
-"""Share of the trace up to which an eigenvalue may be a zero that was rounded up."""
+ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
 
 @kernel
