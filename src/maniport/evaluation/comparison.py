@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.bodies.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
@@ -252,7 +253,7 @@ class _Bench:
 
 def _require_valid(adapter: Any, robot: Any, person: Any, profile: Any, truth: Any) -> None:
     for what, arm in (("robot", robot), ("person", person)):
-        if arm is not None and not isinstance(arm, Arm):
+        if arm is not None and not isinstance(arm, Manipulable):
             raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")

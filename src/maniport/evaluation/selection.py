@@ -103,7 +103,6 @@ def choose(
         spec=spec,
         name=method,
         rows=(RAW_COPY, RECENTRING, TRANSPORT),
-        fitted={} if failures else {TRANSPORT: transport},
         bank=bank,
         n_starts=16,  # with 48 the mean gaps are at most 3 % less
         n_domain=64,
