@@ -40,7 +40,7 @@ mutants: $(VENV)/.installed-mutation
 	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m mutation $(MODULE)
 
 nightly: $(VENV)/.installed-nightly
-	MANIPORT_NIGHTLY=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto tests/bodies/test_collision_coverage.py
+	MANIPORT_NIGHTLY=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto tests/arms/test_collision_coverage.py
 	$(MAKE) fuzz kills mutants
 
 docs: $(VENV)/.installed-docs

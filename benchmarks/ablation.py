@@ -22,13 +22,13 @@ from unittest import mock
 import numpy as np
 
 import maniport as mp
-from maniport.bodies import VELOCITY, Arm
-from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.arms import VELOCITY, Arm
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.pipeline.follow import follow
-from maniport.tracking import PlanControl
-from maniport.tracking.effort import EFFORTS, FULL, QUICK
-from maniport.tracking.placement import placement_search
-from maniport.tracking.plan import planner
+from maniport.motion import PlanControl
+from maniport.motion.effort import EFFORTS, FULL, QUICK
+from maniport.motion.placement import placement_search
+from maniport.motion.plan import planner
 
 from .inputs import DAMPING
 from .tracking_motions import motions

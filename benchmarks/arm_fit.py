@@ -9,9 +9,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from maniport.bodies import myoarm
-from maniport.demonstrations import Recording, fit_arm, performed
-from maniport.demonstrations.directions import AXES, SEGMENTS, Directions
+from maniport.arms import myoarm
+from maniport.mocap import Recording, fit_arm, performed
+from maniport.mocap.directions import AXES, SEGMENTS, Directions
 
 from .inputs import Array
 from .measure import Row, duration, fresh_process, megabytes, peak_memory

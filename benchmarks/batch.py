@@ -16,10 +16,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import maniport as mp
-from maniport.batches.pair import ADAPTERS, PAIR
-from maniport.batches.table import COMPUTING, PAGE, TABLES
-from maniport.bodies.human import human_arm
-from maniport.demonstrations import performed, shipped_recording
+from maniport.batch.pair import ADAPTERS, PAIR
+from maniport.batch.table import COMPUTING, PAGE, TABLES
+from maniport.arms.human import human_arm
+from maniport.mocap import performed, shipped_recording
 
 from .measure import BATCH_PLOT, ROOT, Row, duration, failed, fresh_process
 from .scale import growth

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.errors import ManiportWarning
 from maniport.pipeline.execution import Execution
-from maniport.tracking import TrackResult
-from maniport.tracking.motion_limits import DERIVATIVES
-from maniport.tracking.plan.planned_motion import Room
+from maniport.motion import TrackResult
+from maniport.motion.motion_limits import DERIVATIVES
+from maniport.motion.plan.planned_motion import Room
 
 from .inputs import Array
 from .measure import Row, duration

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import maniport as mp
-from maniport.bodies import Arm
+from maniport.arms import Arm
 from maniport.transfer.rigid_adapter import recentre
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from threadpoolctl import threadpool_limits
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 
 from .complete import GMR
 from .inputs import Array

@@ -18,10 +18,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.live.serving import serve
 from maniport.live.transport import Datagrams
-from maniport.tracking import place_path
+from maniport.motion import place_path
 
 from .inputs import DAMPING
 from .measure import Row, duration, fresh_process, within

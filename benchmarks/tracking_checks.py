@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from maniport.studies.paper.trajectories import robot_arm
-from maniport.tracking import StartBank, nearest_feasible
+from maniport.motion import StartBank, nearest_feasible
 
 from .inputs import Array
 from .measure import Row, within

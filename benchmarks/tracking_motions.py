@@ -14,8 +14,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 import maniport as mp
-from maniport.bodies import Arm
-from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.arms import Arm
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import DomainAdapter, Search
 

@@ -11,16 +11,16 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import maniport as mp
-from maniport.bodies import VELOCITY
-from maniport.bodies.chain import rotation_about
+from maniport.arms import VELOCITY
+from maniport.arms.chain import rotation_about
 from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.errors import ManiportWarning
 from maniport.feasibility import knowing
 from maniport.spd.kernels import congruence
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.subsample import evenly_spaced
-from maniport.tracking import (
+from maniport.motion import (
     PlacedPath,
     PlanControl,
     PlannedMotion,

@@ -11,10 +11,10 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import maniport as mp
-from maniport.bodies import VELOCITY, Arm
+from maniport.arms import VELOCITY, Arm
 from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.errors import ManiportError
-from maniport.tracking import PlanControl, place_path, plan_motion, track
+from maniport.motion import PlanControl, place_path, plan_motion, track
 
 from .inputs import DAMPING, Array
 from .measure import Row, duration, failed

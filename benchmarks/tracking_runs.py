@@ -11,14 +11,14 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
-from maniport.bodies import Arm
-from maniport.bodies.chain import rotation_about
+from maniport.arms import Arm
+from maniport.arms.chain import rotation_about
 from maniport.evaluation import structure
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import READY, robot_arm
-from maniport.tracking import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
+from maniport.motion import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
 
 from .inputs import Array
 

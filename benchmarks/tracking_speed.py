@@ -8,14 +8,14 @@ from unittest import mock
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from maniport.bodies.collisions import Collisions
+from maniport.arms.collisions import Collisions
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
-from maniport.tracking import Objective, nearest_feasible
-from maniport.tracking.follow import follower
-from maniport.tracking.follow.follower import Stepper
-from maniport.tracking.objective import FOLLOWING_WEIGHT
-from maniport.tracking.schedule import Schedule
+from maniport.motion import Objective, nearest_feasible
+from maniport.motion.follow import follower
+from maniport.motion.follow.follower import Stepper
+from maniport.motion.objective import FOLLOWING_WEIGHT
+from maniport.motion.schedule import Schedule
 
 from .inputs import Array
 from .measure import Row, duration, within

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.telling import figures
+from maniport.report import figures
 
 BENT = np.array([0.0, -0.3, 0.0, -2.4, 0.0, 2.1, 0.8])  # [rad]
 STRETCHED = np.array([0.0, 0.6, 0.0, -0.07, 0.0, 0.6, 0.8])  # the elbow at its limit

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.telling import figures
+from maniport.report import figures
 
 
 def slender(degrees):

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.files import save_ellipsoids
-from maniport.telling import figures
+from maniport.report import figures
 
 
 def uncertainty(fit, profile):

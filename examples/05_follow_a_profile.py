@@ -18,7 +18,7 @@ import pink
 from pink.tasks import PostureTask
 
 import maniport as mp
-from maniport.tracking import ManipulabilityEllipsoidTask, PositionTask, robot_model
+from maniport.motion import ManipulabilityEllipsoidTask, PositionTask, robot_model
 
 RATE = 200.0  # control steps a second [Hz]
 TIME = np.arange(0.0, 4.0, 1.0 / RATE)  # [s]

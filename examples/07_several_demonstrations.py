@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.profiles import tracking_weights
+from maniport.learning import tracking_weights
 
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
 SWING = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])

@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 import maniport as mp
-from maniport.tracking import TrackResult, robot_model
+from maniport.motion import TrackResult, robot_model
 
 HERE = Path(__file__).parent
 TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # limits, as franka_description has them [N m]

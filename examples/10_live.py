@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
-from maniport.tracking import place_path
+from maniport.mocap import shipped_recording
+from maniport.motion import place_path
 
 CALIBRATION = 24.0  # what is before it tells who the person is and how they move [s]
 HIDDEN = 24.5, 25.0  # when nobody is seen [s]
@@ -58,7 +58,7 @@ def main(folder, *options):
     print(f"a frame holds {', '.join(live.points)}")
     page = None
     if "--view" in options:
-        from maniport.view.server import Onlooker
+        from maniport.viewer.server import Onlooker
 
         page = Onlooker(person.arm, robot)
         input(f"open {page.url} and press Enter")

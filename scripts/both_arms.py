@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.bodies import Arms
-from maniport.demonstrations import ArmFits, fit_arms, read_recording
-from maniport.tracking import PlannedArms, PlannedMotion, place_paths, plan_arms, plan_motion
+from maniport.arms import Arms
+from maniport.mocap import ArmFits, fit_arms, read_recording
+from maniport.motion import PlannedArms, PlannedMotion, place_paths, plan_arms, plan_motion
 
-RECORDING = Path(mp.demonstrations.__file__).parent / "data" / "both_arms.c3d"
+RECORDING = Path(mp.mocap.__file__).parent / "data" / "both_arms.c3d"
 SAMPLES = 5000
 ROBOTS = {
     "pandas": ("two Pandas", {"robot": "panda", "bases": [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]}),

@@ -27,15 +27,15 @@ from benchmarks.inputs import DAMPING
 from benchmarks.tracking_motions import Motion, motions
 
 import maniport as mp
-from maniport.bodies import VELOCITY, Arm
+from maniport.arms import VELOCITY, Arm
 from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.studies.paper.trajectories import robot_arm
-from maniport.tracking import PlanControl, PlannedMotion, Planner, place_path, plan_motion
-from maniport.tracking.objective import EXACT_WEIGHT, Objective, Targets
-from maniport.tracking.plan.optimizer import time_weights
-from maniport.tracking.plan.planned_motion import over_floor
-from maniport.tracking.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path
-from maniport.tracking.search.pointwise import pointwise_best
+from maniport.motion import PlanControl, PlannedMotion, Planner, place_path, plan_motion
+from maniport.motion.objective import EXACT_WEIGHT, Objective, Targets
+from maniport.motion.plan.optimizer import time_weights
+from maniport.motion.plan.planned_motion import over_floor
+from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path
+from maniport.motion.search.pointwise import pointwise_best
 from maniport.validation import Array
 
 STAGES, NODES, MOST_NODES, ROUNDS, AROUND = 1200, 800, 2000, 4, 0.2

@@ -29,7 +29,7 @@ from benchmarks.tracking_motions import motions
 from benchmarks.tracking_robots import FILES, ROBOTS, chain
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 
 Row = tuple[str, dict[str, float]]
 
@@ -96,7 +96,7 @@ def both_arms(whole: bool) -> Iterator[Row]:
 def length_field(whole: bool) -> Iterator[Row]:
     """Feasibility gap of the length field, on motions and held out."""
     from lengths_table import HEADS, cases, measured
-    from maniport.bodies import VELOCITY
+    from maniport.arms import VELOCITY
 
     for case in cases(["Panda", "UR5", "xArm7"] if whole else ["Panda"]):
         if not whole and case.person != "rHuMan":

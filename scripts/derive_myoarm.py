@@ -1,4 +1,4 @@
-"""Derive the embedded human arm, ``src/maniport/bodies/data/myoarm.json``, from the package ``myo-sim``.
+"""Derive the embedded human arm, ``src/maniport/arms/data/myoarm.json``, from the package ``myo-sim``.
 
 Usage: ``pip install myo-sim`` and then ``python scripts/derive_myoarm.py [--check]``; ``--check`` compares the file
 with what would be written and changes nothing.
@@ -20,7 +20,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-TARGET = Path(__file__).parents[1] / "src" / "maniport" / "bodies" / "data" / "myoarm.json"
+TARGET = Path(__file__).parents[1] / "src" / "maniport" / "arms" / "data" / "myoarm.json"
 ROOT, TIP = "myoarm_r_root", "thirdmc_r"
 COORDINATES = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
 FRAMES = {

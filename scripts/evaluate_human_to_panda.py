@@ -13,14 +13,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import maniport as mp
-from maniport.bodies import load_arm
+from maniport.arms import load_arm
 from maniport.defaults import AUTO, DAMPING, ROBOT
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study
-from maniport.telling.metrics import Report, facts_of
-from maniport.telling.renderings import as_markdown, as_numbers
-from maniport.telling.transfer import COLUMNS, evaluation_section
+from maniport.report.metrics import Report, facts_of
+from maniport.report.renderings import as_markdown, as_numbers
+from maniport.report.transfer import COLUMNS, evaluation_section
 from maniport.transfer import METHODS
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"

@@ -19,7 +19,7 @@ import ezc3d
 import numpy as np
 import pybvh
 
-DATA = Path(__file__).parents[1] / "src" / "maniport" / "demonstrations" / "data"
+DATA = Path(__file__).parents[1] / "src" / "maniport" / "mocap" / "data"
 SHA256 = {
     "bvh": "72d3f37de5af9adfc228dda72422cadb8cfc58d1cd8336076241ba115715c87c",
     "c3d": "071a483aae9ef3d6c41061de65236a9d54ab50c10fcd0cbbf9c4720580e7fae6",

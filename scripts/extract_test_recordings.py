@@ -19,7 +19,7 @@ import numpy as np
 
 from extract_recordings import BVH_STEP, JOINTS, UNTURNED, extract_bvh
 
-DATA = Path(__file__).parents[1] / "tests" / "demonstrations" / "data"
+DATA = Path(__file__).parents[1] / "tests" / "mocap" / "data"
 
 CLIMBS = "holosoma_retargeting/demo_data/climb/mocap_climb_seq_{0}/mocap_climb_seq_{0}_joint_positions_{1}.npy"
 CLIPS = {

@@ -17,14 +17,14 @@ import numpy as np
 
 import maniport as mp
 from lengths_table import FILES, ROBOTS
-from maniport.bodies import VELOCITY, Arm
+from maniport.arms import VELOCITY, Arm
 from maniport.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.feasibility import knowing
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.subsample import evenly_spaced
-from maniport.tracking import PlanControl, Planner, nearest_feasible, place_path, plan_motion
+from maniport.motion import PlanControl, Planner, nearest_feasible, place_path, plan_motion
 from maniport.transfer import method_of
 
 EVALUATION_SECONDS = 5.0

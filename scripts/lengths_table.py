@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 
 import maniport as mp
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import identity_test, smoothness, structure
 from maniport.studies.human_to_panda import Motion, motions
-from maniport.tracking import FeasibleProjector, nearest_feasible
+from maniport.motion import FeasibleProjector, nearest_feasible
 from maniport.transfer import DomainAdapter, LengthsField, ParallelTransport
 from maniport.transfer.lengths.inverse import FOLDED
 

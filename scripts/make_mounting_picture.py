@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import maniport as mp
 from make_gallery import small
-from maniport.telling import figures
-from maniport.telling.roles import PERSON, TARGET
+from maniport.report import figures
+from maniport.report.roles import PERSON, TARGET
 
 MOUNTINGS = {"--mounting 0,0,90": (0.0, 0.0, 90.0), "--mounting 0,90,0": (0.0, 90.0, 0.0)}
 POSTURE = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8])  # [rad]

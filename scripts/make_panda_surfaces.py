@@ -1,4 +1,4 @@
-"""Make src/maniport/bodies/data/panda_surfaces.npz: links and hand with fewer triangles, and hulls of the fingers.
+"""Make src/maniport/arms/data/panda_surfaces.npz: links and hand with fewer triangles, and hulls of the fingers.
 
     python scripts/make_panda_surfaces.py [panda.urdf]
 
@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from maniport.bodies.chain import Mesh, Shape
-from maniport.bodies.looks.meshes import reduced, welded
-from maniport.bodies.readers.model import read_shapes
-from maniport.bodies.readers.urdf import Urdf
+from maniport.arms.chain import Mesh, Shape
+from maniport.arms.looks.meshes import reduced, welded
+from maniport.arms.readers.model import read_shapes
+from maniport.arms.readers.urdf import Urdf
 from maniport.validation import Array
 
-TARGET = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
+TARGET = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
 SOURCE = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 LINKS = [f"panda_link{i}" for i in range(8)]
 HAND = "panda_hand"

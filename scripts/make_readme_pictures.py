@@ -19,9 +19,9 @@ import numpy as np
 from PIL import Image
 
 import maniport as mp
-from maniport.telling import figures
-from maniport.telling.roles import ACHIEVED, PERSON, TARGET
-from maniport.telling.write import write_results
+from maniport.report import figures
+from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.write import write_results
 
 HOME = Path(__file__).parents[1]
 DOCS = HOME / "docs"

@@ -27,7 +27,7 @@ CRAIG = np.array(
 FLANGE = "panda_link8"
 TIPS = {FLANGE: 0.0, "panda_hand_tcp": 0.1034}
 """How far along the flange's axis [m]."""
-MESHES = Path(__file__).parents[1] / "src/maniport/bodies/data/panda_surfaces.npz"
+MESHES = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
 APART = 2
 """Bodies so many joints apart are checked: one joint joins nearer ones."""
 OPENING = 0.04

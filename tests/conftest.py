@@ -20,7 +20,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
 @pytest.fixture(scope="session")
 def second():
     """One second of the shipped ladder recording."""
-    from maniport.demonstrations import read_recording, shipped_recording
+    from maniport.mocap import read_recording, shipped_recording
 
     return read_recording(shipped_recording("ladder")).crop(10, 11)
 
@@ -38,8 +38,8 @@ def repeated():
     """A person who reaches out at 1.0, 2.2, 4.0 and 6.5 s."""
     import numpy as np
 
-    from maniport.bodies.human import human_arm
-    from maniport.demonstrations import performed
+    from maniport.arms.human import human_arm
+    from maniport.mocap import performed
 
     time = np.arange(0.0, 8.0, 1 / 30)
     way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]

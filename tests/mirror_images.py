@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.demonstrations.marker_sets import other_side
+from maniport.mocap.marker_sets import other_side
 
 
 def in_a_mirror(recording):

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from unittest import mock
 
-from maniport.tracking.effort import EFFORTS
+from maniport.motion.effort import EFFORTS
 
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport.cli import app
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
 from maniport.pipeline import transfer_both
-from maniport.telling.metrics import facts_of
+from maniport.report.metrics import facts_of
 from sizes import SMALL
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]

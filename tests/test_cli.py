@@ -8,11 +8,11 @@ import pytest
 
 import maniport
 from maniport import cli, load_arm
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from maniport.pipeline import follow, transfer_recording
-from maniport.telling import write
-from maniport.tracking.exports import FORMATS
+from maniport.report import write
+from maniport.motion.exports import FORMATS
 
 
 @pytest.fixture

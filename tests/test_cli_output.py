@@ -12,17 +12,17 @@ import pytest
 
 from maniport import load_arm, sample_domain
 from maniport.cli import app
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.files import save_ellipsoids, save_path
 
 RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
 import json, os, sys
-from maniport import cli, demonstrations
+from maniport import cli, mocap
 from maniport.pipeline import job
 
-short = demonstrations.read_recording(demonstrations.shipped_recording("freeform")).crop(2.0, 2.2)
-demonstrations.shipped_recording = lambda name: short
+short = mocap.read_recording(mocap.shipped_recording("freeform")).crop(2.0, 2.2)
+mocap.shipped_recording = lambda name: short
 job.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
 
 for environment, words in json.loads(sys.argv[1]):

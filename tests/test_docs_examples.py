@@ -69,8 +69,8 @@ def short_work():
     with (
         mock.patch("maniport.pipeline.transfer_both", quick_both),
         mock.patch.object(maniport, "transfer_both", quick_both, create=True),
-        mock.patch("maniport.batches.inputs.checked", partial(checked, **SMALL)),
-        mock.patch("maniport.batches.run.cores", return_value=1),
+        mock.patch("maniport.batch.inputs.checked", partial(checked, **SMALL)),
+        mock.patch("maniport.batch.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),
         mock.patch.object(maniport, "transfer_recording", quick, create=True),
     ):

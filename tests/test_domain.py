@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from maniport import load_arm, sample_domain
-from maniport.bodies import EllipsoidSpec
-from maniport.bodies.collisions import Collisions
+from maniport.arms import EllipsoidSpec
+from maniport.arms.collisions import Collisions
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
 from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
-from maniport.demonstrations import performed
-from maniport.demonstrations.roles import assign_roles
+from maniport.mocap import performed
+from maniport.mocap.roles import assign_roles
 from sizes import SMALL, few_places
 
 HERE = Path(__file__).parent

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from maniport import files
-from maniport.bodies import load_arm
-from maniport.bodies.looks.mesh_files import load_mesh
+from maniport.arms import load_arm
+from maniport.arms.looks.mesh_files import load_mesh
 from maniport.cli.recorded import Recorded
-from maniport.demonstrations import read_recording
+from maniport.mocap import read_recording
 from maniport.errors import FileFormatError, ManiportError
 from maniport.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
-from maniport.profiles import ProfileGMM
-from maniport.tracking import StartBank
+from maniport.learning import ProfileGMM
+from maniport.motion import StartBank
 from maniport.transfer import RawCopy, load_adapter
 
 READERS = {

@@ -13,8 +13,8 @@ from maniport.errors import InvalidInputError, OutputError, UnknownNameError
 from maniport.files import load_ellipsoids, load_path
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.follow import follow
-from maniport.telling import as_numbers, facts_of
-from maniport.telling.write import EXECUTION_FILES, RUN_FILES
+from maniport.report import as_numbers, facts_of
+from maniport.report.write import EXECUTION_FILES, RUN_FILES
 
 SMALL = {"n_teacher": 64, "n_student": 128, "effort": "quick"}
 STILL = SMALL | {"move": False}

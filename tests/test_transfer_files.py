@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from dialect_files import BESIDE, POINTS, mirrored, motion
-from maniport.demonstrations import fit_arm, read_recording
-from maniport.demonstrations.marker_sets import load_names
+from maniport.mocap import fit_arm, read_recording
+from maniport.mocap.marker_sets import load_names
 
 pytestmark = pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")
-DATA = Path(__file__).parent / "demonstrations" / "data"
+DATA = Path(__file__).parent / "mocap" / "data"
 CLIPS = {
     **{file.name: (file, {"rate": 30.0}, 1.17) for file in sorted(DATA.glob("*.npy"))},
     **{file.name: (file, {}, None) for file in sorted(DATA.glob("*.bvh"))},

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from sphinx.environment import BuildEnvironment
 
 ROOMS = (
-    "maniport", "maniport.spd", "maniport.bodies", "maniport.demonstrations", "maniport.domain", "maniport.transfer",
-    "maniport.profiles", "maniport.tracking", "maniport.evaluation", "maniport.pipeline", "maniport.live",
-    "maniport.batches", "maniport.telling",
+    "maniport", "maniport.spd", "maniport.arms", "maniport.mocap", "maniport.domain", "maniport.transfer",
+    "maniport.learning", "maniport.motion", "maniport.evaluation", "maniport.pipeline", "maniport.live",
+    "maniport.batch", "maniport.report",
 )  # fmt: skip
 """In the order in which data flow."""
 

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any
 from maniport.version import __version__
 
 _NAMES = {
-    "batches": ("batch",),
-    "bodies": ("Arm", "Arms", "EllipsoidSpec", "load_arm", "load_arms"),
-    "bodies.collisions": ("Collisions",),
-    "demonstrations": ("Recording", "fit_arm", "fit_arms", "read_recording"),
+    "batch": ("transfer_batch",),
+    "arms": ("Arm", "Arms", "EllipsoidSpec", "load_arm", "load_arms"),
+    "arms.collisions": ("Collisions",),
+    "mocap": ("Recording", "fit_arm", "fit_arms", "read_recording"),
     "domain": ("sample_domain",),
     "errors": (),
     "evaluation": ("evaluate",),
     "live": ("Live",),
     "pipeline": ("BothResult", "LearnedProfile", "TransferResult", "learn", "transfer_both", "transfer_recording"),
-    "profiles": ("ProfileGMM", "align"),
+    "learning": ("ProfileGMM", "align"),
     "spd": (),
-    "telling": (),
-    "telling.figures": ("write_figures",),
-    "telling.console": ("progress",),
-    "telling.write": ("write_results",),
-    "tracking": ("FeasibleProjector", "StartBank", "nearest_feasible", "track"),
+    "report": (),
+    "report.figures": ("write_figures",),
+    "report.console": ("progress",),
+    "report.write": ("write_results",),
+    "motion": ("FeasibleProjector", "StartBank", "nearest_feasible", "track"),
     "transfer": (
         "LengthsField",
         "NearestNeighbor",
@@ -51,33 +51,33 @@ __all__ = [
 
 if TYPE_CHECKING:
     from maniport import (
-        batches,
-        bodies,
-        demonstrations,
+        batch,
+        arms,
+        mocap,
         domain,
         errors,
         evaluation,
         live,
         pipeline,
-        profiles,
+        learning,
         spd,
-        telling,
-        tracking,
+        report,
+        motion,
         transfer,
     )
-    from maniport.batches import batch
-    from maniport.bodies import Arm, Arms, EllipsoidSpec, load_arm, load_arms
-    from maniport.bodies.collisions import Collisions
-    from maniport.demonstrations import Recording, fit_arm, fit_arms, read_recording
+    from maniport.batch import batch
+    from maniport.arms import Arm, Arms, EllipsoidSpec, load_arm, load_arms
+    from maniport.arms.collisions import Collisions
+    from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
     from maniport.domain import sample_domain
     from maniport.evaluation import evaluate
     from maniport.live import Live
     from maniport.pipeline import BothResult, LearnedProfile, TransferResult, learn, transfer_both, transfer_recording
-    from maniport.profiles import ProfileGMM, align
-    from maniport.telling.console import progress
-    from maniport.telling.figures import write_figures
-    from maniport.telling.write import write_results
-    from maniport.tracking import FeasibleProjector, StartBank, nearest_feasible, track
+    from maniport.learning import ProfileGMM, align
+    from maniport.report.console import progress
+    from maniport.report.figures import write_figures
+    from maniport.report.write import write_results
+    from maniport.motion import FeasibleProjector, StartBank, nearest_feasible, track
     from maniport.transfer import (
         LengthsField,
         NearestNeighbor,

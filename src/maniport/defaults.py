@@ -14,7 +14,7 @@ PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
 
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # Sizes of the sampled domains; they suffice for arms of seven joints
 
-EFFORT = "full"  # How much is tried for a motion, see `maniport.tracking.effort`
+EFFORT = "full"  # How much is tried for a motion, see `maniport.motion.effort`
 
 BATCH_METHOD = "lengths-field"
 """How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
@@ -37,4 +37,4 @@ RECORDINGS = {
     ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
     ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
 }  # fmt: skip
-"""Endings of recordings that are read, and the module of `maniport.demonstrations.readers` that reads each."""
+"""Endings of recordings that are read, and the module of `maniport.mocap.readers` that reads each."""

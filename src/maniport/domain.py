@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from maniport.bodies import VELOCITY, Arm, Arms, EllipsoidSpec
-from maniport.bodies.arms import CooperativeArm
+from maniport.arms import VELOCITY, Arm, Arms, EllipsoidSpec
+from maniport.arms.arms import CooperativeArm
 from maniport.validation import Array
 
 
@@ -30,7 +30,7 @@ def sample_domain(
         2.6 and 3.9 times less over draws of n = 512, 2048 and 4096 than with independent uniform ones.
     spec : EllipsoidSpec
         Which ellipsoids.
-    collisions : maniport.bodies.collisions.Collisions or True, optional
+    collisions : maniport.arms.collisions.Collisions or True, optional
         Postures that collide are left out, and the sequence is continued until n are free. True: what the arm collides
         with by itself, 3.1 % of the Panda's postures to its flange and 7.4 % to ``panda_hand_tcp``. An arm of which no
         surface is known is sampled as without.
@@ -73,6 +73,6 @@ def _postures(arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, seque
     """Samples of the joint space, free of collisions where they are given."""
     if collisions is None:
         return arm.sample(n, random_state, sequence)
-    from maniport.bodies.collisions import free_postures  # here: Numba takes its time
+    from maniport.arms.collisions import free_postures  # here: Numba takes its time
 
     return free_postures(arm, n, random_state, sequence, collisions)

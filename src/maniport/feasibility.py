@@ -3,8 +3,8 @@
 import copy
 from typing import Any
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.tracking import FeasibleProjector, StartBank
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.motion import FeasibleProjector, StartBank
 from maniport.transfer import DomainAdapter
 
 

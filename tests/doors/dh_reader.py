@@ -2,8 +2,8 @@
 
 import json
 
-from maniport.bodies import READERS
-from maniport.bodies.denavit_hartenberg import chain_from_dh
+from maniport.arms import READERS
+from maniport.arms.denavit_hartenberg import chain_from_dh
 from maniport.errors import FileFormatError
 
 

@@ -1,6 +1,6 @@
 """Names of points of one's own: those of a laboratory's marker set, for either arm."""
 
-from maniport.demonstrations import DIALECTS
+from maniport.mocap import DIALECTS
 
 DIALECTS["our lab"] = {
     "shoulder": ["Acromion_R"],

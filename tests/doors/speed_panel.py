@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.telling import facts_of
-from maniport.telling.page import Line, Panel, write_page
-from maniport.telling.page.motions import motion_of
+from maniport.report import facts_of
+from maniport.report.page import Line, Panel, write_page
+from maniport.report.page.motions import motion_of
 
 
 def write_page_with_speed(path, result):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.bodies import PERSONS, Arm, myoarm
+from maniport.arms import PERSONS, Arm, myoarm
 
 
 def stiff_shoulder(upper_arm=None, forearm=None, hand=None):

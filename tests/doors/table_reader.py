@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.demonstrations import READERS
+from maniport.mocap import READERS
 
 
 def read(file, given):

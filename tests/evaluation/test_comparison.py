@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from maniport import ParallelTransport, RawCopy, RiemannianICP, load_arm, sample_domain, spd
-from maniport.bodies import Arm, EllipsoidSpec
+from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
 from maniport.evaluation.baselines import LOOKUP, RAW_COPY, ROWS, TRANSPORT
-from maniport.telling import as_markdown, as_numbers, facts_of
+from maniport.report import as_markdown, as_numbers, facts_of
 from maniport.transfer.rigid_adapter import RigidMap
 
 

@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm, logm, sqrtm
 
-from maniport.bodies import load_arm
+from maniport.arms import load_arm
 from maniport.evaluation import RMSE
 from maniport.studies.paper.human_robot import AuthorsBaseline
 from maniport.studies.paper.outcome import Experiment, Outcome
 from maniport.studies.paper.report import Reproduction
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER, paper_table
-from maniport.telling import as_numbers, facts_of
+from maniport.report import as_numbers, facts_of
 
 FLOOR = 1e-4
 

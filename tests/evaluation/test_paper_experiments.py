@@ -10,7 +10,7 @@ import pytest
 from maniport.errors import InvalidInputError, OutputError
 from maniport.studies.paper import known_truth, run
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER, TRAJECTORIES, paper_table
-from maniport.telling import as_numbers, facts_of
+from maniport.report import as_numbers, facts_of
 
 
 def lines_of(result):

@@ -8,7 +8,7 @@ import pytest
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import choose
-from maniport.telling import as_markdown, as_numbers, facts_of
+from maniport.report import as_markdown, as_numbers, facts_of
 from maniport.transfer.lengths.report import FieldReport
 
 
@@ -113,7 +113,7 @@ def test_every_check_can_fail(worse):
 def test_large_ellipsoids_get_parallel_transport():
     """For 6×6 the field is not fitted."""
     person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
-    spec = mp.bodies.EllipsoidSpec("velocity", "full")
+    spec = mp.arms.EllipsoidSpec("velocity", "full")
     domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
     profile = person.ellipsoids(person.sample(5, 0), spec)
     assert choose(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 
-from maniport.demonstrations.readers.c3d import DEC, MIPS
+from maniport.mocap.readers.c3d import DEC, MIPS
 
 LABELS = ("RSHO", "RELB", "C7", "T10")
 

@@ -15,21 +15,21 @@ from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from fuzz.c3d_writer import Writer
 from fuzz.mesh_examples import GOOD, stl
 from fuzz.robot_examples import MJCF, SRDF, URDF, WITH_MESHES
-from maniport.bodies import Arm, load_arm
-from maniport.bodies.collisions import read_boxes
-from maniport.bodies.collisions.obstacles import disabled_pairs
-from maniport.bodies.human import JOINTS
-from maniport.bodies.looks.mesh_files import load_mesh
-from maniport.demonstrations import read_recording, shipped_recording
-from maniport.demonstrations.marker_sets import load_names
-from maniport.demonstrations.readers.c3d import DEC, MIPS
-from maniport.demonstrations.readers.mot import RAJAGOPAL
+from maniport.arms import Arm, load_arm
+from maniport.arms.collisions import read_boxes
+from maniport.arms.collisions.obstacles import disabled_pairs
+from maniport.arms.human import JOINTS
+from maniport.arms.looks.mesh_files import load_mesh
+from maniport.mocap import read_recording, shipped_recording
+from maniport.mocap.marker_sets import load_names
+from maniport.mocap.readers.c3d import DEC, MIPS
+from maniport.mocap.readers.mot import RAJAGOPAL
 from maniport.errors import FileFormatError
 from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 from maniport.live.frames import read_frame
-from maniport.profiles import ProfileGMM
-from maniport.tracking import StartBank
-from maniport.tracking.motion_limits import MotionLimits
+from maniport.learning import ProfileGMM
+from maniport.motion import StartBank
+from maniport.motion.motion_limits import MotionLimits
 from maniport.transfer import load_adapter
 
 

@@ -13,7 +13,7 @@ from unittest import mock
 from maniport import __main__ as entry_point
 from maniport import cli, load_arm, sample_domain
 from maniport.atomic_io import folder_written_whole
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.files import save_ellipsoids
 from maniport.pipeline import transfer_recording
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from maniport.bodies import load_arm
-from maniport.tracking import StartBank
+from maniport.arms import load_arm
+from maniport.motion import StartBank
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from laws.strategies import FORMS, fewer, require_same_for_every_form, results_of
 from maniport import spd
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
 from maniport.domain import sample_domain
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")

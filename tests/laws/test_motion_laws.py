@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from laws.strategies import fewer
 from maniport import spd
-from maniport.tracking import (
+from maniport.motion import (
     MotionLimits,
     Objective,
     feasibility_gap,

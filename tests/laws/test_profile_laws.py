@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer
 from maniport import spd
-from maniport.profiles import ProfileGMM, align, tracking_weights
+from maniport.learning import ProfileGMM, align, tracking_weights
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 forms = st.sampled_from(sorted(FORMS | ROUNDED))

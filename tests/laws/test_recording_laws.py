@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from laws.strategies import FORMS
-from maniport.demonstrations import Recording, read_recording
+from maniport.mocap import Recording, read_recording
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 UP = ("x", "y", "z", "-x", "-y", "-z")

@@ -7,7 +7,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 import maniport as mp
-from maniport.demonstrations import shipped_recording
+from maniport.mocap import shipped_recording
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
 

@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import maniport as mp
-from maniport.bodies.human import human_arm
-from maniport.demonstrations import frame_kernel, performed
-from maniport.demonstrations.directions import Directions
+from maniport.arms.human import human_arm
+from maniport.mocap import frame_kernel, performed
+from maniport.mocap.directions import Directions
 from maniport.live.person import Person
 
 

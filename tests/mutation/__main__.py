@@ -26,7 +26,7 @@ ROOMS = {
         "tests/spd",
         "tests/laws/test_spd_laws.py",
         "tests/transfer/test_damping.py",
-        "tests/telling/test_directions.py",
+        "tests/report/test_directions.py",
     ],
     "transfer": ["tests/transfer", "tests/laws/test_transfer_laws.py"],
 }

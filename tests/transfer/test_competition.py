@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import maniport as mp
-from maniport.bodies import Arm
+from maniport.arms import Arm
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer import Search
 from maniport.transfer.rotation_group import rotation_angle

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maniport import load_arm, sample_domain, spd
-from maniport.bodies import Arm
+from maniport.arms import Arm
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.identifiability import identify
 from maniport.transfer.rigid_adapter import recentre, transport_rotation

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import maniport as mp
 from maniport import spd
-from maniport.bodies import EllipsoidSpec
+from maniport.arms import EllipsoidSpec
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 

@@ -8,7 +8,7 @@ from scipy.stats import special_ortho_group
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.tracking import FeasibleProjector, StartBank
+from maniport.motion import FeasibleProjector, StartBank
 from maniport.transfer import METHODS, Search, method_of
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from maniport.defaults import RECORDINGS
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
-from maniport.telling.console import Console
+from maniport.report.console import Console
 from maniport.version import __version__
 
 Verb = Callable[..., None]

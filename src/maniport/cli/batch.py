@@ -11,10 +11,10 @@ from maniport.cli.motion import Motion, moves_many
 from maniport.cli.recorded import Recorded, takes_recording, transfers_many
 from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import BATCH_PROFILE_RATE, ROBOT
-from maniport.telling.console import Console
+from maniport.report.console import Console
 
 if TYPE_CHECKING:
-    from maniport.batches import Batch
+    from maniport.batch import Batch
 
 
 def _where(help: str, **more: Any) -> Any:
@@ -59,7 +59,7 @@ def batch(
     overwrite: Overwrite = False,
 ) -> None:
     """Let each robot have each recording; go on where an earlier call was ended. Exits with 1 where a pair failed."""
-    from maniport.batches import batch as run
+    from maniport.batch import batch as run
     from maniport.signals import raising
 
     arms = [chain.load(name) for name in robot or [ROBOT]]
@@ -91,7 +91,7 @@ def batch(
 
 def _tell(console: Console, found: "Batch", output: Path) -> None:
     """Print the result; exit with 1 where a pair failed."""
-    from maniport.batches.table import failures
+    from maniport.batch.table import failures
 
     failed = failures(found.failed)
     count = f"{len(found.table) - len(found.failed)} of {len(found.table)} pairs are done, {len(found.failed)} failed"

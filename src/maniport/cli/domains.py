@@ -10,9 +10,9 @@ from maniport.cli import application as cli
 from maniport.cli.robots import NO_ROBOT, Chain, takes_chain
 from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
-from maniport.telling.console import Console
-from maniport.telling.metrics import facts_of
-from maniport.telling.renderings import as_numbers, write_facts
+from maniport.report.console import Console
+from maniport.report.metrics import facts_of
+from maniport.report.renderings import as_numbers, write_facts
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare with, separated by commas, or all.")]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
@@ -37,7 +37,7 @@ def domain(
     seed: cli.Seed = 0,
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
-    from maniport.bodies import EllipsoidSpec
+    from maniport.arms import EllipsoidSpec
     from maniport.domain import sample_domain
     from maniport.files import save_ellipsoids
 
@@ -76,7 +76,7 @@ def fit(
     seed: cli.Seed = 0,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.bodies import EllipsoidSpec
+    from maniport.arms import EllipsoidSpec
     from maniport.feasibility import knowing
     from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
@@ -145,7 +145,7 @@ def evaluate(
 ) -> None:
     """Compare a fitted adapter with baselines, such as no transfer."""
     from maniport.atomic_io import require_room
-    from maniport.bodies import EllipsoidSpec, load_arm
+    from maniport.arms import EllipsoidSpec, load_arm
     from maniport.evaluation import evaluate as measure
     from maniport.evaluation.baselines import ROWS
     from maniport.files import load_ellipsoids

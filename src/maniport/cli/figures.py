@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from maniport.cli.application import app, prints
-from maniport.telling.console import Console
+from maniport.report.console import Console
 
 
 @app.command(epilog="Example: maniport figures maniport-demo -o paper/figures")
@@ -19,7 +19,7 @@ def figures(
     ] = None,
 ) -> None:
     """Draw the figures of a saved result as PNG and SVG files."""
-    from maniport.telling.figures import write_figures
+    from maniport.report.figures import write_figures
 
     with console.progress() as progress:
         progress("draw the figures", 0.0)

@@ -9,9 +9,9 @@ from maniport.cli.application import Height, Seed, Side, app, prints
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import AUTO, RECORDINGS
-from maniport.telling.console import Console
-from maniport.telling.metrics import Metric, Report, Section, facts_of, warning
-from maniport.telling.renderings import PAGE, SUMMARY
+from maniport.report.console import Console
+from maniport.report.metrics import Metric, Report, Section, facts_of, warning
+from maniport.report.renderings import PAGE, SUMMARY
 
 
 @app.command(
@@ -44,7 +44,7 @@ def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float
         return _of_results(Path(what))
     if _is_recording(what):
         chain.require_none(f"{what!r} is a recording")
-        from maniport.telling.recording import recording_facts
+        from maniport.report.recording import recording_facts
 
         return recording_facts(recorded.read(what), recorded.roles(), side, command=recorded.command(what))
     recorded.require_none(f"{what!r} is none")
@@ -56,7 +56,7 @@ def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float
 
 def _is_recording(what: str) -> bool:
     """Whether it is a recording: of files, all are that are no robots and hold no ellipsoids."""
-    from maniport.bodies import READERS
+    from maniport.arms import READERS
 
     file = Path(what)
     suffix = file.suffix.lower()
@@ -68,15 +68,15 @@ def _is_recording(what: str) -> bool:
         return False
     if file.is_file() or suffix in RECORDINGS or (file.is_dir() and any(file.glob("*.json"))):
         return True
-    from maniport.demonstrations.readers import SHIPPED
+    from maniport.mocap.readers import SHIPPED
 
     return what in SHIPPED
 
 
 def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Report:
     """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
-    from maniport.bodies.readers import robot_limbs
-    from maniport.telling.robot import robot_facts
+    from maniport.arms.readers import robot_limbs
+    from maniport.report.robot import robot_facts
 
     limbs, default = robot_limbs(what)
     to_choose = limbs and default is None and chain.frame is None and chain.joints is None

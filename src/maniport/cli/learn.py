@@ -11,7 +11,7 @@ from maniport.cli.recorded import Recorded, takes_recording, transfers
 from maniport.cli.robots import Chain, takes_chain
 from maniport.defaults import AUTO
 from maniport.errors import InvalidInputError
-from maniport.telling.console import Console
+from maniport.report.console import Console
 
 
 @app.command(
@@ -54,8 +54,8 @@ def learn(
     """Learn a profile and its dispersion from several demonstrations of a motion."""
     from maniport.atomic_io import require_free
     from maniport.pipeline import learn, transfer_recording
-    from maniport.telling.renderings import as_numbers
-    from maniport.telling.write import LEARNED_FILES, RUN_FILES, write_results
+    from maniport.report.renderings import as_numbers
+    from maniport.report.write import LEARNED_FILES, RUN_FILES, write_results
 
     require_free(output, LEARNED_FILES, overwrite)
     followed = None if robot is None else _followed(robot, job, chain, motion)

@@ -18,7 +18,7 @@ from maniport.cli.transfer import at_work
 from maniport.defaults import ROBOT
 from maniport.errors import InvalidInputError
 from maniport.ports import LOOPBACK, is_loopback
-from maniport.telling.console import Console
+from maniport.report.console import Console
 
 if TYPE_CHECKING:
     from maniport.live import Live

@@ -47,7 +47,7 @@ class Motion:
 
     def require_exports(self) -> None:
         """Raise unless all formats are there."""
-        from maniport.telling.write import export_files
+        from maniport.report.write import export_files
 
         export_files(self.export)
 
@@ -78,8 +78,8 @@ class Motion:
 
     def control(self, arm: Any) -> dict[str, Any]:
         """The same for an arm, as the library takes it, checked."""
-        from maniport.bodies.collisions import Collisions
-        from maniport.tracking import MotionLimits, PlanControl
+        from maniport.arms.collisions import Collisions
+        from maniport.motion import MotionLimits, PlanControl
 
         given = self.given
         limits = MotionLimits.of(arm, given["limits"], 0.01 * given["margin"])

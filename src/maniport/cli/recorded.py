@@ -14,7 +14,7 @@ from maniport.errors import FileFormatError
 from maniport.input_limits import SETTINGS_BYTES, read_whole
 
 if TYPE_CHECKING:
-    from maniport.demonstrations import Recording
+    from maniport.mocap import Recording
 
 
 def _option(help: str) -> Any:
@@ -36,7 +36,7 @@ class Recorded:
 
     def read(self, file: str | Path) -> "Recording":
         """Read the recording, or the part of it that is used."""
-        from maniport.demonstrations import read_recording
+        from maniport.mocap import read_recording
 
         recording = read_recording(file, unit=self.unit, up=self.up, rate=self.fps)
         return recording if self.start is None and self.stop is None else recording.crop(self.start, self.stop)
@@ -93,7 +93,7 @@ def _job(
     seed: cli.Seed = 0,
 ) -> dict[str, Any]:
     """Return the options as `maniport.transfer_recording` takes them."""
-    from maniport.bodies import EllipsoidSpec
+    from maniport.arms import EllipsoidSpec
 
     ellipsoids = {"spec": EllipsoidSpec(kind, part), **cli.regularization(damping, floor)}
     fit = {"person": person, "side": side, "height": height, "smooth": smooth, "leaps": leaps}

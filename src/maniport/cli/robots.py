@@ -12,7 +12,7 @@ from maniport.defaults import AUTO, BOTH
 from maniport.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from maniport.bodies import Arm, Arms
+    from maniport.arms import Arm, Arms
 
 NO_ROBOT = "name the robot with --robot"
 
@@ -67,8 +67,8 @@ class Chain:
 
     def load(self, robot: str, side: str = AUTO, height: float | None = None) -> "Arm":
         """Load an arm by name or from a file; of a person the right arm where `side` is auto."""
-        from maniport.bodies import load_arm
-        from maniport.bodies.readers import read_arm
+        from maniport.arms import load_arm
+        from maniport.arms.readers import read_arm
 
         lock = {}
         if self.held:
@@ -131,8 +131,8 @@ class Pair:
 
     def load(self, robot: str, chain: Chain) -> "Arms":
         """Load the two arms of a robot, or of two robots."""
-        from maniport.bodies import load_arms
-        from maniport.bodies.arms import two_bases
+        from maniport.arms import load_arms
+        from maniport.arms.arms import two_bases
 
         instead = f"with --arm {BOTH} there are two: --frames LEFT RIGHT, --base-left and --base-right"
         require_none({"frame": chain.frame, "base": chain.base}, "is that of one arm", instead)

@@ -16,8 +16,8 @@ from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
 from maniport.defaults import BOTH, DAMPING, EFFORT, ROBOT
 from maniport.errors import InvalidInputError
 from maniport.steps import Progress
-from maniport.telling.console import Console
-from maniport.telling.metrics import Report
+from maniport.report.console import Console
+from maniport.report.metrics import Report
 
 LOAD = "load the program"  # Name of the first step
 DEMOS = {
@@ -40,8 +40,8 @@ def demo(
 ) -> None:
     """Transfer a shipped recording to the Franka Panda."""
     with at_work(console) as tell:
-        from maniport.bodies import load_arm
-        from maniport.demonstrations import shipped_recording
+        from maniport.arms import load_arm
+        from maniport.mocap import shipped_recording
 
         job: dict[str, Any] = {"recording": shipped_recording(recording), "damping": DAMPING, "random_state": seed}
         console.say(DEMOS[recording])
@@ -85,7 +85,7 @@ def transfer(
             console.say(f"! {doubt}")
         job |= {"recording": data, "markers": recorded.roles(), "move": move}
         if both:
-            from maniport.demonstrations.both_arms import markers_of_each
+            from maniport.mocap.both_arms import markers_of_each
 
             del job["side"]
             job |= {} if pair.tips is None else {"tips": pair.tips}
@@ -121,12 +121,12 @@ def place(
 ) -> None:
     """Find the best placements of a path relative to a robot, and list them."""
     from maniport.atomic_io import require_free
-    from maniport.bodies import EllipsoidSpec
-    from maniport.bodies.collisions import Collisions
+    from maniport.arms import EllipsoidSpec
+    from maniport.arms.collisions import Collisions
     from maniport.files import load_ellipsoids, load_path
-    from maniport.telling.metrics import facts_of
-    from maniport.tracking import place_path
-    from maniport.tracking.placement.placed_path import DATA_FILES
+    from maniport.report.metrics import facts_of
+    from maniport.motion import place_path
+    from maniport.motion.placement.placed_path import DATA_FILES
 
     require_free(output, DATA_FILES, overwrite)
     leaning, arm = _tilt(tilt), chain.load(robot)
@@ -173,10 +173,10 @@ def track(
 ) -> None:
     """Plan a robot motion whose ellipsoids follow a target profile, and its end effector a target path."""
     from maniport.atomic_io import require_free
-    from maniport.bodies import EllipsoidSpec
+    from maniport.arms import EllipsoidSpec
     from maniport.files import load_ellipsoids, load_path
     from maniport.pipeline.follow import follow
-    from maniport.telling.write import EXECUTION_FILES, write_results
+    from maniport.report.write import EXECUTION_FILES, write_results
     from maniport.validation import as_times
 
     require_free(output, EXECUTION_FILES, overwrite)
@@ -217,16 +217,16 @@ def at_work(console: Console) -> Iterator[Progress]:
 def _require_free(output: Path, overwrite: bool, both: bool = False) -> None:
     """Raise unless the results of a transfer may be written to a folder."""
     from maniport.atomic_io import require_free
-    from maniport.telling.write import RUN_FILES, require_free_for_both
+    from maniport.report.write import RUN_FILES, require_free_for_both
 
     require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
 
 
 def _transfer(tell: Progress, output: Path, overwrite: bool, motion: Motion, robot: Any, job: dict[str, Any]) -> Report:
     """Transfer to an arm or a pair of arms, and write the results."""
-    from maniport.bodies import Arm
+    from maniport.arms import Arm
     from maniport.pipeline import transfer_both, transfer_recording
-    from maniport.telling.write import write_results
+    from maniport.report.write import write_results
 
     motion.require_exports()
     one = isinstance(robot, Arm)
@@ -241,7 +241,7 @@ def _transfer(tell: Progress, output: Path, overwrite: bool, motion: Motion, rob
 
 def _tilt(text: str | None) -> float | str | None:
     """Convert a tilt from degrees; None and the word for a free tilt stay."""
-    from maniport.tracking.placement.arguments import FREE
+    from maniport.motion.placement.arguments import FREE
 
     if text is None or text == FREE:
         return text

@@ -9,7 +9,7 @@ import typer
 from maniport.cli import application as cli
 from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
 from maniport.defaults import AUTO, BOTH, PERSON, ROBOT
-from maniport.telling.console import Console
+from maniport.report.console import Console
 
 STRAIGHT = (0.0, 0.0, 0.0)
 
@@ -41,8 +41,8 @@ def view(
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
     from maniport.optional import viser
     from maniport.ports import is_loopback
-    from maniport.view.prepare import prepare
-    from maniport.view.server import LiveView, require_free
+    from maniport.viewer.prepare import prepare
+    from maniport.viewer.server import LiveView, require_free
 
     both = side == BOTH
     if not both:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.bodies.joint_space import Manipulable
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
@@ -23,7 +23,7 @@ from maniport.spd.mean import mean
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, Step
 from maniport.subsample import evenly_spaced
-from maniport.tracking import StartBank, nearest_feasible
+from maniport.motion import StartBank, nearest_feasible
 from maniport.transfer import DomainAdapter, LengthsField, name_of
 from maniport.validation import Array, as_count, as_finite, as_generator, as_points, require_shape
 
@@ -81,7 +81,7 @@ def evaluate(
     fitted : mapping of str to DomainAdapter, optional
         Baselines that are fitted to these domains already, with the adapter's regularization and mounting.
     bank, n_starts, n_jobs
-        As in `maniport.tracking.nearest_feasible`, for the gap search.
+        As in `maniport.motion.nearest_feasible`, for the gap search.
     n_domain, n_identity, draws : int
         Ellipsoids of the teacher's domain whose gap is searched, too; samples of each set of the identity test; sets of
         samples that stability is measured over (without both arms: four disjoint parts of the domains). 0 skips each.

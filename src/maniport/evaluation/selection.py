@@ -5,7 +5,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.evaluation.comparison import evaluate
@@ -13,7 +13,7 @@ from maniport.evaluation.verdict import Evaluation, Row
 from maniport.feasibility import knowing
 from maniport.notebook import ShownInNotebooks
 from maniport.steps import Progress
-from maniport.tracking import StartBank
+from maniport.motion import StartBank
 from maniport.transfer import DomainAdapter, method_of
 from maniport.validation import Array, as_finite, as_positive_semidefinite
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from maniport.demonstrations.recording import MAX_POSITION
+from maniport.mocap.recording import MAX_POSITION
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.input_limits import FRAME_BYTES
 from maniport.validation import LATEST, Array, require_shape

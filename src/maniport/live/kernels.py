@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from maniport.demonstrations.frame_kernel import frame_terms
+from maniport.mocap.frame_kernel import frame_terms
 from maniport.jit import kernel, part
-from maniport.tracking.kernels import step_within_limits
+from maniport.motion.kernels import step_within_limits
 
 
 @kernel

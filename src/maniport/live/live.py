@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.bodies.collisions import Collisions
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms.collisions import Collisions
 from maniport.defaults import DAMPING
-from maniport.demonstrations import ArmFit
+from maniport.mocap import ArmFit
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.live.clock import MotionClock
 from maniport.live.frames import as_frame
@@ -21,8 +21,8 @@ from maniport.live.robot import Robot, best_start
 from maniport.live.state import HOLDING, FollowState, Moment
 from maniport.pipeline import TransferResult
 from maniport.steps import Progress, Step
-from maniport.tracking import MotionLimits, PlacedPath, PlanControl
-from maniport.tracking.plan.plan_control import require_free
+from maniport.motion import MotionLimits, PlacedPath, PlanControl
+from maniport.motion.plan.plan_control import require_free
 from maniport.transfer import DomainAdapter
 from maniport.validation import LATEST, Array, as_count, as_number, require_shape
 
@@ -50,12 +50,12 @@ class Live:
         Fitted.
     robot : Arm
     path : PlacedPath, optional
-        Placement of the hand's path before the robot, of `maniport.tracking.place_path` or of a result. Without it the
+        Placement of the hand's path before the robot, of `maniport.motion.place_path` or of a result. Without it the
         robot follows the ellipsoids alone.
     spec : EllipsoidSpec
         Which ellipsoids the adapter maps.
     motion_limits, collisions
-        As in `maniport.tracking.PlanControl`.
+        As in `maniport.motion.PlanControl`.
     start : array_like, shape (dof,), optional
         Configuration of the robot, at rest. Default: one that suits the first frame of `person`.
     reference : array_like, shape (n, dof), optional

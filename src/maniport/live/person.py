@@ -1,7 +1,7 @@
 """The arm of a person, frame by frame: from points to joint angles, causally.
 
 Offline all frames are fitted together, each joint's acceleration weighted against the directions that the points show
-(`maniport.demonstrations.path_solver`): the most probable path of joints whose accelerations are noise. Here the same
+(`maniport.mocap.path_solver`): the most probable path of joints whose accelerations are noise. Here the same
 is computed from the past alone. Earlier frames give a mean and a covariance of angles and velocities (an extended
 Kalman filter), and each new frame is solved within the joint limits, to convergence, with the weights, residuals and
 pulls of the offline fit. Differences: a joint that no point shows comes to rest, points are neither smoothed nor
@@ -13,19 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.bodies import EllipsoidSpec
-from maniport.bodies.kinematics import Kinematics
-from maniport.bodies.manipulability import manipulability, squared
-from maniport.demonstrations import ArmFit
-from maniport.demonstrations.arm_fit import held_by
-from maniport.demonstrations.cleaning import LEAST_LEAP
-from maniport.demonstrations.data_quality import MEASUREMENT_ERROR, PRIOR
-from maniport.demonstrations.directions import Directions
-from maniport.demonstrations.initial_path import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
-from maniport.demonstrations.jumps import FASTEST_JOINT
-from maniport.demonstrations.observation import vectors_of
-from maniport.demonstrations.path_solver import LEAST_GAIN
-from maniport.demonstrations.roles import SHORTEST, Basis, across_role, direction, points_of
+from maniport.arms import EllipsoidSpec
+from maniport.arms.kinematics import Kinematics
+from maniport.arms.manipulability import manipulability, squared
+from maniport.mocap import ArmFit
+from maniport.mocap.arm_fit import held_by
+from maniport.mocap.cleaning import LEAST_LEAP
+from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
+from maniport.mocap.directions import Directions
+from maniport.mocap.initial_path import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
+from maniport.mocap.jumps import FASTEST_JOINT
+from maniport.mocap.observation import vectors_of
+from maniport.mocap.path_solver import LEAST_GAIN
+from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
 from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.validation import Array
 

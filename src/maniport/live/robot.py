@@ -4,17 +4,17 @@ import math
 
 import numpy as np
 
-from maniport.bodies import Arm, EllipsoidSpec
-from maniport.bodies.collisions import Collisions
-from maniport.bodies.manipulability import squared
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms.collisions import Collisions
+from maniport.arms.manipulability import squared
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.tracking import MotionLimits, Objective, StartBank
-from maniport.tracking.arm_model import require_trackable
-from maniport.tracking.follow.follower import Follower, Stepper
-from maniport.tracking.limits import RememberingLimit, UnevenLimit
-from maniport.tracking.objective import FOLLOWING_WEIGHT, Damping
-from maniport.tracking.schedule import Schedule
-from maniport.tracking.search.descent import descend
+from maniport.motion import MotionLimits, Objective, StartBank
+from maniport.motion.arm_model import require_trackable
+from maniport.motion.follow.follower import Follower, Stepper
+from maniport.motion.limits import RememberingLimit, UnevenLimit
+from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.schedule import Schedule
+from maniport.motion.search.descent import descend
 from maniport.validation import Array
 
 COLLISION_TIME = 0.1  # The clearance is used up with this time constant, or slower [s]
@@ -26,7 +26,7 @@ its branch of configurations, and low enough that the end effector is on its pat
 
 
 class Robot:
-    """An arm that follows targets of the present as `maniport.tracking.track` does those of a motion."""
+    """An arm that follows targets of the present as `maniport.motion.track` does those of a motion."""
 
     def __init__(
         self,

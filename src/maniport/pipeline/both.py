@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.bodies import VELOCITY, Arms, EllipsoidSpec, load_arms
+from maniport.arms import VELOCITY, Arms, EllipsoidSpec, load_arms
 from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.demonstrations import Recording, fit_arms
+from maniport.mocap import Recording, fit_arms
 from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.both_result import BothResult
@@ -24,7 +24,7 @@ from maniport.pipeline.turns import turned_freely, turned_tips
 from maniport.pipeline.work import FREE, Job, warned
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, untold
-from maniport.tracking import (
+from maniport.motion import (
     ArmsPlanner,
     MotionLimits,
     PlacedPath,
@@ -36,11 +36,11 @@ from maniport.tracking import (
     place_paths,
     plan_arms,
 )
-from maniport.tracking.arm_model import why_not_trackable
-from maniport.tracking.both.together import PLACED, RELATIVE
-from maniport.tracking.effort import as_effort
-from maniport.tracking.objective import Damping
-from maniport.tracking.search.pointwise import interpolated_distance
+from maniport.motion.arm_model import why_not_trackable
+from maniport.motion.both.together import PLACED, RELATIVE
+from maniport.motion.effort import as_effort
+from maniport.motion.objective import Damping
+from maniport.motion.search.pointwise import interpolated_distance
 from maniport.transfer import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.validation import Array, as_choice
@@ -94,7 +94,7 @@ def transfer_both(
     tips : {"placed", "relative"}
         Whether the tips are on the paths of the hands, or only as the hands are beside one another.
     **control
-        How the motion is planned; see `maniport.tracking.plan_arms`.
+        How the motion is planned; see `maniport.motion.plan_arms`.
 
     Raises
     ------

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from maniport.atomic_io import folder_written_whole
-from maniport.bodies import Arms
-from maniport.demonstrations import ArmFits, Recording
+from maniport.arms import Arms
+from maniport.mocap import ArmFits, Recording
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
-from maniport.tracking import PlannedArms
+from maniport.motion import PlannedArms
 
 FOLDERS = "left", "right"  # Where the data of each arm are, as of a run of one
 DATA_FILES = (*FOLDERS, *JOINT_FILES)  # What `BothResult.save` writes

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.atomic_io import folder_written_whole
-from maniport.bodies import Arm
-from maniport.bodies.collisions import Collisions, Lowest
-from maniport.bodies.collisions.carried import lowest_points
+from maniport.arms import Arm
+from maniport.arms.collisions import Collisions, Lowest
+from maniport.arms.collisions.carried import lowest_points
 from maniport.files import save_ellipsoids, save_path
 from maniport.notebook import ShownInNotebooks
-from maniport.tracking import PlacedPath, PlannedMotion, TrackResult
-from maniport.tracking.placement.placed_path import DATA_FILES as PLACED_FILES
-from maniport.tracking.plan.planned_motion import Room
+from maniport.motion import PlacedPath, PlannedMotion, TrackResult
+from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.motion.plan.planned_motion import Room
 from maniport.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"

@@ -7,13 +7,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
 from maniport.pipeline.execution import Execution, placed_rows
 from maniport.pipeline.turns import turned_freely, turned_tips
 from maniport.steps import Progress
-from maniport.tracking import (
+from maniport.motion import (
     Control,
     PlacedPath,
     PlanControl,
@@ -24,10 +24,10 @@ from maniport.tracking import (
     plan_motion,
     track,
 )
-from maniport.tracking.effort import as_effort
-from maniport.tracking.objective import Damping, Objective
-from maniport.tracking.plan.planned_motion import Room
-from maniport.tracking.search.pointwise import interpolated_distance
+from maniport.motion.effort import as_effort
+from maniport.motion.objective import Damping, Objective
+from maniport.motion.plan.planned_motion import Room
+from maniport.motion.search.pointwise import interpolated_distance
 from maniport.validation import Array, as_finite, as_generator, as_times
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.demonstrations import Recording
-from maniport.demonstrations.arm_fit import require_person
+from maniport.mocap import Recording
+from maniport.mocap.arm_fit import require_person
 from maniport.pipeline.follow import controls
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
@@ -19,7 +19,7 @@ from maniport.pipeline.turns import facing
 from maniport.pipeline.work import DEMONSTRATED, FREE, Job
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, untold
-from maniport.tracking import PlanControl
+from maniport.motion import PlanControl
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.validation import as_choice, as_count, as_rotation
 
@@ -76,7 +76,7 @@ def transfer_recording(
         Whether the robot shall follow; False ends with its target ellipsoids.
     orientation : {"free", "demonstrated", "constant"} or array_like of shape (3,)
         How the robot's tip is turned: as serves the ellipsoids best, like the person's hand, like that at the start, or
-        z in a direction of the base frame. See `maniport.bodies.human.hand_rotations`, `keep`, `orientation_weight`.
+        z in a direction of the base frame. See `maniport.arms.human.hand_rotations`, `keep`, `orientation_weight`.
     random_state, progress : optional
         Seed of everything that is drawn; called with the name of a step and the fraction done.
     **control

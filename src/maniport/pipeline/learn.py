@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_smoothing_spline
 
-from maniport.bodies import VELOCITY, Arm, EllipsoidSpec
-from maniport.bodies.chain import RIGHT, SIDES
-from maniport.bodies.human import human_arm
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms.chain import RIGHT, SIDES
+from maniport.arms.human import human_arm
 from maniport.defaults import AUTO, DAMPING, KEEP, PERSON
-from maniport.demonstrations import Recording, fit_arm, read_recording
-from maniport.demonstrations.arm_fit import require_person
-from maniport.demonstrations.repetitions import repetitions
+from maniport.mocap import Recording, fit_arm, read_recording
+from maniport.mocap.arm_fit import require_person
+from maniport.mocap.repetitions import repetitions
 from maniport.errors import InvalidInputError, argument
 from maniport.pipeline.learned import Demonstration, LearnedProfile
-from maniport.profiles import Alignment, ProfileGMM, align
-from maniport.profiles.agreement import agreement
-from maniport.profiles.mixture import points_each
+from maniport.learning import Alignment, ProfileGMM, align
+from maniport.learning.agreement import agreement
+from maniport.learning.mixture import points_each
 from maniport.spd.regularization import Regularization
 from maniport.steps import Progress, Step, counted
 from maniport.subsample import evenly_spaced
@@ -51,8 +51,8 @@ def learn(
 ) -> LearnedProfile:
     """Learn one profile of ellipsoids, and one path of the hand, from several demonstrations of a motion.
 
-    An arm is fitted to each recording. Demonstrations are brought to common times by `maniport.profiles.align`; a
-    `maniport.profiles.ProfileGMM` over time gives the ellipsoid at each time and how much it may vary. How alike the
+    An arm is fitted to each recording. Demonstrations are brought to common times by `maniport.learning.align`; a
+    `maniport.learning.ProfileGMM` over time gives the ellipsoid at each time and how much it may vary. How alike the
     demonstrations are is measured, also by leaving each one out. Left and right may be mixed: the rarer are mirrored.
 
     Parameters
@@ -61,7 +61,7 @@ def learn(
         At least two demonstrations: recordings, or segments of them.
     segments : "auto" or sequence, one entry for each recording, optional
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
-        (`maniport.demonstrations.repetitions`); None for the whole recording.
+        (`maniport.mocap.repetitions`); None for the whole recording.
     person, markers, side, height, smooth, leaps : optional
         For all recordings; see `fit_arm`.
     spec : EllipsoidSpec

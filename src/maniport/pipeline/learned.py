@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bodies import Arm, EllipsoidSpec
-from maniport.demonstrations import ArmFit, Recording
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.mocap import ArmFit, Recording
 from maniport.files import save_arrays, save_ellipsoids, save_path
 from maniport.pipeline.execution import SavedResult
-from maniport.profiles import Alignment, ProfileGMM
-from maniport.profiles.agreement import Agreement
+from maniport.learning import Alignment, ProfileGMM
+from maniport.learning.agreement import Agreement
 from maniport.spd.regularization import Regularization
 from maniport.validation import Array
 

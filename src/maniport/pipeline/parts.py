@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maniport.demonstrations import ArmFit, Recording
+from maniport.mocap import ArmFit, Recording
 from maniport.evaluation import Choice
 from maniport.subsample import evenly_spaced
-from maniport.tracking import Planner
+from maniport.motion import Planner
 from maniport.transfer import DomainAdapter
 from maniport.validation import Array
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.bodies import Arm, EllipsoidSpec
-from maniport.demonstrations import ArmFit, Recording
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.mocap import ArmFit, Recording
 from maniport.evaluation import Choice, Evaluation
 from maniport.files import save_ellipsoids
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES

@@ -5,8 +5,8 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.steps import Progress
-from maniport.tracking import PlacedPath
-from maniport.tracking.objective import POINTING
+from maniport.motion import PlacedPath
+from maniport.motion.objective import POINTING
 from maniport.validation import Array, as_finite, as_numbers
 
 

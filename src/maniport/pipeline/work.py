@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.bodies import Arm, EllipsoidSpec
-from maniport.bodies.human import hand_rotations
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms.human import hand_rotations
 from maniport.defaults import DAMPING
-from maniport.demonstrations import ArmFit, Recording, fit_arm, read_recording
+from maniport.mocap import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Choice, Evaluation, choose, evaluate
@@ -26,9 +26,9 @@ from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.parts import FEWEST, Adapted, Fitted, KnownRobot, Shown
 from maniport.pipeline.result import TransferResult
 from maniport.steps import Progress
-from maniport.tracking import PlanControl, Planner, StartBank
-from maniport.tracking.arm_model import why_not_trackable
-from maniport.tracking.objective import Damping
+from maniport.motion import PlanControl, Planner, StartBank
+from maniport.motion.arm_model import why_not_trackable
+from maniport.motion.objective import Damping
 from maniport.transfer import DomainAdapter, LengthsField, name_of
 from maniport.validation import Array
 

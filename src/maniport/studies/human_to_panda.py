@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from maniport.bodies import Arm, load_arm
+from maniport.arms import Arm, load_arm
 from maniport.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.demonstrations import fit_arm, read_recording, shipped_recording
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, choose, evaluate

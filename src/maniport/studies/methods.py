@@ -16,8 +16,8 @@ from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
 from maniport.steps import Progress
 from maniport.studies.human_to_panda import study
-from maniport.telling.metrics import Report, Section, Table, describe
-from maniport.telling.transfer import evaluation_section
+from maniport.report.metrics import Report, Section, Table, describe
+from maniport.report.transfer import evaluation_section
 from maniport.transfer.lengths.field import KAPPA
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.validation import Array

@@ -8,7 +8,7 @@ from typing import Any
 
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
-from maniport.telling.metrics import Metric, Section, Table
+from maniport.report.metrics import Metric, Section, Table
 
 MATCHED, LOWER, HIGHER = "within 20 %", "lower", "higher"
 

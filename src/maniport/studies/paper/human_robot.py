@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.bodies import Arm
+from maniport.arms import Arm
 from maniport.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.estimator import clone
 from maniport.spd import exp, log, logm, to_vector, transport

@@ -12,8 +12,8 @@ from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.comparison import COMPARED, HEADS, comparison_sections
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import OURS
-from maniport.telling.metrics import Metric, Report, Section, Table, describe, warning
-from maniport.telling.runs import software
+from maniport.report.metrics import Metric, Report, Section, Table, describe, warning
+from maniport.report.runs import software
 
 WHAT = "data", "samples", "method", "evaluation"
 """Names of what is measured on what, which is the same in the paper and in each of our settings."""

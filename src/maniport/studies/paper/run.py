@@ -14,8 +14,8 @@ from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
 from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
 from maniport.studies.paper.report import Reproduction
-from maniport.telling.metrics import facts_of
-from maniport.telling.renderings import files_of, write_facts
+from maniport.report.metrics import facts_of
+from maniport.report.renderings import files_of, write_facts
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.validation import as_choice, as_count
 
@@ -80,7 +80,7 @@ def _warm_up() -> None:
 def _write_report(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables, the arms in motion and the figures that were written before."""
     from maniport.studies.paper.figures import MOVED
-    from maniport.telling.page import Motion, Picture, write_page
+    from maniport.report.page import Motion, Picture, write_page
 
     shown: dict[str, list[Motion | Picture]] = {}
     for name in (one.name for one in reproduction.experiments):
@@ -95,7 +95,7 @@ def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Expe
 
     matplotlib()  # raises MissingPackageError
     from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
-    from maniport.telling import figures
+    from maniport.report import figures
 
     experiment = EXPERIMENTS[name](seed, tell, draws=draws)
     tell(experiment.title, 1.0, experiment.found)

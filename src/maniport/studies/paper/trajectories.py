@@ -16,8 +16,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.bodies import Arm, load_arm, rhuman
-from maniport.demonstrations.path_solver import solve_path
+from maniport.arms import Arm, load_arm, rhuman
+from maniport.mocap.path_solver import solve_path
 from maniport.validation import Array
 
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])

@@ -1,0 +1,233 @@
+"""An arm: one kinematic chain from a base to one frame, human or robot."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms.attached import Attached
+from maniport.arms.chain import Chain
+from maniport.arms.denavit_hartenberg import chain_from_dh
+from maniport.arms.joint_space import Manipulable
+from maniport.arms.kinematics import Kinematics
+from maniport.arms.looks import Look, Surface
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
+from maniport.arms.restriction import restrict
+from maniport.errors import unknown_name
+from maniport.validation import Array, as_count
+
+
+class Arm(Manipulable):
+    """One kinematic chain from the base to the tip frame.
+
+    Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
+    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, slides in metres; limits are not
+    enforced. Results have the same leading shape. Positions and directions are expressed in the arm's base frame.
+    Every method raises `InvalidInputError` when `q` has a wrong shape, nan or infinity.
+
+    Attributes
+    ----------
+    name, side : str
+        Name of the arm, and which one of a person's it is, ``"right"`` or ``"left"``; None for robots.
+    dof : int
+        Number of degrees of freedom.
+    joint_names : tuple of str
+        Their names; joints that could move and are held are in ``locked``.
+    lower, upper : ndarray, shape (dof,)
+        Their limits [rad] or [m], read-only.
+    velocity_limits : ndarray, shape (dof,), or None
+        Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
+    joint_units : tuple of str
+        Their units, ``"rad"`` or ``"m"``.
+    base : str or None
+        The frame in which everything is expressed, where that is not the first of the description.
+    locked : mapping of str to float
+        Joints that could move and are held, and where [rad] or [m].
+    frame, frames : str, tuple of str
+        Names of the tip frame and of all frames on the chain.
+    chain : Chain
+        The description it was made from.
+    """
+
+    def __init__(self, chain: Chain):
+        super().__init__(chain.name, chain.coordinates, chain.lower, chain.upper, chain.velocity_limits, chain.units)
+        self.chain, self.side = chain, chain.side
+        self.base, self.locked = chain.base, chain.locked
+        self.frame, self.frames = chain.frame, tuple(chain.frames)
+        self._kinematics = Kinematics(chain)
+        self.look = Look(chain, self._kinematics)
+
+    @classmethod
+    def from_dh(
+        cls,
+        name: str,
+        rows: ArrayLike,
+        lower: ArrayLike = -np.pi,
+        upper: ArrayLike = np.pi,
+        *,
+        base: ArrayLike | None = None,
+        joint_names: Sequence[str] | None = None,
+        kinds: Sequence[str] | None = None,
+        convention: str = "standard",
+        velocity_limits: ArrayLike | None = None,
+    ) -> "Arm":
+        """Make an arm from a table of Denavit-Hartenberg parameters, with frames ``base``, ``link1``, … up to the tip.
+
+        Parameters
+        ----------
+        name : str
+        rows : array_like, shape (n, 4)
+            One row for each joint: theta [rad], d [m], a [m], alpha [rad]. The joint's coordinate adds to theta, or
+            to d when the joint is prismatic.
+        lower, upper : array_like, shape (n,) or one number
+            Limits of the joints [rad] or [m].
+        base : array_like, shape (3, 3) or (4, 4), optional
+            Rotation or pose of the first frame of the table in the base frame; identity by default.
+        joint_names : sequence of str, optional
+            ``joint1``, ``joint2``, … by default.
+        kinds : sequence of {"revolute", "prismatic"}, optional
+            All revolute by default.
+        convention : {"standard", "modified"}
+            ``Rz(θ) Tz(d) Tx(a) Rx(α)`` or Craig's ``Rx(α) Tx(a) Rz(θ) Tz(d)``.
+        velocity_limits : array_like, shape (n,) or one number, optional
+            Largest speeds [rad/s] or [m/s].
+
+        Examples
+        --------
+        A planar arm with two links of one metre:
+
+        >>> Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
+        Arm('planar', dof=2, frame='link2', joints=['joint1', 'joint2'])
+        """
+        return cls(chain_from_dh(
+            name, rows, lower, upper, base=base, joint_names=joint_names, kinds=kinds, convention=convention,
+            velocity_limits=velocity_limits,
+        ))  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
+
+    def __reduce__(self) -> tuple[type["Arm"], tuple[Chain]]:
+        return type(self), (self.chain,)
+
+    def restricted(
+        self, frame: str | None = None, joints: Sequence[str] | None = None, base: str | None = None,
+        lock: Mapping[str, float] | None = None,
+    ) -> "Arm":  # fmt: skip
+        """The same arm with another tip or base, or with some joints only; see `maniport.load_arm`."""
+        return Arm(restrict(self.chain, frame, joints, base, lock))
+
+    def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
+        """The same arm, look included, with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
+        arm = Arm(self.chain.narrow(lower, upper))
+        arm.look = self.look  # limits do not show; what was read of files is not read again
+        return arm
+
+    def forward(self, q: ArrayLike) -> Array:
+        """Poses of the tip in the base frame [m], shape (..., 4, 4)."""
+        positions, shape = self._positions(q)
+        return self._kinematics.forward(positions).reshape(*shape, 4, 4)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Geometric Jacobians of the tip, shape (..., 6, dof).
+
+        Rows 0 to 2: velocity of the tip's origin; rows 3 to 5: angular velocity; both along the axes of the base frame.
+        """
+        positions, shape = self._positions(q)
+        return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
+
+    def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
+        """Origins of several frames [m], shape (..., len(frames), 3)."""
+        return self._points(q, frames)[0]
+
+    def point_jacobians(self, q: ArrayLike, frames: Sequence[str]) -> Array:
+        """Linear Jacobians of the origins of several frames, shape (..., len(frames), 3, dof)."""
+        return self._points(q, frames)[1]
+
+    def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
+        names, array = self.chain.known_frames(frames), self.configurations(q)
+        points, slopes = Attached(self.chain, names)(array.reshape(-1, self.dof))
+        shape = (*array.shape[:-1], len(names), 3)
+        return points.reshape(shape), slopes.reshape(*shape, self.dof)
+
+    def axis_direction(self, q: ArrayLike, joint_name: str) -> Array:
+        """Direction of a joint's axis in the base frame, unit vectors of shape (..., 3).
+
+        A revolute joint turns what follows it about this direction by the right-hand rule; a slide moves it along.
+        """
+        joints = {joint.name: joint for joint in self.chain.joints}
+        if joint_name not in joints:
+            raise unknown_name("joint", joint_name, joints, f"on the arm {self.name!r}")
+        positions, shape = self._positions(q)
+        rotations = self._kinematics.joint_poses(positions, [joint_name])[:, 0, :3, :3]
+        return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
+
+    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+        """What `forward` gives, and then what `differentials` does."""
+        positions, shape = self._positions(q)
+        poses, of_joints = self._kinematics.motion(positions)
+        return poses.reshape(*shape, 4, 4), *self._differentials(of_joints, shape, spec)
+
+    def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
+        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give."""
+        positions, shape = self._positions(q)
+        return self._differentials(self._kinematics.jacobian(positions), shape, spec)
+
+    def _differentials(
+        self, of_joints: Array, shape: tuple[int, ...], spec: EllipsoidSpec
+    ) -> tuple[Array, Array, Array]:
+        from maniport.arms.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
+
+        meant, jacobian = self.resolved(spec), self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
+        changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
+        return jacobian, manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
+
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints), for all n of `q`."""
+        return self._kinematics.motion(self._positions(q)[0])
+
+    def skeleton(self, q: ArrayLike) -> Array:
+        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m]."""
+        positions, shape = self._positions(q)
+        points = self.look.skeleton(positions)
+        return points.reshape(*shape, *points.shape[1:])
+
+    def link_poses(self, q: ArrayLike) -> Array:
+        """Poses of the base and of the frame after each joint of the chain [m], shape (..., joints + 1, 4, 4).
+
+        `Surface.joint` is an index into them; joints that follow others or are held count too.
+        """
+        positions, shape = self._positions(q)
+        poses = self.look.link_poses(positions)
+        return poses.reshape(*shape, *poses.shape[1:])
+
+    def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
+        """What the arm looks like: triangles fixed to its joints.
+
+        The meshes are read on the first call. What is attached beyond the tip is left out, and so are fingers that move
+        by themselves. Where meshes of a link of a URDF are missing, the shapes that it collides with are drawn.
+
+        Parameters
+        ----------
+        most_triangles : int or None
+            The largest number of triangles of the whole arm, at least 200; meshes with more are simplified. None
+            keeps all of them.
+
+        Returns
+        -------
+        tuple of Surface
+            One for each joint index that carries something, ascending; empty where the description names no shapes.
+
+        Raises
+        ------
+        FileFormatError
+            When the robot's file or a mesh is missing or cannot be read.
+        """
+        most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
+        return self.look.surfaces(most)
+
+    def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""
+        array = self.configurations(q, "q")
+        flat = array.reshape(-1, self.dof) if array.size else np.empty((0, self.dof))
+        return self._kinematics.positions(flat), array.shape[:-1]

@@ -1,0 +1,292 @@
+"""Whether an arm or a pair collides, its clearance, and how that changes with the joints."""
+
+import os
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from functools import cached_property
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.arms.arm import Arm
+from maniport.arms.arms import Arms, CooperativeArm
+from maniport.arms.collisions.carried import carried_by
+from maniport.arms.collisions.obstacles import as_boxes, disabled_pairs
+from maniport.arms.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
+from maniport.arms.collisions.solids import Pairs, Solids, Watch
+from maniport.arms.collisions.tree import LinkTree
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.notebook import ShownInNotebooks
+from maniport.validation import Array, as_generator, as_number
+
+
+class Nearest(NamedTuple):
+    """The smallest distance at each configuration, shapes (...), and between what."""
+
+    distance: Array
+    first: NDArray[np.str_]
+    second: NDArray[np.str_]
+
+
+class Collisions(ShownInNotebooks):
+    """What an arm or a pair collides with: itself, a table, boxes. Make one with `Collisions.of`.
+
+    Every pair of bodies that no joint joins directly is checked: the links of the arm, its gripper, and the rest of the
+    robot, such as a head, legs or the other arm, which stands at zero. Each finger is the hull of its positions from
+    open to closed. Each link is a convex hull of its visual meshes, see `maniport.arms.Arm.surfaces`, or several;
+    smaller hollows are filled. The hull of the link that carries the end effector reaches to it.
+
+    Not checked are links that one joint joins, tools of which the description knows nothing, and `unchecked`.
+
+    Of a pair each arm is checked with itself and with the other; bodies of both, such as a torso, count once.
+
+    Attributes
+    ----------
+    known, why : bool, str
+        Whether anything is checked, which it is not where no surface of the arm is known, and why not.
+    boxes : bool
+        Whether boxes were given.
+    padding : float
+        What comes nearer than this collides [m]; links with at most two coordinates between, which are always near one
+        another, collide within a quarter of it.
+    pairs : tuple of (str, str)
+        Names of what is checked against one another. Where the links of two robots have the same names all are called
+        ``left_…`` and ``right_…``.
+    always, never : tuple of (str, str)
+        Names of pairs that are not checked: their meshes meet in more than 90 % of 10 000 samples of the joint space
+        and at rest, or the pair stays apart in all samples by more than 10 cm (5 mm with at most two coordinates
+        between, 2 cm from table or boxes), or with at most two coordinates between its meshes never meet.
+    """
+
+    def __init__(
+        self,
+        arm: Arm | Arms,
+        solids: Solids,
+        found: Chosen,
+        padding: float,
+        why: str = "",
+        across: NDArray[np.bool_] | None = None,
+        around: Mapping[str, Any] | None = None,
+    ):
+        self.arm, self.padding, self.why, self.known = arm, padding, why, not why
+        self._solids, self._pairs, self._found = solids, found.pairs, found
+        self._across, self._around = across, dict(around or {})
+        self.boxes = self._around.get("boxes") is not None
+        self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found[:4])
+        self.never = tuple(pair for pair in never if pair not in self.pairs)
+
+    @classmethod
+    def of(
+        cls,
+        arm: Arm | Arms,
+        *,
+        table: float | None = None,
+        boxes: Any = None,
+        srdf: str | os.PathLike[str] | None = None,
+        padding: float = 0.0,
+    ) -> "Collisions":
+        """Choose the pairs of bodies of an arm or a pair of arms to check, with table and boxes.
+
+        Parameters
+        ----------
+        arm : Arm or Arms
+        table : float, optional
+            Height of a floor or table in the base frame [m]: nothing may be below it. What the base carries is exempt.
+        boxes : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
+            Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and perhaps yaw [rad] of each.
+        srdf : path, optional
+            Pairs of links that it names under ``<disable_collisions>`` are not checked.
+        padding : float
+            Distance that counts as a collision [m].
+
+        Raises
+        ------
+        InvalidInputError
+            When an argument has a wrong value, the table or a box goes through the base, the bases of two robots stand
+            in one another, or the SRDF is of another robot.
+        FileFormatError
+            When boxes or SRDF cannot be read.
+        """
+        height = None if table is None else as_number(table, "table")
+        room = as_number(padding, "padding", minimum=0.0)
+        around = [box.hull() for box in as_boxes(boxes)]
+        disabled = None if srdf is None else disabled_pairs(srdf, arm)
+        given = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
+        tree, why = LinkTree(arm), ""
+        try:
+            carried = carried_by(arm, tree)
+        except FileFormatError as error:
+            carried, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
+        if carried is None:
+            why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
+            return cls(arm, Solids(tree, [], -np.inf), Chosen.nothing(), room, why, np.zeros(0, dtype=np.bool_), given)
+        plane = -np.inf if height is None else height
+        solids = Solids(tree, [*carried.hulls, *around], plane)
+        require_free_base(solids, carried, height)
+        meshes = Meshes(arm, tree)
+        found, coarse = chosen(
+            meshes, solids, carried, candidates(carried, len(around), height is not None, disabled), room
+        )
+        if coarse:
+            carried = carried_by(arm, tree, coarse) or carried
+            solids = Solids(tree, [*carried.hulls, *around], plane)
+            asked = candidates(carried, len(around), height is not None, disabled)
+            found, _ = chosen(meshes, solids, carried, asked, room)
+        return cls(arm, solids, found, room, why, carried.across(found.pairs), given)
+
+    def __repr__(self) -> str:
+        told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
+        return f"Collisions({self.arm.name!r}, {told})"
+
+    @cached_property
+    def between(self) -> "Collisions":
+        """Of a pair: what one arm collides with of the other, and nothing else."""
+        every, across = self._found, self._across
+        found = every._replace(pairs=every.pairs[across], share=every.share[across])
+        return Collisions(self.arm, self._solids, found, self.padding, self.why)
+
+    @cached_property
+    def each(self) -> tuple["Collisions", "Collisions"]:
+        """Of a pair: what each arm collides with but the other one, as `of` finds it for that arm alone."""
+        left, right = (Collisions.of(arm, **self._around) for arm in cast(Arms, self.arm).each)
+        return left, right
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of bodies that are not checked, because their shape is missing or unknown, and of such pairs.
+
+        A pair is not checked where convex hulls meet nearly always although the meshes do not.
+        """
+        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        if self.known:
+            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
+            return *missing, *(f"{first} against {second}" for first, second in self._full)
+        return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
+
+    @property
+    def stand_ins(self) -> tuple[str, ...]:
+        """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
+        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.look.stand_ins()))
+
+    @property
+    def table(self) -> float | None:
+        """Height of the table in the base frame [m]; None without one."""
+        return None if np.isinf(self._solids.table) else float(self._solids.table)
+
+    def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Whether configurations (..., dof) collide, shape (...); False where nothing is known."""
+        flat, shape = self._flat(q)
+        limit = self.padding * self._found.share
+        hit = np.zeros(len(flat), dtype=np.bool_)
+        for part in _parts(len(flat)):
+            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal's distance decides of these
+            left = np.flatnonzero(near.any(axis=1))
+            while len(left):  # one pair of each at a time, since one is enough
+                first = near[left].argmax(axis=1)
+                asked = np.arange(len(self._pairs)) == first[:, None]
+                distances = self._solids.distances(flat[part][left], self._pairs, asked, depths=False)[0]
+                hit[part.start + left[distances <= limit[first]]] = True
+                near[left] &= ~asked
+                left = left[near[left].any(axis=1) & ~hit[part.start + left]]
+        return hit.reshape(shape)
+
+    def clearance(self, q: ArrayLike) -> Array:
+        """Smallest distance between two of the pairs at configurations (..., dof), shape (...) [m].
+
+        Negative where they are in one another; infinite where nothing is checked.
+        """
+        return self.nearest(q).distance
+
+    def nearest(self, q: ArrayLike) -> Nearest:
+        """`clearance`, and the names of what is nearest to one another; empty where nothing is checked."""
+        flat, shape = self._flat(q)
+        least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
+        for part in _parts(len(flat)) if len(self._pairs) else ():
+            left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
+            while len(left):
+                near = self._solids.maybe_near(flat[left], self._pairs, reach)
+                rows, columns = np.nonzero(near)
+                distances = self._solids.distances(flat[left], self._pairs, near)[0]
+                order = np.lexsort((columns, distances, rows))
+                found, at = np.unique(rows[order], return_index=True)
+                least[left[found]], which[left[found]] = distances[order][at], columns[order][at]
+                left, reach = left[least[left] > reach], 2.0 * reach
+        names = np.array([*self._names(self._pairs), ("", "")])[which]
+        return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
+
+    def gradient(self, q: ArrayLike, threshold: float) -> tuple[NDArray[np.intp], Array, Array]:
+        """Pairs nearer than a threshold, and how their distances change with the joints.
+
+        For configurations (n, dof) and a threshold [m]: of which configuration each pair is, ascending; its distance
+        [m], minus the depth where the two are in one another; and its derivative in the configuration, (k, dof).
+        """
+        whole = np.ones(len(self._pairs))
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), whole).gradient(self._flat(q)[0])
+
+    def watch(self, threshold: float) -> Watch:
+        """Return an object with such a `gradient`, quicker for configurations (n, dof) that change little.
+
+        Of links with at most two coordinates between, which need a quarter of the clearance, four times the distance is
+        returned.
+        """
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share, ahead=True)
+
+    def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
+        names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end
+        return [(names[b], names[a]) for a, b in pairs.tolist()]
+
+    def _flat(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        array = self.arm.configurations(q)
+        return array.reshape(-1, self.arm.dof), array.shape[:-1]
+
+
+def _parts(count: int, most: int = 8192) -> Iterator[slice]:
+    """Slices of so many configurations at most, which are worked on at a time."""
+    return (slice(first, min(first + most, count)) for first in range(0, count, most))
+
+
+def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | None:
+    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself."""
+    if value is None or value is False:
+        return None
+    if value is True:
+        return Collisions.of(arm.arms if isinstance(arm, CooperativeArm) else arm)
+    if not isinstance(value, Collisions):
+        raise InvalidInputError(
+            f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
+        )
+    if value.arm.joint_names != arm.joint_names:
+        raise InvalidInputError(
+            f"collisions belong to {value.arm.name!r} with joints {', '.join(value.arm.joint_names)}, not to "
+            f"{arm.name!r} with {', '.join(arm.joint_names)}; make them with Collisions.of(arm)"
+        )
+    return value
+
+
+def free_postures(
+    arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+) -> Array:
+    """Sample configurations as `maniport.arms.Arm.sample` does, of a pair, too; those that collide are replaced.
+
+    The sequence is continued until n are free, shape (n, dof): the same seed gives the same configurations. Fewer than
+    one free sample in 64 is an `InvalidInputError`.
+    """
+    checked = as_collisions(collisions, arm)
+    if checked is None or not checked.known:
+        return arm.sample(n, random_state, sequence)
+    generator = as_generator(random_state)
+    start = deepcopy(generator)
+    q = arm.sample(n, generator, sequence)
+    free = ~checked.collides(q)
+    while free.sum() < n:
+        if len(q) >= 64 * n:
+            raise InvalidInputError(
+                f"collisions: only {int(free.sum())} of {len(q)} sampled postures of {arm.name!r} are free; {n} are "
+                "asked for"
+            )
+        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with what there is
+        free = np.concatenate([free, ~checked.collides(more[len(q) :])])
+        q = more
+    return np.ascontiguousarray(q[free][:n])

@@ -1,0 +1,129 @@
+"""What users say of collisions: boxes around a robot, and pairs of links that an SRDF leaves out."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from maniport.arms.arm import Arm
+from maniport.arms.arms import Arms
+from maniport.arms.chain import rotation_about
+from maniport.arms.collisions.hulls import Hull
+from maniport.arms.looks.meshes import box as box_mesh
+from maniport.arms.readers.document import parsed
+from maniport.errors import FileFormatError, InvalidInputError, nearest_first
+from maniport.files import read_settings, require_mapping
+from maniport.validation import Array, as_finite, as_number, as_numbers
+
+_KEYS = ("center", "size", "yaw")
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box that stands in the robot's base frame.
+
+    Parameters
+    ----------
+    center : array_like, shape (3,)
+        Its middle [m].
+    size : array_like, shape (3,)
+        Lengths of its edges [m], along x, y and z before it is turned.
+    yaw : float
+        By how much it is turned about the z axis through its middle [rad].
+    name : str
+        What it is called in messages.
+
+    Raises
+    ------
+    InvalidInputError
+        When a number is wrong.
+    """
+
+    center: Any
+    size: Any
+    yaw: float = 0.0
+    name: str = "box"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", as_numbers(self.center, f"{self.name}: center", 3))
+        object.__setattr__(self, "size", as_numbers(self.size, f"{self.name}: size", 3, above=0.0))
+        object.__setattr__(self, "yaw", as_number(self.yaw, f"{self.name}: yaw"))
+
+    def hull(self) -> Hull:
+        """Its hull, fixed to the base."""
+        corners = box_mesh(self.size)[0] @ rotation_about(2, self.yaw).T + self.center
+        return Hull.around(self.name, 0, corners)
+
+
+def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
+    """Read boxes from a YAML or JSON file.
+
+    Each has a name, a center [m] and a size [m] in the robot's base frame and, where it is turned about the vertical,
+    a yaw [rad]::
+
+        boxes:
+          shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}
+          crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}
+
+    Raises
+    ------
+    FileFormatError
+        When the file cannot be read, has other keys, or a number is wrong; the message names the box.
+    """
+    named = read_settings(path, ("boxes",)).get("boxes")
+    if not isinstance(named, dict) or not named:
+        raise FileFormatError(f"{path}: boxes must be a mapping of names to boxes, each with center and size")
+    boxes = []
+    for name, content in named.items():
+        where = f"{path}: boxes: {name}"
+        box = require_mapping(content, _KEYS, where)
+        missing = [key for key in _KEYS[:2] if key not in box]
+        if missing:
+            raise FileFormatError(f"{where}: {missing[0]!r} is missing; a box has center, size and, if turned, yaw")
+        try:
+            boxes.append(Box(**box, name=str(name)))
+        except InvalidInputError as error:
+            raise FileFormatError(f"{path}: boxes: {error}") from None
+    return tuple(boxes)
+
+
+def as_boxes(value: Any) -> tuple[Box, ...]:
+    """Convert to boxes: None, a file, boxes, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7)."""
+    if value is None:
+        return ()
+    if isinstance(value, (str, os.PathLike)):
+        return read_boxes(value)
+    listed = list(value) if isinstance(value, Iterable) else [value]
+    if all(isinstance(one, Box) for one in listed):
+        return tuple(listed)
+    rows: Array = as_finite(value, "boxes")
+    if rows.ndim != 2 or rows.shape[1] not in (6, 7):
+        raise InvalidInputError(
+            "boxes must be a file, a sequence of Box, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7); "
+            f"found shape {rows.shape}"
+        )
+    return tuple(Box(row[:3], row[3:6], float(sum(row[6:])), f"box {i + 1}") for i, row in enumerate(rows))
+
+
+def disabled_pairs(path: str | os.PathLike[str], arm: Arm | Arms) -> set[frozenset[str]]:
+    """Names of the links of each pair that an SRDF leaves out."""
+    root = parsed(Path(path))[1]
+    if root.tag != "robot" or root.find("link") is not None:
+        what = "a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
+        raise FileFormatError(f"{path}: no SRDF, which has the root <robot> and defines no links; this is {what}")
+    pairs: set[frozenset[str]] = set()
+    for i, element in enumerate(root.findall("disable_collisions")):
+        ends = [element.get(key, "") for key in ("link1", "link2")]
+        if not all(ends):
+            raise FileFormatError(f"{path}: <disable_collisions> number {i + 1} must name link1 and link2")
+        pairs.add(frozenset(ends))
+    if not pairs:
+        raise FileFormatError(f"{path}: holds no <disable_collisions>, the pairs of links that need not be checked")
+    named = set().union(*pairs)
+    if named.isdisjoint(arm.frames):
+        raise InvalidInputError(
+            f"srdf: {path} does not fit {arm.name!r}: it names {', '.join(sorted(named)[:5])} and no link of the arm; "
+            f"those are {', '.join(nearest_first(min(named), arm.frames)[:12])}"
+        )
+    return pairs

@@ -1,0 +1,117 @@
+"""Where the links of an arm or a pair of arms are, for thousands of configurations at once."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.arms.arm import Arm
+from maniport.arms.arms import Arms
+from maniport.arms.chain import PRISMATIC, Joint
+from maniport.jit import kernel
+from maniport.validation import Array
+
+
+class LinkTree:
+    """The base, which is link 0, and the link after each joint of an arm or a pair."""
+
+    def __init__(self, arm: Arm | Arms):
+        arms = arm.each if isinstance(arm, Arms) else (arm,)
+        columns = arm.columns if isinstance(arm, Arms) else (np.arange(arm.dof),)
+        trunk = arm.trunk if isinstance(arm, Arms) else 0
+        self.of_chain: list[list[int]] = []
+        joints: list[Joint] = []
+        parents: list[int] = []
+        coupling, offset, reach = [], [], []
+        for chain, own in zip((one.chain for one in arms), columns, strict=True):
+            shared = trunk if joints else 0
+            links = list(range(shared + 1))
+            ends = np.abs([chain.lower, chain.upper]).max(axis=0)
+            for k in range(shared, len(chain.joints)):
+                joints.append(chain.joints[k])
+                parents.append(links[-1])
+                links.append(len(joints))
+                coupling.append(np.zeros(arm.dof))
+                coupling[-1][own] = chain.coupling[k]
+                offset.append(chain.offset[k])
+                reach.append(np.abs(chain.coupling[k]) @ ends + np.abs(chain.offset[k]))
+            self.of_chain.append(links)
+        count = len(joints)
+        self.parents = np.array(parents, dtype=np.int64)
+        self.coupling = np.array(coupling).reshape(count, arm.dof)
+        self._offset = np.array(offset)
+        self._placements = np.array([joint.placement for joint in joints], dtype=float).reshape(count, 4, 4)
+        self._axes = np.array([joint.axis for joint in joints], dtype=float).reshape(count, 3)
+        self._slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
+        shifts = np.linalg.norm(self._placements[:, :3, 3], axis=1) + np.where(self._slides, reach, 0.0)
+        self.moves = np.zeros((count + 1, count), dtype=np.bool_)
+        self._along = np.zeros(count + 1)  # largest distance of each link's frame from the base [m]
+        for joint, parent in enumerate(parents):
+            self.moves[joint + 1] = self.moves[parent]
+            self.moves[joint + 1, joint] = True
+            self._along[joint + 1] = self._along[parent] + shifts[joint]
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (n, links, 3, 3) and origins (n, links, 3) at configurations (n, dof)."""
+        links = len(self.parents) + 1
+        turns, origins = np.empty((len(q), links, 3, 3)), np.empty((len(q), links, 3))
+        positions = np.ascontiguousarray(q @ self.coupling.T + self._offset)
+        _fill_poses(positions, self.parents, self._placements, self._axes, self._slides, turns, origins)
+        return turns, origins
+
+    def slopes(self, q: Array, points: Array, normals: Array, links: NDArray[np.intp]) -> Array:
+        """How quickly pairs of links (n, 2) part along normals (n, 3) at points (n, 3), shape (n, dof)."""
+        turns, origins = self.poses(q)
+        axes = np.einsum("njab,jb->nja", turns[:, 1:], self._axes)
+        velocities = np.where(self._slides[:, None], axes, _cross(axes, points[:, None] - origins[:, 1:]))
+        carries = self.moves[links[:, 0]].astype(float) - self.moves[links[:, 1]]
+        return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self.coupling)
+
+    def leverage(self, links: NDArray[np.intp], far: Array) -> Array:
+        """Bound of how quickly the distance of pairs of links (k, 2) changes with the degrees of freedom, (dof, k).
+
+        `far`, shape (k, 2), is how far each link reaches from its frame [m].
+        """
+        first, second = self.moves[links[:, 0]], self.moves[links[:, 1]]
+        ends = self._along[links] + far
+        arms = np.where(first, ends[:, :1], ends[:, 1:]) - self._along[1:]
+        arms = np.where(self._slides, 1.0, arms)
+        return np.asarray(np.abs(self.coupling).T @ np.where(first != second, arms, 0.0).T)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products (..., 3) as NumPy has them, which takes twice the time for a few."""
+    product = np.empty(a.shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return product
+
+
+@kernel
+def _fill_poses(all_positions, parents, placements, axes, slides, all_turns, all_origins):  # type: ignore[no-untyped-def]
+    """Write the poses of the base and of the link after each joint, which hangs on the link `parents` says."""
+    turn = np.empty((3, 3))
+    for n in range(len(all_positions)):
+        positions, turns, origins = all_positions[n], all_turns[n], all_origins[n]
+        for i in range(3):
+            origins[0, i] = 0.0
+            for j in range(3):
+                turns[0, i, j] = 1.0 if i == j else 0.0
+        for k in range(len(positions)):
+            x, y, z, angle, above = axes[k, 0], axes[k, 1], axes[k, 2], positions[k], parents[k]
+            sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
+            rest = 1.0 - cosine  # Rodrigues
+            turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
+            turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
+            turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
+            for i in range(3):
+                total = origins[above, i]
+                a, b, c = 0.0, 0.0, 0.0
+                for m in range(3):
+                    total += turns[above, i, m] * placements[k, m, 3]
+                    a += turns[above, i, m] * placements[k, m, 0]
+                    b += turns[above, i, m] * placements[k, m, 1]
+                    c += turns[above, i, m] * placements[k, m, 2]
+                origins[k + 1, i] = total
+                for j in range(3):
+                    turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+                if slides[k]:
+                    origins[k + 1, i] += angle * (a * x + b * y + c * z)

@@ -1,0 +1,230 @@
+"""The human arm, scaled to a person's segment lengths.
+
+Both models describe a right arm, have the same seven joints and express everything in a trunk frame with x forward,
+y to the person's left and z up. Their frames ``shoulder``, ``elbow``, ``wrist`` and ``hand`` mark the ends of the
+segments. At zero angles the arm hangs straight down with the palm towards the thigh. A left arm is the mirror image of
+a right one: equal joint angles mean the mirrored posture, and the table holds for both.
+
+=================  ================================================================================================
+joint              positive direction, from the hanging arm
+=================  ================================================================================================
+``elv_angle``      plane in which the arm is raised: 0 to the side, 90° forward
+``shoulder_elv``   elevation: raises the arm in that plane
+``shoulder_rot``   axial rotation of the upper arm, inward
+``elbow_flexion``  bends the elbow
+``pro_sup``        turns the palm backward (pronation)
+``deviation``      bends the wrist to the side: in MyoArm to the thumb, in rHuMan to the little finger
+``flexion``        bends the wrist to the palm
+=================  ================================================================================================
+
+The body height alone gives the length of a person's segments:
+
+=========  ========  ==============================================================================================
+segment    fraction  from
+=========  ========  ==============================================================================================
+upper arm  0.1618    281.7 mm of 1741 mm, centre of the shoulder to that of the elbow: de Leva (1996), men
+forearm    0.1545    268.9 mm of 1741 mm, centre of the elbow to that of the wrist: de Leva (1996), men
+hand       0.0343    0.108, wrist to tip of the middle finger (Drillis and Contini 1966; in Winter, Biomechanics and
+                     Motor Control of Human Movement, figure 4.1), × 0.318: in MyoSim's hand the middle of the third
+                     metacarpal is 55.3 mm from the wrist, the tip of the middle finger 174.1 mm
+=========  ========  ==============================================================================================
+
+De Leva's lengths run between centres of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
+forearm (0.146) are measured otherwise.
+
+References: P. de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29
+(1996); R. Drillis, R. Contini, Body segment parameters, technical report 1166.03, New York University (1966).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms.arm import Arm
+from maniport.arms.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose, read_embedded
+from maniport.arms.denavit_hartenberg import chain_from_dh
+from maniport.arms.restriction import mirrored
+from maniport.validation import Array, as_choice, as_number
+
+JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+FRACTIONS = {"upper arm": 0.2817 / 1.741, "forearm": 0.2689 / 1.741, "hand": 0.108 * 0.0553 / 0.1741}
+"""Length of each segment as a fraction of the body height."""
+
+LONGEST_SEGMENT = 1.0  # No segment of a human arm is as long as this [m]; larger values are most likely in another unit
+
+BREADTH = 0.17  # How far a shoulder is from the middle of the trunk [m]
+
+
+def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
+    """The right arm of MyoSim: 7 degrees of freedom and a shoulder girdle that follows them.
+
+    Kinematics of Saul et al. (2015). Raising the arm also turns the clavicle and the scapula, so that the shoulder
+    moves; 11 dependent joints follow the elevation and its plane linearly.
+
+    Parameters
+    ----------
+    upper_arm, forearm, hand : float, optional
+        Distances from the shoulder to the elbow, the wrist (at zero pronation) and the middle of the third metacarpal
+        [m], below 1; 0.2907, 0.2580 and 0.0553 by default.
+
+    Returns
+    -------
+    Arm
+        Origin of the base frame: the right sternoclavicular joint, where the collar bone meets the breastbone.
+        ``shoulder`` is the centre of the glenohumeral joint, ``elbow`` a point on the flexion axis (the origin of
+        the ulna), ``wrist`` the centre of the wrist joint (the origin of the lunate), ``hand`` the middle of the
+        third metacarpal. The girdle keeps its size.
+
+    References
+    ----------
+    Saul et al., Benchmarking of dynamic simulation predictions in two software platforms using an upper limb
+    musculoskeletal model, Comput. Methods Biomech. Biomed. Eng. 18, 2015.
+    """
+    lengths = _checked(upper_arm, forearm, hand)
+    chain = replace(read_embedded("myoarm"), side=RIGHT)
+    ends = ("shoulder", "elbow", "wrist", "hand")
+    points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
+    for i, length in enumerate(lengths):
+        if length is not None:
+            factor = length / float(np.linalg.norm(points[i + 1] - points[i]))
+            chain = _scale_between(chain, ends[i], ends[i + 1], factor)
+    return Arm(chain)
+
+
+def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
+    """The right arm rHuMan: 7 degrees of freedom, with the shoulder fixed in the trunk, at the base frame's origin.
+
+    The table of Denavit-Hartenberg parameters, the lengths and the limits are those of Reithmeir, Figueredo and
+    Haddadin (IROS 2022, arXiv 2208.07588), after the kinematics of Saul et al. (2015).
+
+    Parameters
+    ----------
+    upper_arm, forearm, hand : float, optional
+        Lengths from shoulder to elbow, wrist and hand point [m], below 1; 0.302, 0.2795 and 0.05 by default.
+
+    References
+    ----------
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
+    """
+    given = _checked(upper_arm, forearm, hand)
+    upper, fore, palm = (
+        default if length is None else length for length, default in zip(given, (0.302, 0.2795, 0.05), strict=True)
+    )
+    # Eight joints and a fixed last row: the elevation plane turns the arm before the elevation and back after it.
+    half = np.pi / 2
+    table: list[list[float]] = [
+        [0, 0, 0, half], [0, 0, 0, half], [0, 0, 0, 0], [half, upper, 0, half], [0, 0, 0, half],
+        [0, -fore, 0, half], [half, 0, 0, -half], [half, 0, 0, half], [np.pi, -palm, 0, np.pi],
+    ]  # fmt: skip
+    names = ["elv_angle", "shoulder_elv", "elv_angle_return", *JOINTS[2:]]
+    # The table's x axis points to the person's right; the trunk frame's points forward.
+    whole = chain_from_dh("rhuman", table, -np.pi, np.pi, base=pose(rpy=(0, 0, -half)), joint_names=[*names, "fixed"])
+    joints = list(whole.joints[:8])
+    joints[3] = replace(joints[3], axis=-joints[3].axis)  # the table counts axial rotation outward
+    coupling = np.zeros((8, 7))
+    coupling[np.arange(8), [0, 1, 0, 2, 3, 4, 5, 6]] = 1.0
+    fixed = whole.joints[8].placement @ whole.frames["link9"].placement
+    return Arm(
+        replace(
+            whole,
+            joints=tuple(joints),
+            frames={
+                "shoulder": whole.frames["base"],
+                "elbow": whole.frames["link4"],
+                "wrist": whole.frames["link6"],
+                "hand": Frame(8, fixed),
+            },
+            frame="hand",
+            coordinates=JOINTS,
+            lower=np.radians([-90.0, 0.0, -80.0, 0.0, -90.0, 0.0, -60.0]),
+            upper=np.radians([130.0, 180.0, 40.0, 130.0, 90.0, 25.0, 60.0]),
+            coupling=coupling,
+            offset=np.zeros(8),
+            side=RIGHT,
+        )
+    )
+
+
+PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
+"""Models of the human arm by name, each called with the lengths that are known. What is added here, `load_arm`,
+`fit_arm` and the main job take: a right arm with the seven joints and the four frames above."""
+
+
+def human_arm(
+    name: str, side: str = RIGHT, height: float | None = None, lengths: Mapping[str, float] | None = None
+) -> Arm:
+    """One arm of a person, the left one being the mirror image of the right one.
+
+    `height` [m] is for the segments, ``"upper arm"``, ``"forearm"`` and ``"hand"``, whose `lengths` [m] are not given.
+    """
+    as_choice(name, "person", PERSONS)
+    as_choice(side, "side", SIDES)
+    tall, known = as_height(height), dict(lengths or {})
+    if tall is not None:
+        known = {segment: segment_length(segment, tall) for segment in FRACTIONS} | known
+    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in known.items()})
+    chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
+    return Arm(chain if chain.side == side else mirrored(chain))
+
+
+def as_height(value: float | None) -> float | None:
+    """Check a body height [m]; None stays None."""
+    return None if value is None else as_number(value, "height [m]", minimum=1.0, maximum=2.5)
+
+
+def segment_length(segment: str, height: float) -> float:
+    """Length of a segment [m] of a person so tall [m]."""
+    return FRACTIONS[segment] * height
+
+
+def adult_range(segment: str) -> tuple[float, float]:
+    """The shortest and the longest that a segment of an adult of 1.4 to 2.1 m is [m]; people differ by 15 %."""
+    return 0.85 * segment_length(segment, 1.4), 1.15 * segment_length(segment, 2.1)
+
+
+def middle_of(arm: Arm) -> float:
+    """Where the middle of the trunk is beside the origin of a human arm's base frame, to the left [m]."""
+    shoulder = arm.point_positions(np.zeros(arm.dof), ("shoulder",))[0]
+    return float(shoulder[1]) + (-BREADTH if arm.side == LEFT else BREADTH)
+
+
+def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
+    """How the hand of a human arm is turned in the trunk frame, (..., 3, 3): z points along it, y out of the palm.
+
+    With zero angles the arm hangs with the palm towards the thigh, a right arm's to the left.
+    """
+    zero = np.zeros(arm.dof)
+    wrist, hand = arm.point_positions(zero, ("wrist", "hand"))
+    along = (hand - wrist) / np.linalg.norm(hand - wrist)
+    thigh = np.array([0.0, -1.0 if arm.side == LEFT else 1.0, 0.0])
+    palm = thigh - (thigh @ along) * along
+    palm /= np.linalg.norm(palm)
+    hanging = np.stack([np.cross(palm, along), palm, along], axis=1)
+    return np.asarray(arm.forward(q)[..., :3, :3] @ arm.forward(zero)[:3, :3].T @ hanging)
+
+
+def _checked(upper_arm: float | None, forearm: float | None, hand: float | None) -> list[float | None]:
+    lengths = {"upper_arm [m]": upper_arm, "forearm [m]": forearm, "hand [m]": hand}
+    return [None if x is None else as_number(x, name, above=0.0, below=LONGEST_SEGMENT) for name, x in lengths.items()]
+
+
+def _scale_between(chain: Chain, start: str, end: str, factor: float) -> Chain:
+    """Scale the translations of the joints and frames between two frames that sit at the origins of their joints."""
+    first, last = chain.frames[start].joint, chain.frames[end].joint
+    scaled = tuple(
+        replace(joint, placement=_scaled(joint.placement, factor)) if first < i <= last else joint
+        for i, joint in enumerate(chain.joints, start=1)
+    )
+    frames = dict(chain.frames)
+    if first == last:
+        frames[end] = Frame(last, _scaled(chain.frames[end].placement, factor))
+    return replace(chain, joints=scaled, frames=frames)
+
+
+def _scaled(placement: np.ndarray, factor: float) -> np.ndarray:
+    result = placement.copy()
+    result[:3, 3] *= factor
+    return result

@@ -1,0 +1,202 @@
+"""Chains made of a chain: another tip or base, joints that are held, a place in a world, the mirror image."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Joint, Shape, check_names
+from maniport.errors import InvalidInputError, unknown_name
+from maniport.validation import MAX_POSITION, Array, as_number
+
+
+def restrict(
+    chain: Chain,
+    frame: str | None = None,
+    joints: Sequence[str] | None = None,
+    base: str | None = None,
+    lock: Mapping[str, float] | None = None,
+) -> Chain:
+    """End a chain at another frame, begin it at another one, and hold coordinates."""
+    where = f"on the arm {chain.name!r}"
+    wanted = None if joints is None else check_names(joints, "joints")
+    held = check_lock(lock, wanted)
+    for name in (*(wanted or ()), *held):
+        if name not in chain.coordinates:
+            raise unknown_name("joint", name, chain.coordinates, f"on the way to {chain.frame!r} {where}")
+    tip = chain.frame if frame is None else frame
+    if not isinstance(tip, str) or tip not in chain.frames:
+        raise unknown_name("frame", tip, chain.frames, where)
+    part = _ended(chain, tip)
+    if base is not None:
+        if not isinstance(base, str) or base not in part.frames:
+            raise unknown_name("base", base, part.frames, f"on the way to the frame {tip!r} {where}")
+        part = _begun(part, base)
+    seen = "" if part.base is None else f", seen from {part.base!r}"
+    for what, names in (("joints", wanted or ()), ("lock", held)):
+        idle = [name for name in names if name not in part.coordinates]
+        if idle:
+            raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {tip!r}{seen} {where}")
+    moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
+    if not np.any(moving):
+        held_all = "; lock holds them all" if part.coordinates else ""
+        raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}{held_all}")
+    return part if np.all(moving) else _held(part, moving, held)
+
+
+def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
+    """Require a mapping of names, none of which is to move."""
+    held = {} if lock is None else lock
+    if not isinstance(held, Mapping) or not all(isinstance(name, str) for name in held):
+        raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
+    both = sorted(held.keys() & set(joints or ()))
+    if both:
+        raise InvalidInputError(f"a joint must be in joints or in lock, not in both; found {', '.join(both)}")
+    return held
+
+
+def _ended(chain: Chain, tip: str) -> Chain:
+    """The joints of a chain up to a tip, and the coordinates that move them."""
+    count = chain.frames[tip].joint
+    used = np.any(chain.coupling[:count] != 0, axis=0)
+    beyond = {name for name, place in chain.frames.items() if place.joint > count}
+    return replace(
+        chain,
+        others=_held_at(chain, beyond, lambda joint: min(joint, count)),
+        joints=chain.joints[:count],
+        frames={name: place for name, place in chain.frames.items() if place.joint <= count},
+        frame=tip,
+        coupling=chain.coupling[:count, used],
+        offset=chain.offset[:count],
+        **_coordinates(chain, used),
+    )
+
+
+def _held_at(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> dict[str, Body] | None:
+    """The bodies off the chain and some frames, at rest; `carrier` is the joint that moves each from now on."""
+    if chain.others is None:
+        return None
+    poses = chain.at_rest()
+    bodies = {name: Body(chain.frames[name].joint, chain.frames[name].placement[None], name) for name in frames}
+    return {
+        name: body.moved(carrier(body.joint), np.linalg.inv(poses[carrier(body.joint)]) @ poses[body.joint])
+        for name, body in (bodies | {**chain.others}).items()
+    }
+
+
+def standing(chain: Chain, where: Array) -> Chain:
+    """The same chain where it stands in a world, expressed in that; `where` is its base's pose there, shape (4, 4)."""
+    return replace(_seen_from(chain, where, "world"), stand=where if chain.stand is None else where @ chain.stand)
+
+
+def _seen_from(chain: Chain, where: Array, base: str) -> Chain:
+    """The same chain expressed in another frame, in which its base has the pose `where`, shape (4, 4)."""
+    return replace(
+        chain,
+        base=base,
+        joints=tuple(
+            replace(joint, placement=where @ joint.placement) if i == 0 else joint
+            for i, joint in enumerate(chain.joints)
+        ),
+        frames={
+            name: place if place.joint else replace(place, placement=where @ place.placement)
+            for name, place in chain.frames.items()
+        },
+        others=None if chain.others is None else {
+            name: body if body.joint else body.moved(0, where) for name, body in chain.others.items()
+        },
+    )  # fmt: skip
+
+
+def _begun(chain: Chain, base: str) -> Chain:
+    """The same chain expressed in another of its frames, without the joints before that."""
+    first, placement = chain.frames[base].joint, chain.frames[base].placement
+    back = np.eye(4)
+    back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
+    others = _held_at(
+        chain, {name for name, place in chain.frames.items() if place.joint < first}, lambda joint: max(joint, first)
+    )
+    begun = replace(
+        chain,
+        others=others and {name: replace(body, joint=body.joint - first) for name, body in others.items()},
+        joints=chain.joints[first:],
+        frames={
+            name: replace(place, joint=place.joint - first)
+            for name, place in chain.frames.items()
+            if place.joint >= first
+        },
+        coupling=chain.coupling[first:],
+        offset=chain.offset[first:],
+    )
+    return _ended(_seen_from(begun, back, base), chain.frame)
+
+
+def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
+    """The same chain with some coordinates held, where `lock` says or next to zero."""
+    neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
+    for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
+        if name in lock:
+            low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (chain.lower, chain.upper))
+            neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
+    held = {name: float(neutral[i]) for i, name in enumerate(chain.coordinates) if not moving[i]}
+    return replace(
+        chain,
+        coupling=chain.coupling[:, moving],
+        offset=chain.offset + chain.coupling @ neutral,
+        locked={**chain.locked, **held},
+        **_coordinates(chain, moving),
+    )
+
+
+def _coordinates(chain: Chain, kept: Array) -> dict[str, Any]:
+    """What is known of each of some coordinates."""
+    return {
+        "coordinates": tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep),
+        "lower": chain.lower[kept],
+        "upper": chain.upper[kept],
+        "velocity_limits": None if chain.velocity_limits is None else chain.velocity_limits[kept],
+    }
+
+
+def mirrored(chain: Chain) -> Chain:
+    """The mirror image of an arm in the plane y = 0 of its base frame; that of the mirror image is the arm again.
+
+    With S = diag(1, −1, 1) every pose T becomes S T S. A rotation about an axis a becomes one about −S a by the same
+    angle: equal joint angles of an arm and its mirror image are mirrored configurations, with ellipsoids M and S M S.
+    """
+    left = chain.side == LEFT
+    return replace(
+        chain,
+        name=chain.name.removesuffix("_left") if left else f"{chain.name}_left",
+        side=RIGHT if left else LEFT,
+        joints=tuple(_mirrored_joint(joint) for joint in chain.joints),
+        frames={name: replace(place, placement=_mirrored(place.placement)) for name, place in chain.frames.items()},
+        others=chain.others and {
+            name: replace(body, placements=_mirrored(body.placements)) for name, body in chain.others.items()
+        },
+        stand=None if chain.stand is None else _mirrored(chain.stand),
+        shapes=None if chain.shapes is None else partial(_mirrored_shapes, chain.shapes),
+    )  # fmt: skip
+
+
+_MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def _mirrored_joint(joint: Joint) -> Joint:
+    turn = -1.0 if joint.kind == REVOLUTE else 1.0
+    return replace(joint, axis=turn * _MIRROR * joint.axis + 0.0, placement=_mirrored(joint.placement))
+
+
+def _mirrored(placements: Array) -> Array:
+    """Mirror poses (..., 4, 4); adding zero leaves no negative one."""
+    signs = np.append(_MIRROR, 1.0)
+    return np.asarray(signs[:, None] * placements * signs + 0.0)
+
+
+def _mirrored_shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) -> Iterator[Shape]:
+    """Mirrored shapes of links; their triangles turn round, so that they are seen from outside as before."""
+    for shape in shapes(links, **options):
+        points, triangles = shape.mesh
+        yield replace(shape, mesh=(points * _MIRROR, triangles[:, ::-1]))

@@ -1,0 +1,186 @@
+"""The recordings and robots of a batch: each once, and with a name of its own."""
+
+import glob
+import inspect
+import itertools
+import os
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from maniport.batch.content import as_setting, digest
+from maniport.arms import Arm, load_arm
+from maniport.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON, RECORDINGS
+from maniport.mocap import shipped_recording
+from maniport.mocap.readers import SHIPPED
+from maniport.errors import InvalidInputError, as_text
+from maniport.pipeline.job import checked
+from maniport.pipeline.work import Job
+from maniport.steps import untold
+from maniport.report.renderings import SUMMARY
+from maniport.transfer import DomainAdapter
+from maniport.version import __version__
+
+ABOUT = "batch.json"  # The file that marks a folder as that of a batch
+
+ENDINGS = [ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")]
+"""Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
+
+PERSON_OPTIONS: dict[str, Any] = {
+    "person": PERSON, "markers": None, "side": AUTO, "height": None, "smooth": AUTO, "leaps": KEEP,
+}  # fmt: skip
+"""Options of `maniport.fit_arm`, for all recordings."""
+
+RobotInput = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording, and its name in the results: a relative path without the folders that all have in common."""
+
+    name: str
+    path: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot of a batch, with all that it shall do."""
+
+    name: str  # Of its folder
+    job: Job
+    key: str  # Digest of the job
+    settings: Mapping[str, str]  # The job by names of arguments, as text
+
+
+def find_recordings(given: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
+    """Find the recordings that files, folders and patterns name, but those in the folder `without`; sorted by name."""
+    if isinstance(given, str | os.PathLike):
+        raise InvalidInputError(f"recordings must be a sequence, such as [{str(given)!r}]; found a name alone")
+    found: dict[Path, str] = {}
+    for pattern in given:
+        for path, name in _matches(os.fspath(pattern)):
+            if without not in path.resolve().parents:
+                found.setdefault(path.resolve(), name)
+    if not found:
+        raise InvalidInputError("recordings must name at least one file, folder or pattern; found none")
+    found = {path: name for path, name in found.items() if found.keys().isdisjoint(path.parents)}  # frames of a folder
+    return sorted((Source(name, path) for path, name in _unique(found).items()), key=lambda source: source.name)
+
+
+def _matches(text: str) -> list[tuple[Path, str]]:
+    """The files that one argument names, with their names below it."""
+    path = Path(text)
+    if not text:
+        raise InvalidInputError("recordings: a file, folder or pattern must not be empty")
+    if path.is_dir() and not _has_frames(path):
+        files = [file for file in path.rglob("*") if _is_recording(file)]
+        if not files:
+            raise InvalidInputError(
+                f"recordings: below {text!r} no file ends with {', '.join(ENDINGS)}; name others by a pattern, such as "
+                f"'{path}/**/*.npz'"
+            )
+        return [(file, _name(file, path)) for file in files]
+    if path.exists():
+        return [(path, _name(path))]
+    if text in SHIPPED:
+        return [(shipped_recording(text), shipped_recording(text).name)]
+    if not glob.has_magic(text):
+        raise InvalidInputError(f"recordings: there is no file, folder or pattern {text!r}")
+    files = [file for file in map(Path, glob.glob(text, recursive=True)) if file.is_file() or _has_frames(file)]
+    if not files:
+        raise InvalidInputError(f"recordings: no file matches {text!r}")
+    fixed = Path(*itertools.takewhile(lambda part: not glob.has_magic(part), path.parts))
+    return [(file, _name(file, fixed)) for file in files]
+
+
+def _has_frames(path: Path) -> bool:
+    """Whether a path is a folder of keypoints, one JSON file a frame: no result, and no recordings beside JSON."""
+    if not path.is_dir() or not any(path.glob("*.json")):
+        return False
+    return not any(file.name in (ABOUT, SUMMARY) or _is_recording(file) for file in path.iterdir())
+
+
+def _is_recording(path: Path) -> bool:
+    return path.suffix.lower() in ENDINGS and path.is_file()
+
+
+def _name(path: Path, folder: Path | None = None) -> str:
+    """A path below a folder, or its last part; it never leads upwards."""
+    absolute = Path(os.path.abspath(path))
+    top = absolute.parent if folder is None else Path(os.path.abspath(folder))
+    return as_text((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
+
+
+def _unique(found: dict[Path, str]) -> dict[Path, str]:
+    """Put folders before names until none is another's, nor a folder of another's."""
+    names = dict(found)
+    while clashing := _clashing(list(names.values())):
+        for path, name in names.items():
+            if name in clashing:
+                parts = [path.drive.rstrip(":"), *path.parts[1:]] if path.drive else path.parts[1:]
+                names[path] = as_text("/".join(parts[-name.count("/") - 2 :]))
+    return names
+
+
+def _clashing(names: Sequence[str]) -> set[str]:
+    """Names that occur twice, or are a folder of another name, and these others."""
+    counts = Counter(names)
+    clashing = {name for name, count in counts.items() if count > 1}
+    for name in names:
+        for parent in map(str, PurePosixPath(name).parents):
+            if parent in counts:
+                clashing |= {parent, name}
+    return clashing
+
+
+def find_robots(
+    given: Sequence[RobotInput], method: str | DomainAdapter, settings: Mapping[str, Any], taken: Collection[str]
+) -> list[Robot]:
+    """Load robots and check their jobs; each once, with a name of its own that is none of those taken."""
+    if isinstance(given, str | Path | Arm) or not len(given):
+        raise InvalidInputError("robots must be a sequence of at least one robot")
+    parameters = inspect.signature(checked).parameters.values()
+    options = {parameter.name for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY}
+    person = {name: settings.get(name, value) for name, value in PERSON_OPTIONS.items()}
+    common = {name: value for name, value in settings.items() if name in options}
+    control = {"effort": BATCH_EFFORT, "rate": BATCH_RATE}
+    control |= {name: value for name, value in settings.items() if name not in options and name not in person}
+    found, names = dict[str, Robot](), {name.casefold() for name in taken}
+    for robot in given:
+        arm, own = robot if isinstance(robot, tuple) else (robot, {})
+        arm = arm if isinstance(arm, Arm) else load_arm(arm)
+        job = checked(person, arm, method, {**control, **own}, **common)
+        key = digest(__version__, replace(job, tell=untold))
+        if key not in found:
+            found[key] = Robot(_as_folder(arm.name, names), job, key, _settings(job))
+    return list(found.values())
+
+
+def _settings(job: Job) -> dict[str, str]:
+    """Return all settings of a robot's pairs by their names as arguments, as text."""
+    found: dict[str, Any] = {"maniport": __version__}
+    for name in (field.name for field in fields(job) if field.name not in ("tell", "once_adapted")):
+        value = getattr(job, name)
+        if name == "sizes":
+            found |= dict(zip(("n_teacher", "n_student"), value, strict=True))
+        elif isinstance(value, DomainAdapter):
+            found |= {"method": type(value).__name__, **value.get_params(deep=False)}
+        elif isinstance(value, Mapping):  # of the person, the motion, or a method that is to be chosen
+            found |= value
+        elif name == "spec" and is_dataclass(value):
+            found |= {field.name: getattr(value, field.name) for field in fields(value)}
+        else:
+            found["random_state" if name == "seed" else name] = value
+    return {name: as_setting(value) for name, value in found.items()}
+
+
+def _as_folder(name: str, taken: set[str]) -> str:
+    """Replace characters that no folder's name may have, and add a number where the name is taken; it then is taken."""
+    whole = "".join("-" if letter in '/\\:*?"<>|' or not letter.isprintable() else letter for letter in name)
+    first = whole.strip(". ") or "robot"
+    names = itertools.chain([first], (f"{first}-{k}" for k in itertools.count(2)))
+    chosen = next(name for name in names if name.casefold() not in taken)
+    taken.add(chosen.casefold())
+    return chosen

@@ -1,0 +1,205 @@
+"""The table of a batch, a row for each pair of recording and robot: as CSV, as Parquet, and as a page."""
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from io import StringIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from maniport.atomic_io import written_whole
+from maniport.errors import MissingPackageError, as_text
+from maniport.optional import parquet_writer, pyarrow
+from maniport.report.metrics import Report
+from maniport.report.renderings import PAGE as REPORT
+from maniport.report.renderings import as_numbers
+from maniport.report.write import TOLD
+
+Row = Mapping[str, Any]
+
+DONE = "done"
+FAILED = "failed"
+
+TEXTS = ("recording", "robot", "state", "reason", "warnings", "warning_keys", "folder", "status", "verdict")
+
+COMPUTING = "computing_s"  # Processor time of a pair [s], the one column in which two runs of the same batch differ
+
+STATISTICS = ("median", "p95", "max")
+PARTS = ("upper arm", "forearm", "hand")
+
+METRICS = (
+    *(f"motion.{name}.{value}" for name in ("distance", "tip_error_mm", "orientation_error_deg", "major_axis_angle_deg",
+                                            "feasibility_gap", "node_floor") for value in STATISTICS),
+    *(f"motion.semi_axes.{axis}.median" for axis in ("major", "middle", "minor")),
+    *(f"motion.mean_distance.{part}" for part in ("mean", "no_posture", "path", "way")),
+    *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
+    *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
+    *(f"motion.{name}" for name in ("over_node_floor", "points_missed", "points", "leaps.points", "duration_s",
+                                    "jerk.rms", "jerk.peak")),
+    *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
+                                       "points_out_of_reach", "farthest_out_of_reach_mm")),
+    *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
+                                     "teacher_dispersion", "student_dispersion", "dispersion_ratio")),
+    *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "structure", "turn", "singular_value",
+                                            "folded")),
+    "person.frames", "person.largest_joint_step_deg",
+    *(f"person.segment_lengths_m.{part}" for part in PARTS),
+    *(f"person.residual_deg.{part}.{value}" for part in PARTS for value in STATISTICS),
+    "recording.frames", "recording.duration_s", "recording.rate_hz",
+)  # fmt: skip
+"""Numbers of a summary by their path in it. The list is fixed, so that all batches have the same columns; numbers by
+joint, marker or method are in the summaries alone."""
+
+COLUMNS = (*TEXTS, COMPUTING, *METRICS)
+
+TABLES = ("table.csv", "table.parquet")
+
+PAGE = "index.html"
+
+
+def row_of(facts: Report, recording: str, robot: str, folder: str) -> dict[str, Any]:
+    """Return the row of a pair that is done."""
+    numbers = as_numbers(facts)
+    summary = facts.summary
+    return {
+        **_empty_row(recording, robot, DONE),
+        "warnings": "\n".join(facts.warnings),
+        "warning_keys": " ".join(facts.warning_keys),
+        "folder": folder,
+        "status": "" if summary is None else summary.status,
+        "verdict": "" if summary is None else summary.title,
+        **{name: _number(numbers, name) for name in METRICS},
+    }
+
+
+def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
+    """Return the row of a pair that failed."""
+    return {**_empty_row(recording, robot, FAILED), "reason": as_text(reason)}
+
+
+def _empty_row(recording: str, robot: str, state: str) -> dict[str, Any]:
+    names = {"recording": recording, "robot": robot, "state": state}
+    return dict.fromkeys(COLUMNS) | dict.fromkeys(TEXTS, "") | names
+
+
+def _number(numbers: Any, name: str) -> float | None:
+    """Return a number of a summary by its path, None where there is none."""
+    for key in name.split("."):
+        numbers = numbers.get(key) if isinstance(numbers, Mapping) else None
+    return float(numbers) if isinstance(numbers, bool | int | float) else None
+
+
+def is_row(found: Any) -> bool:
+    """Return whether JSON that was read is the row of a pair that is done."""
+    if not isinstance(found, dict) or found.keys() != set(COLUMNS) or found["state"] != DONE:
+        return False
+    return all(isinstance(value, str if name in TEXTS else int | float | None) for name, value in found.items())
+
+
+def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """Return the pairs that failed, grouped by recording and reason: ``recording``, ``robots``, ``reason``."""
+    robots = dict[tuple[str, str], list[str]]()
+    for row in rows:
+        if row["state"] == FAILED:
+            robots.setdefault((row["recording"], row["reason"]), []).append(row["robot"])
+    return [{"recording": name, "robots": some, "reason": reason} for (name, reason), some in robots.items()]
+
+
+def write_tables(folder: Path, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Write the table as CSV, and as Parquet where pyarrow is installed; return the names of the files."""
+    table, parquet = (folder / name for name in TABLES)
+    stream = StringIO(newline="")
+    lines = csv.writer(stream, lineterminator="\n")
+    lines.writerow(COLUMNS)
+    lines.writerows([_cell(row[name]) for name in COLUMNS] for row in rows)
+    with written_whole(table) as temporary:
+        temporary.write_text(stream.getvalue(), encoding="utf-8", newline="")
+    try:
+        arrow, writer = pyarrow(), parquet_writer()
+    except MissingPackageError:
+        parquet.unlink(missing_ok=True)  # an earlier one has the rows of an earlier run
+        return TABLES[:1]
+    kinds = dict.fromkeys(TEXTS, arrow.string())
+    arrays = [arrow.array([row[name] for row in rows], type=kinds.get(name, arrow.float64())) for name in COLUMNS]
+    with written_whole(parquet) as temporary:
+        writer.write_table(arrow.table(arrays, names=list(COLUMNS)), temporary, compression="zstd")
+    return TABLES
+
+
+def _cell(value: Any) -> Any:
+    """Return a value as CSV has it; an apostrophe precedes a text that spreadsheets would compute as a formula."""
+    formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r"))
+    return f"'{value}" if formula else value
+
+
+class Metric(NamedTuple):
+    """A metric that the page shows."""
+
+    column: str
+    name: str
+    digits: int = 2
+
+
+PAGE_METRICS = (
+    Metric("motion.distance.median", "distance, median"),
+    Metric("motion.distance.p95", "distance, 95th percentile"),
+    Metric("motion.distance.max", "distance, max"),
+    Metric("motion.tip_error_mm.p95", "position error, 95th percentile [mm]", 1),
+    Metric("motion.tip_error_mm.max", "position error, max [mm]", 1),
+    Metric("motion.feasibility_gap.median", "feasibility gap, median"),
+    Metric("motion.duration_s", "duration [s]", 1),
+    Metric(COMPUTING, "computing time [s]", 1),
+)
+"""The page sorts pairs by the first, and shows its distribution."""
+
+
+def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence[str], pages: bool) -> None:
+    """Write the page; `count`: pairs of the batch, `tables`: names of the tables, `pages`: each pair has a report."""
+    from jinja2 import Environment, PackageLoader  # slow to load, and not needed by workers
+
+    from maniport.report.page import document
+
+    first = PAGE_METRICS[0].column
+    done = [row for row in rows if row["state"] != FAILED]
+    ranked = sorted((row for row in done if row.get(first) is not None), key=lambda row: float(row[first]))
+    few = min(5, len(ranked) // 2)
+    warned = dict[str, list[Row]]()
+    for row in done:
+        for warning in filter(None, row["warnings"].split("\n")):
+            warned.setdefault(warning, []).append(row)
+    recordings, robots = (len({row[name] for row in rows}) for name in ("recording", "robot"))
+    title = f"{recordings} recording{'s'[: recordings != 1]} on {robots} robot{'s'[: robots != 1]}"
+    environment = Environment(loader=PackageLoader(__package__, "assets"), autoescape=True, trim_blocks=True)
+    body = environment.get_template("overview.html").render(
+        title=title,
+        rows=rows,
+        done=len(done),
+        failed=len(rows) - len(done),
+        count=count,
+        tables=tables,
+        file=REPORT if pages else TOLD[0],
+        metrics=PAGE_METRICS,
+        distributions=_distributions(ranked, first),
+        ends=[("Best", ranked[:few]), ("Worst", ranked[::-1][:few])] if few else [],
+        failures=failures(rows),
+        warnings=sorted(warned.items(), key=lambda item: -len(item[1])),
+    )
+    assets = files(__package__).joinpath("assets")
+    script, style = (assets.joinpath(f"overview.{kind}").read_text(encoding="utf-8") for kind in ("js", "css"))
+    with written_whole(path) as temporary:
+        temporary.write_text(document(title, body, script, style), encoding="utf-8")
+
+
+def _distributions(rows: Sequence[Row], column: str, bins: int = 24) -> list[dict[str, Any]]:
+    """Return a histogram of a column for each robot, all on one scale."""
+    largest = max((row[column] for row in rows), default=0.0) or 1.0
+    found = []
+    for robot in dict.fromkeys(row["robot"] for row in rows):
+        values = np.array([row[column] for row in rows if row["robot"] == robot])
+        counts, _ = np.histogram(values, bins, (0.0, largest))
+        summary = {"median": float(np.median(values)), "min": values.min(), "max": values.max()}
+        bars = {"bars": (100.0 * counts / counts.max()).tolist(), "bins": bins, "largest": largest}
+        found.append({"robot": robot, "motions": len(values), **summary, **bars})
+    return found

@@ -1,5 +1,0 @@
-"""Many recordings on many robots: in processes or on a cluster, going on where it was, with a table of all measures."""
-
-from maniport.batches.run import Batch, batch
-
-__all__ = ["Batch", "batch"]

@@ -1,7 +1,0 @@
-"""What an arm collides with: itself, a table, boxes."""
-
-from maniport.bodies.collisions.carried import Lowest
-from maniport.bodies.collisions.checker import Collisions, Nearest, as_collisions, free_postures
-from maniport.bodies.collisions.obstacles import Box, read_boxes
-
-__all__ = ["Box", "Collisions", "Lowest", "Nearest", "as_collisions", "free_postures", "read_boxes"]

@@ -1,0 +1,292 @@
+"""ProfileGMM: a profile and its covariance from several demonstrations.
+
+The covariance was measured by leaving one demonstration out: the share of its ellipsoids, 3×3 at 40 times, inside the
+95 % ellipsoid of the others; mean over 5 draws of 4, 6 and 10 synthetic demonstrations, 3 or 6 components. Where
+demonstrations deviate smoothly, as people do: 0.01 to 0.82 without `groups`, 0.81 to 0.97 with. Where all points
+deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
+"""
+
+import json
+import os
+import warnings
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import logsumexp
+from threadpoolctl import threadpool_limits
+
+from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError
+from maniport.estimator import Estimator
+from maniport.files import load_arrays, save_arrays
+from maniport.notebook import ShownInNotebooks
+from maniport.learning.mixture import (
+    Mixture,
+    as_inputs,
+    component_counts,
+    count_demonstrations,
+    most_likely,
+    posterior_covariance,
+    regress,
+)
+from maniport.steps import Progress, Step, pieces
+from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
+
+FILE_FORMAT = "maniport-profile-1"
+
+_ARRAYS = (
+    *("weights_", "input_means_", "means_", "covariances_"),
+    *("converged_", "history_", "log_likelihood_", "bic_curve_"),
+)
+"""Arrays and numbers of a fitted model that a file holds."""
+
+
+class ProfileGMM(ShownInNotebooks, Estimator):
+    """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and its covariance.
+
+    Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent space at its Fréchet mean M;
+    densities are those of the tangent spaces (the volume that curvature adds is 1 + δ²/24 for a log-ratio δ of two
+    eigenvalues). EM starts from k-means in the tangent space at the mean of all ellipsoids.
+
+    Parameters
+    ----------
+    n_components : int, optional
+        Number of Gaussians. Default: the one, up to `max_components`, with the least BIC.
+    max_components : int
+        Largest number that BIC may choose; fewer are tried where there are too few points.
+    regularization : float
+        Added to the variances in log coordinates and, times the variance of the inputs, to those of the inputs.
+    n_init : int
+        Number of k-means starts; the most likely result is kept.
+    max_iter : int
+        Largest number of EM steps.
+    tol : float
+        EM stops when the mean log-likelihood rises by at most this; the most likely mixture is kept.
+    random_state : None, int or numpy.random.Generator
+        For the k-means starts.
+
+    Attributes
+    ----------
+    n_components_ : int
+    weights_ : ndarray, shape (K,)
+    input_means_ : ndarray, shape (K, p)
+    means_ : ndarray, shape (K, d, d)
+    covariances_ : ndarray, shape (K, p + m, p + m)
+        With m = d (d + 1) / 2, in the coordinates above.
+    log_likelihood_ : float
+        Mean over the training points.
+    history_ : ndarray
+        Mean log-likelihood after each EM step. It may fall a little, as in a curved space the Fréchet mean is not quite
+        the most likely one: by up to 3e-5 at ellipsoids 0.3 apart, 1e-3 at 1, 1e-2 at 2.
+    converged_ : bool
+    n_demonstrations_ : int or None
+        Number of different `groups`.
+    bic_curve_ : ndarray
+        BIC of 1, 2, … components where it chose; else of the one model.
+
+    References
+    ----------
+    Jaquier, Rozo, Caldwell and Calinon, Geometry-aware manipulability learning, tracking, and transfer, IJRR 40, 2021.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from maniport.learning import ProfileGMM
+    >>> time = np.tile(np.linspace(0.0, 1.0, 20), 3)
+    >>> ellipsoids = np.exp(time)[:, None, None] * np.eye(2)
+    >>> model = ProfileGMM(n_components=1, random_state=0).fit(time, ellipsoids)
+    >>> bool(np.allclose(model.predict([0.5]), np.exp(0.5) * np.eye(2), rtol=1e-3))
+    True
+    """
+
+    def __init__(
+        self,
+        n_components: int | None = None,
+        max_components: int = 10,
+        regularization: float = 1e-5,
+        n_init: int = 1,
+        max_iter: int = 200,
+        tol: float = 1e-3,
+        random_state: Any = None,
+    ):
+        self.n_components = n_components
+        self.max_components = max_components
+        self.regularization = regularization
+        self.n_init = n_init
+        self.max_iter = max_iter
+        self.tol = tol
+        self.random_state = random_state
+
+    def fit(
+        self,
+        inputs: ArrayLike,
+        ellipsoids: ArrayLike,
+        groups: ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> Self:
+        """Fit the mixture to all demonstrations together.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (n,) or (n, p)
+            Times [s] or positions [m] of all demonstrations one after another; all columns in one unit.
+        ellipsoids : array_like, shape (n, d, d)
+            SPD.
+        groups : array_like, shape (n,), optional
+            Which demonstration each point belongs to. Give it whenever a demonstration deviates smoothly: `predict`
+            then returns the covariance that so few observations justify. Default: all points are independent.
+        progress : callable, optional
+            Called with the name of a step and the fraction done.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        NotSPDError, InvalidInputError
+            When an ellipsoid is not SPD, lengths differ, all inputs are equal, there are fewer than p + m + 1 points
+            for each component, groups do not fit, or a parameter is wrong. The model then is what it was before.
+
+        Warns
+        -----
+        ConvergenceWarning
+            When EM ended after `max_iter` steps.
+        """
+        points = as_points(ellipsoids, "ellipsoids")
+        x = as_inputs(inputs, len(points))
+        demonstrations = count_demonstrations(groups, len(points))
+        generator = as_generator(self.random_state)
+        candidates = component_counts(self.n_components, self.max_components, x, points)
+        checked: Any = {
+            "regularization": as_number(self.regularization, "regularization", above=0.0),
+            "n_init": as_count(self.n_init, "n_init"),
+            "max_iter": as_count(self.max_iter, "max_iter"),
+            "tol": as_number(self.tol, "tol", above=0.0),
+        }
+        step = Step(progress, "fit the mixture")
+        with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
+            fits = [
+                most_likely(x, points, count, generator, tell, **checked)
+                for count, tell in zip(candidates, pieces(step, *candidates), strict=True)
+            ]
+        curve = np.array([fit.mixture.bic(len(x) * fit.log_likelihood, len(x)) for fit in fits])
+        best = fits[int(np.argmin(curve))]
+        mixture = best.mixture
+        if not best.converged:
+            warnings.warn(
+                f"EM with {len(mixture.weights)} components stopped after {self.max_iter} steps; the mean "
+                f"log-likelihood still rose by more than {self.tol:g}",
+                ConvergenceWarning,
+                stacklevel=2,
+            )
+        self.weights_, self.input_means_ = mixture.weights, mixture.inputs
+        self.means_, self.covariances_ = mixture.ellipsoids, mixture.covariances
+        self.converged_, self.history_, self.log_likelihood_ = best.converged, best.history, best.log_likelihood
+        self.bic_curve_, self.n_components_, self.n_features_in_ = curve, len(mixture.weights), x.shape[1]
+        self.n_demonstrations_ = demonstrations
+        step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
+        return self
+
+    def predict(self, inputs: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
+        """Ellipsoids expected at the inputs, by Gaussian mixture regression.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (n,) or (n, p)
+            In the unit of `fit`. Outside the inputs of `fit` the nearest component's geodesic is extended.
+        return_covariance : bool
+            Also return the covariance.
+
+        Returns
+        -------
+        ellipsoids : ndarray, shape (n, d, d)
+        covariance : ndarray, shape (n, m, m)
+            The 4th-order covariance as a matrix, dimensionless: of vec(log(P^-½ X P^-½)) in Mandel form, P being the
+            ellipsoid predicted and X one of a demonstration, m = d (d + 1) / 2. `covariance_tensor` gives the tensor,
+            `tracking_weights` the weights for a tracking task.
+
+        Raises
+        ------
+        NotFittedError
+            Before `fit`.
+        InvalidInputError
+            When the inputs have another number of columns, or lie so far outside that the ellipsoid overflows.
+        """
+        mixture = self._mixture()
+        centers, covariance = regress(mixture, as_inputs(inputs, None, mixture.inputs.shape[1]))
+        if self.n_demonstrations_ is not None:
+            covariance = posterior_covariance(covariance, self.n_demonstrations_)
+        return (centers, covariance) if return_covariance else centers
+
+    def score_samples(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> Array:
+        """Log-likelihood, shape (n,), of inputs and ellipsoids together, as `fit` takes them."""
+        mixture = self._mixture()
+        points = as_points(ellipsoids, "ellipsoids", mixture.ellipsoids.shape[-1], minimum=1)
+        x = as_inputs(inputs, len(points), mixture.inputs.shape[1])
+        return np.asarray(logsumexp(mixture.log_joint(mixture.deviations(x, points)), axis=1))
+
+    def score(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
+        """Mean of `score_samples`: larger is better."""
+        return float(self.score_samples(inputs, ellipsoids).mean())
+
+    def bic(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
+        """Bayesian information criterion, −2 log L + parameters · log n (Schwarz 1978): smaller is better."""
+        samples = self.score_samples(inputs, ellipsoids)
+        return self._mixture().bic(float(samples.sum()), len(samples))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the fitted model to an ``.npz`` file without pickled objects; `ProfileGMM.load` reads it."""
+        self._mixture()
+        parameters = self.get_params(deep=False)
+        if isinstance(parameters["random_state"], np.random.Generator):
+            parameters["random_state"] = None  # its state says nothing about the fitted model
+        plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
+        content = {"format": FILE_FORMAT, "parameters": plain, "demonstrations": self.n_demonstrations_}
+        header = json.dumps(content, sort_keys=True)
+        arrays = {name: np.asarray(getattr(self, name)) for name in _ARRAYS}
+        save_arrays(path, {"profile_model": np.array(header), **arrays})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a model that was written by `save`.
+
+        Raises
+        ------
+        FileFormatError
+            When the file cannot be read or holds something else.
+        """
+        arrays = load_arrays(path, "profile model", ("profile_model", *_ARRAYS))
+        try:
+            header = json.loads(str(arrays["profile_model"]))
+            if header["format"] != FILE_FORMAT:
+                raise ValueError(f"its format is {header['format']!r}; this version reads {FILE_FORMAT!r}")
+            model = cls(**header["parameters"])
+            count = header["demonstrations"]
+            model.n_demonstrations_ = None if count is None else as_count(count, "demonstrations")
+            for name in _ARRAYS:
+                value = as_finite(arrays[name], name) if name != "converged_" else arrays[name].astype(bool)
+                setattr(model, name, value.item() if value.ndim == 0 else value)
+            _require_mixture(model.weights_, model.input_means_, model.means_, model.covariances_)
+            model.n_components_, model.n_features_in_ = model.input_means_.shape
+        except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
+            raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None
+        return model
+
+    def _mixture(self) -> Mixture:
+        if not hasattr(self, "means_"):
+            raise NotFittedError("this ProfileGMM is not fitted yet; call fit(inputs, ellipsoids) first")
+        return Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
+
+
+def _require_mixture(weights: Any, inputs: Any, means: Any, covariances: Any) -> None:
+    """Raise `InvalidInputError` unless these make a mixture."""
+    require_shape(np.asarray(inputs), "input_means_", ("k", "f"))
+    k, f = inputs.shape
+    points = as_points(means, "means_", minimum=k)
+    m = f + points.shape[-1] * (points.shape[-1] + 1) // 2
+    require_shape(np.asarray(weights), "weights_", (k,))
+    require_shape(points, "means_", (k, "d", "d"))
+    require_shape(as_points(covariances, "covariances_", minimum=k), "covariances_", (k, m, m))
+    if np.any(weights <= 0) or abs(weights.sum() - 1) > 1e-6:
+        raise InvalidInputError(f"weights_ must be positive and add up to 1; found {weights}")

@@ -1,0 +1,282 @@
+"""Gaussian mixtures on R^p × SPD(d): checks of their data, the EM iteration with its starts, regression."""
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.cluster.vq import ClusterError, kmeans2
+from scipy.special import logsumexp, softmax
+
+from maniport.errors import ConvergenceWarning, InvalidInputError
+from maniport.learning.tangent import coordinates, on_vectors, turns
+from maniport.spd.affine_invariant import whitened_eigh
+from maniport.spd.kernels import eigh
+from maniport.spd.matrix_functions import apply, bounded, compose, congruence, from_vector, roots, to_vector
+from maniport.spd.mean import mean
+from maniport.steps import Part, counted
+from maniport.validation import Array, as_count, as_finite, require_shape
+
+STARVED = 1e-8  # A component that explains less than this many points keeps its mean and covariance
+
+
+def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -> Array:
+    """Convert to inputs, shape (n, p)."""
+    array = as_finite(value, "inputs")
+    if array.ndim not in (1, 2) or not array.size:
+        raise InvalidInputError(f"inputs must have shape (n,) or (n, p), n and p at least 1; found {array.shape}")
+    array = array[:, None] if array.ndim == 1 else array
+    if count is not None and len(array) != count:
+        raise InvalidInputError(f"inputs and ellipsoids must be equally many; found {len(array)} and {count}")
+    if columns is not None and array.shape[1] != columns:
+        raise InvalidInputError(f"inputs must have {columns} columns, as in fit; found {array.shape[1]}")
+    if columns is None and np.all(array == array[0]):
+        raise InvalidInputError(f"inputs must not all be equal; found {array[0].tolist()} {len(array)} times")
+    return array
+
+
+def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
+    """Count the labels that tell the demonstrations apart; None when there are none."""
+    if groups is None:
+        return None
+    labels = np.asarray(groups)
+    require_shape(labels, "groups", (points,), ", a label for each point")
+    try:
+        count = len(np.unique(labels))
+    except TypeError as error:
+        raise InvalidInputError(f"groups must be labels of one kind, such as whole numbers: {error}") from None
+    if count < 2:
+        raise InvalidInputError("groups must tell at least 2 demonstrations apart: one says nothing about agreement")
+    return count
+
+
+def points_each(d: int, inputs: int = 1) -> int:
+    """How many ellipsoids d × d each component needs at least, with so many inputs."""
+    return inputs + d * (d + 1) // 2 + 1
+
+
+def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
+    """Numbers of components to try: the wanted one, or with None all up to `most` that the points allow."""
+    d, p = points.shape[-1], x.shape[1]
+    each = points_each(d, p)
+    room = len(x) // each
+    if wanted is None:
+        low, high = 1, min(as_count(most, "max_components"), max(room, 1))
+    else:
+        low = high = as_count(wanted, "n_components")
+    if high > room:
+        raise InvalidInputError(
+            f"{high} component{'s' if high > 1 else ''} need{'s' if high == 1 else ''} at least {high * each} "
+            f"ellipsoids, {each} each for {p} input{'s' if p > 1 else ''} and {d}×{d} matrices; found {len(x)}"
+        )
+    return range(low, high + 1)
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """K Gaussians on R^p × SPD(d)."""
+
+    weights: Array  # (K,)
+    inputs: Array  # means of the inputs, (K, p)
+    ellipsoids: Array  # Fréchet means, (K, d, d)
+    covariances: Array  # of [x − mean; whitened Mandel coordinates at the Fréchet mean], (K, p + m, p + m)
+
+    def deviations(self, inputs: Array, points: Array) -> Array:
+        """Tangent vectors, shape (K, n, p + m), of inputs (n, p) and points (n, d, d) at each component."""
+        return np.concatenate(
+            [inputs - self.inputs[:, None], coordinates(self.ellipsoids[:, None], points[None])], axis=-1
+        )
+
+    def log_joint(self, deviations: Array) -> Array:
+        """Logarithms of weight times density, shape (n, K), in each component's own tangent space."""
+        return np.log(self.weights) + log_density(deviations, self.covariances)
+
+    def bic(self, log_likelihood: float, n: int) -> float:
+        """Bayesian information criterion −2 log L + parameters · log n (Schwarz 1978) of n points."""
+        count, s = self.covariances.shape[:2]
+        free = count - 1 + count * s + count * s * (s + 1) // 2
+        return float(-2.0 * log_likelihood + free * np.log(n))
+
+
+def log_density(deviations: Array, covariances: Array) -> Array:
+    """Log-density, shape (n, K), of centred Gaussians (K, s, s) at deviations (K, n, s)."""
+    factors = np.linalg.cholesky(covariances)
+    whitened = np.linalg.solve(factors, np.swapaxes(deviations, -1, -2))
+    log_root = np.sum(np.log(np.diagonal(factors, axis1=-2, axis2=-1)), axis=-1)
+    s = deviations.shape[-1]
+    return np.asarray((-0.5 * np.sum(whitened**2, axis=-2) - (log_root + 0.5 * s * np.log(2 * np.pi))[:, None]).T)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where EM ended: the best mixture seen, its mean log-likelihood, and the log-likelihood after each step."""
+
+    mixture: Mixture
+    log_likelihood: float
+    history: Array
+    converged: bool
+
+
+def expectation_maximization(
+    inputs: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
+) -> Fit:
+    """Fit a mixture by EM from initial shares."""
+    mixture: Mixture | None = None
+    best: tuple[Mixture, float] | None = None
+    history: list[float] = []
+    converged = False
+    while len(history) < max_iter and not converged:
+        mixture, deviations = maximize(inputs, points, shares, ridge, mixture)
+        joint = mixture.log_joint(deviations)
+        total = logsumexp(joint, axis=1, keepdims=True)
+        shares = np.exp(joint - total)
+        history.append(float(total.mean()))
+        if best is None or history[-1] > best[1]:
+            best = mixture, history[-1]
+        converged = len(history) > 1 and history[-1] - history[-2] <= tol
+    assert best is not None
+    return Fit(*best, np.array(history), converged)
+
+
+def maximize(
+    inputs: Array, points: Array, shares: Array, ridge: Array, before: Mixture | None
+) -> tuple[Mixture, Array]:
+    """Return the mixture that the shares (n, K) ask for, and the deviations from its means."""
+    counts = shares.sum(axis=0)
+    fed = np.maximum(counts, STARVED)
+    means = (shares.T @ inputs) / fed[:, None]
+    ellipsoids = np.empty((len(counts), *points.shape[1:]))
+    for k, count in enumerate(counts):
+        if count < STARVED and before is not None:
+            means[k], ellipsoids[k] = before.inputs[k], before.ellipsoids[k]
+        else:
+            ellipsoids[k] = mean(points, shares[:, k])
+    weights = fed / fed.sum()
+    bare = Mixture(weights, means, ellipsoids, np.empty(0))
+    deviations = bare.deviations(inputs, points)
+    weighted = deviations * (shares.T / fed[:, None])[..., None]
+    covariances = np.swapaxes(weighted, -1, -2) @ deviations
+    covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
+    if before is not None:
+        covariances = np.where((counts < STARVED)[:, None, None], before.covariances, covariances)
+    return Mixture(weights, means, ellipsoids, covariances), deviations
+
+
+def most_likely(
+    inputs: Array,
+    points: Array,
+    count: int,
+    generator: np.random.Generator,
+    tell: Part,
+    *,
+    regularization: float,
+    n_init: int,
+    max_iter: int,
+    tol: float,
+) -> Fit:
+    """Fit `count` components from several starts and return the most likely; `tell` takes the fraction done."""
+    d, p = points.shape[-1], inputs.shape[1]
+    ridge = regularization * np.r_[np.full(p, np.var(inputs, axis=0).mean()), np.ones(d * (d + 1) // 2)]
+    starts = n_init if count > 1 else 1
+    fits = [
+        expectation_maximization(inputs, points, k_means_shares(inputs, points, count, generator), ridge, tol, max_iter)
+        for _ in counted(range(starts), starts, tell)
+    ]
+    return max(fits, key=lambda fit: fit.log_likelihood)
+
+
+def k_means_shares(inputs: Array, points: Array, count: int, generator: np.random.Generator) -> Array:
+    """Shares (n, K) of zeros and ones, from k-means on the inputs and on whitened coordinates at the Fréchet mean."""
+    if count == 1:
+        return np.ones((len(points), 1))
+    parts = inputs - inputs.mean(axis=0), coordinates(mean(points), points)
+    sizes = [np.sqrt(np.mean(np.sum(part**2, axis=1))) for part in parts]
+    features = np.concatenate(
+        [part / (size if size > 1e-12 else 1.0) for part, size in zip(parts, sizes, strict=True)], 1
+    )
+    distinct = len(np.unique(features, axis=0))
+    if distinct < count:
+        raise InvalidInputError(f"{count} components need as many different points; found {distinct}")
+    return np.eye(count)[_tightest(features, count, generator)]
+
+
+def _tightest(features: Array, count: int, generator: np.random.Generator, runs: int = 4) -> NDArray[np.intp]:
+    """Return the labels of the tightest of several k-means++ runs; no cluster is empty."""
+    found = []
+    for _ in range(runs):
+        seed = int(generator.integers(2**31))
+        try:
+            _, labels = kmeans2(features, count, iter=50, minit="++", missing="raise", seed=seed)
+        except ClusterError:  # Lloyd's steps emptied a cluster: assign to the starts, which are points
+            _, labels = kmeans2(features, count, iter=1, minit="++", seed=seed)
+        centers = np.stack([features[labels == k].mean(axis=0) for k in range(count)])
+        found.append((float(np.sum((features - centers[labels]) ** 2)), labels))
+    return np.asarray(min(found, key=lambda run: run[0])[1])
+
+
+def regress(mixture: Mixture, inputs: Array) -> tuple[Array, Array]:
+    """Conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid, given inputs (n, p)."""
+    p = mixture.inputs.shape[1]
+    spread, cross = mixture.covariances[:, :p, :p], mixture.covariances[:, :p, p:]
+    slopes = np.linalg.solve(spread, cross)  # Σ_xx⁻¹ Σ_xy, (K, p, m)
+    away = inputs - mixture.inputs[:, None]  # (K, n, p)
+    shares = softmax(np.log(mixture.weights) + log_density(away, spread), axis=1)  # h, (n, K)
+    ahead = np.swapaxes(away @ slopes, 0, 1)  # at M_k, (n, K, m)
+    centers = _fixed_points(mixture, shares, from_vector(ahead))
+    own = mixture.covariances[:, p:, p:] - np.swapaxes(cross, -1, -2) @ slopes
+    rotations = turns(mixture.ellipsoids[None], centers[:, None])
+    errors = to_vector(_errors(mixture, centers, from_vector(ahead)))
+    basis = on_vectors(rotations)
+    within = basis @ own @ np.swapaxes(basis, -1, -2)
+    mean = np.einsum("nk,nkm->nm", shares, errors)
+    covariance = np.einsum("nk,nkab->nab", shares, within) + np.einsum("nk,nka,nkb->nab", shares, errors, errors)
+    covariance -= mean[:, :, None] * mean[:, None, :]
+    return centers, 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
+
+
+def _errors(mixture: Mixture, centers: Array, ahead: Array) -> Array:
+    """Whitened tangents e_k at centers (n, d, d), shape (n, K, d, d); `ahead` are the offsets at M_k."""
+    root, inverse_root = roots(mixture.ellipsoids)
+    values, vectors = whitened_eigh(inverse_root, centers[:, None])
+    rotations = roots(centers)[1][:, None] @ root @ compose(np.sqrt(values), vectors)
+    return congruence(rotations, ahead - compose(np.log(values), vectors))
+
+
+def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
+    """Conditional means (n, d, d), each started from what its most likely component says."""
+    rows, best = np.arange(len(shares)), shares.argmax(axis=1)
+    centers = congruence(
+        roots(mixture.ellipsoids)[0][best], apply(ahead[rows, best], bounded(np.exp, "the prediction at these inputs"))
+    )
+    values = eigh(centers)[0]
+    tolerance, max_steps = 1e-9, 100
+    rounding = 10 * np.finfo(np.float64).eps * values[:, -1] / values[:, 0]  # grows with the condition number
+    tolerances = np.clip(rounding, tolerance, 1e-3)
+    lengths, last = np.ones(len(shares)), np.full(len(shares), np.inf)
+    moving = rows
+    for _ in range(max_steps):
+        steps = np.einsum("nk,nkij->nij", shares[moving], _errors(mixture, centers[moving], ahead[moving]))
+        norms = np.linalg.norm(steps, axis=(-2, -1))
+        lengths[moving] = np.where(norms > last[moving], 0.5 * lengths[moving], lengths[moving])  # it overshoots
+        last[moving] = norms
+        steps *= lengths[moving][:, None, None]
+        centers[moving] = congruence(roots(centers[moving])[0], apply(steps, np.exp))
+        moving = moving[norms > tolerances[moving]]
+        if not len(moving):
+            return centers
+    warnings.warn(
+        f"the conditional mean of {len(moving)} of {len(shares)} inputs stopped after {max_steps} steps, "
+        f"the last of length up to {last[moving].max():.3g}; wanted {tolerance:g}",
+        ConvergenceWarning,
+        stacklevel=4,
+    )
+    return centers
+
+
+def posterior_covariance(covariance: Array, demonstrations: int) -> Array:
+    """Predictive covariance (n, m, m), given the maximum-likelihood one of k demonstrations."""
+    k, m = demonstrations, covariance.shape[-1]
+    unbiased = k / (k - 1) * covariance
+    variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
+    return np.asarray((1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m))

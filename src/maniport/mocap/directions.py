@@ -1,0 +1,137 @@
+"""Directions of segments and joint axes relative to the trunk: what a recording shows of an arm.
+
+Only directions are compared, never positions: the place of the shoulder in the trunk is not measured, and the
+recorded segment lengths change with the skin. The residual of a segment is ``u(q) - u``, a difference of unit vectors;
+its length is the angle between them [rad] as long as that is small.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.arms import Arm
+from maniport.arms.attached import Attached, axis_of
+from maniport.arms.human import JOINTS
+from maniport.mocap.path_solver import BLOCK, parts_of
+from maniport.errors import InvalidInputError
+from maniport.validation import Array
+
+SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
+"""Frames of the arm between which each segment runs; the roles of the recording have the same names."""
+
+ELBOW = JOINTS.index("elbow_flexion")
+TURN = JOINTS.index("pro_sup")
+DEVIATION = JOINTS.index("deviation")
+FLEXION = JOINTS.index("flexion")
+
+AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint whose axis each pair of markers shows
+
+AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
+"""The segment whose rotation about its own axis each pair of markers shows."""
+
+MARKED = {"right": 1.0, "left": -1.0}
+"""Sign of the axes of elbow (medial to lateral) and wrist (ulnar to radial); a left arm is a mirror image."""
+
+WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wrist_axis": 0.1}
+"""Weights of the residuals, inverse to the expected error of each direction.
+
+A hand is measured over a fifth of a forearm's length. The markers beside a joint are near its axis, not on it. Both
+decide what upper arm and forearm leave open, and do not pull those two aside when the hand exceeds the model's limits.
+"""
+
+
+def require_human(arm: Arm) -> None:
+    """Raise `InvalidInputError` unless an arm has the joints of a human arm, in their order, and its frames."""
+    if arm.joint_names != JOINTS:
+        raise InvalidInputError(
+            f"fit_arm needs a person with the joints {', '.join(JOINTS)}, in this order; found of {arm.name!r}: "
+            f"{', '.join(arm.joint_names)}"
+        )
+    missing = {frame for ends in SEGMENTS.values() for frame in ends} - set(arm.frames)
+    if missing:
+        raise InvalidInputError(
+            f"fit_arm needs a person with the frames shoulder, elbow, wrist and hand; {arm.name!r} has no "
+            f"{', '.join(sorted(missing))}"
+        )
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Directions in the trunk frame, and the arm that shall have them."""
+
+    arm: Arm
+    names: tuple[str, ...]  # keys of `SEGMENTS`, then of `AXES`
+    targets: Array  # unit vectors, shape (n, len(names), 3); nan where not seen
+
+    def take(self, frames: NDArray[np.intp] | slice) -> "Directions":
+        """Keep some frames, in any order and repeated or not."""
+        return Directions(self.arm, self.names, self.targets[frames])
+
+    def model(self, q: Array) -> tuple[Array, Array]:
+        """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
+        followed, slopes = self._attached(q)
+        segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
+        start, end = ([self._points.index(pair[k]) for pair in segments] for k in (0, 1))
+        value, slope = _normalized(followed[:, end] - followed[:, start], slopes[:, end] - slopes[:, start])
+        axes = len(self._points)
+        return np.concatenate([value, followed[:, axes:]], axis=1), np.concatenate([slope, slopes[:, axes:]], axis=1)
+
+    @cached_property
+    def _points(self) -> list[str]:
+        """Frames between which the segments run."""
+        return list(dict.fromkeys(frame for name in self.names if name in SEGMENTS for frame in SEGMENTS[name]))
+
+    @cached_property
+    def _attached(self) -> Attached:
+        """Those frames, and joint axes fixed to the segment above them."""
+        joints = [AXES[name] for name in self.names if name in AXES]
+        axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
+        return Attached(self.arm.chain, self._points, axes)
+
+    def arrays(self) -> tuple[tuple[Any, ...], Array]:
+        """Return the arguments of `frame_terms` from `coupling` to `ends`, and the weights."""
+        segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
+        ends = np.array([[self._points.index(end) for end in pair] for pair in segments], dtype=np.int64)
+        return (*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
+
+    def residual(self, q: Array) -> tuple[Array, Array]:
+        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero for what is not seen."""
+        values, slopes = self.model(q)
+        weight = np.array([WEIGHTS[name] for name in self.names]) * ~np.isnan(self.targets[..., 0])
+        difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
+        slopes = slopes * weight[..., None, None]
+        return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
+
+    def _values(self, q: Array) -> Array:
+        return np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+
+    def angles(self, q: Array) -> dict[str, Array]:
+        """Return the angles between the arm's segments and the recorded ones [rad], shape (n,) by segment."""
+        half = np.linalg.norm(self._values(q) - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
+        angles = 2 * np.arcsin(np.minimum(half, 1.0))
+        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}
+
+    def twists(self, q: Array) -> dict[str, Array]:
+        """Return the rotations of segments about their own axis that bring joint axes to their markers [rad]."""
+        values, found = self._values(q), {}
+        for axis, segment in AROUND.items():
+            if axis in self.names:
+                i, along = self.names.index(axis), values[:, self.names.index(segment)]
+                model, seen = (
+                    vectors - np.sum(vectors * along, axis=1)[:, None] * along
+                    for vectors in (values[:, i], self.targets[:, i])
+                )
+                sine, cosine = np.sum(np.cross(model, seen) * along, axis=1), np.sum(model * seen, axis=1)
+                found[segment] = np.arctan2(sine, cosine)
+        return found
+
+
+def _normalized(vector: Array, slope: Array) -> tuple[Array, Array]:
+    """Return unit vectors (n, k, 3) and the derivative (I - u uᵀ) v' / |v|, shape (n, k, 3, dof)."""
+    length = np.linalg.norm(vector, axis=-1)[..., None]
+    unit = vector / length
+    along = unit[..., None, :] @ slope
+    return unit, (slope - unit[..., None] * along) / length[..., None]

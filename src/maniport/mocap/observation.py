@@ -1,0 +1,131 @@
+"""What a recording shows of one arm and the trunk: roles, cleaned points, fully observed frames, segment lengths."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.arms import Arm
+from maniport.arms.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
+from maniport.mocap.cleaning import repaired
+from maniport.mocap.directions import AXES, MARKED, SEGMENTS, Directions
+from maniport.mocap.marker_sets import DIRECTIONS
+from maniport.mocap.recording import Bools, Recording, runs_of
+from maniport.mocap.roles import (
+    Basis,
+    direction,
+    find_side,
+    points_of,
+    role_position,
+    trunk_rotation,
+    unit,
+)
+from maniport.mocap.smoothing import smoothed
+from maniport.errors import RecordingError
+from maniport.validation import Array
+
+SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What an arm is fitted to."""
+
+    side: str
+    reason: str  # why that arm
+    roles: dict[str, Any]  # the points of each role
+    used: Recording  # these points, cleaned and filled
+    points: dict[str, Array]  # positions of the roles that are points [m], shape (n_frames, 3)
+    trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
+    frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
+    notes: tuple[str, ...]  # what was done
+    doubts: tuple[str, ...]  # what of it changes the outcome, but for frames that are left out
+
+    @property
+    def time(self) -> Array:
+        """Times of those frames [s]."""
+        return self.used.time[self.frames]
+
+    def directions(self, arm: Arm) -> Directions:
+        """Return the directions of segments and joint axes in the trunk frame, in those frames."""
+        vectors = vectors_of(self.used, self.roles, str(arm.side))
+        world = np.stack(list(vectors.values()), axis=1)[self.frames]
+        local = np.einsum("nij,nki->nkj", self.trunk[self.frames], world)
+        return Directions(arm, tuple(vectors), unit(local))
+
+
+def observe(
+    recording: Recording, markers: Mapping[str, Any] | None, side: str, fill: float, cutoff: float | None
+) -> Observation:
+    """Choose the arm, clean its points and find the frames in which it is fully observed."""
+    chosen, reason, roles = find_side(recording, markers, side)
+    used = smoothed(repaired(recording, points_of(roles), roles).fill_gaps(fill), cutoff)
+    notes = list(used.notes[len(recording.notes) :])
+    points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
+    hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None
+    if hand is not None and np.nanmedian(np.linalg.norm(hand, axis=-1)) < SHORTEST_SEGMENT:
+        notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")  # as end sites do
+        del roles["hand"], points["hand"]
+    trunk = trunk_rotation(used, roles)
+    frames = _complete_frames(used, points, trunk, notes)
+    doubts = used.doubts[len(recording.doubts) :]
+    return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), doubts)
+
+
+def vectors_of(points: Recording | Basis, roles: Mapping[str, Any], side: str) -> dict[str, Array]:
+    """Return vectors along segments and joint axes, by the keys of `Directions`, in the axes of the points."""
+    ends = {name: pair for name, pair in SEGMENTS.items() if all(end in roles for end in pair)}
+    vectors = {name: direction(points, (roles[a], roles[b])) for name, (a, b) in ends.items()}
+    return vectors | {name: MARKED[side] * direction(points, roles[name]) for name in AXES if name in roles}
+
+
+def segment_lengths(
+    points: Mapping[str, Array], source: str, height: float | None, notes: list[str], measured: bool = True
+) -> dict[str, float]:
+    """Return the lengths of segments as recorded (median) or, where that fails, by the body height [m]."""
+    lengths = {}
+    for name, (start, end) in SEGMENTS.items():
+        if start in points and end in points:
+            length = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
+            if length <= SHORTEST_SEGMENT or (height is None and length >= LONGEST_SEGMENT):
+                raise RecordingError(
+                    f"the {name} in {source!r} is {length:.4g} m long, from {start} to {end}; "
+                    f"allowed is {SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m; is the unit right, do the points differ?"
+                )
+            lengths[name] = length
+    if height is None:
+        return lengths
+    if not measured:
+        lengths = {}
+    for name in FRACTIONS:
+        by_height, (low, high) = segment_length(name, height), adult_range(name)
+        taken = f"{name}: {by_height:.3f} m by the body height of {height:g} m"
+        if name not in lengths:
+            notes.append(f"{taken}, as the recording does not show it")
+        elif not low <= lengths[name] <= high:
+            adults = f"not between {low:.3f} and {high:.3f} m, those of adults"
+            notes.append(f"{taken}, as {lengths[name]:.3g} m in the recording is {adults}")
+        else:
+            continue
+        lengths[name] = by_height
+    return lengths
+
+
+def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, notes: list[str]) -> NDArray[np.intp]:
+    """Return the frames in which trunk and arm are fully observed; `notes` reports the others and what they lack."""
+    lost: dict[str, Bools] = {role: np.isnan(position[:, 0]) for role, position in points.items()}
+    lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
+    out = np.any(list(lost.values()), axis=0)
+    if out.all():
+        worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
+        raise RecordingError(
+            f"no frame of {used.source!r} shows all that is needed; missing are: {worst} of the frames"
+        )
+    for start, stop in runs_of(out):
+        missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
+        notes.append(
+            f"{stop - start} frames left out, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
+        )
+    return np.flatnonzero(~out)

@@ -1,0 +1,136 @@
+"""Recordings from files: one module a format; a further format is one line of a table."""
+
+import importlib
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from maniport.defaults import RECORDINGS
+from maniport.mocap.import_options import UNITS, ImportOptions, known_unit, require_plausible
+from maniport.mocap.marker_sets import load_names
+from maniport.mocap.readers.text import decoded
+from maniport.mocap.recording import UP_AXES, Recording
+from maniport.errors import FileFormatError, spoken, unknown_name
+from maniport.input_limits import RECORDING_BYTES, as_path, existing_file
+from maniport.validation import as_choice, as_number
+
+Reader = Callable[[Path, ImportOptions], Recording]
+
+READERS: dict[str, Reader | str] = {ending: f"{__name__}.{module}" for ending, module in RECORDINGS.items()}
+"""For each ending the reader of such files, or the module whose ``read`` it is, imported on first use.
+
+Its arguments are the path and the options of the caller, whose method ``recording`` makes the result; it raises
+`FileFormatError` where the file is at fault. `read_recording` uses the entries that are added.
+"""
+
+SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
+"""``"ladder"``: a person climbs a ladder and hangs from it (BVH). ``"freeform"``: free motion of the right arm (C3D).
+``"both-arms"``: the same motion with the left arm, which moves more."""
+
+
+def read_recording(
+    path: str | os.PathLike[str], unit: str | None = None, up: str | None = None, rate: float | None = None
+) -> Recording:
+    """Read a recording of a person's motion.
+
+    The content of a file decides on its format, and the ending where the content does not: a misnamed file is read.
+
+    Parameters
+    ----------
+    path : str or path
+        A file of one of the formats in `READERS`, a folder of keypoint files, one a frame, or the name of a shipped
+        recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
+    unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
+        Unit of length; default: from the file, else recognized from the upper arm.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Vertical axis; recognized by default.
+    rate : float, optional
+        Frames per second; default: from the file.
+
+    Returns
+    -------
+    Recording
+        Positions in metres; its notes tell what was recognized and repaired, its doubts where the points contradict
+        unit or axis.
+
+    Raises
+    ------
+    FileFormatError
+        When the file is missing, unreadable, empty, truncated, damaged or of another format; for other formats the
+        message tells how to convert them.
+    InvalidInputError
+        When an option has a wrong value, or the unit makes an impossible upper arm.
+    """
+    length = None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))
+    options = ImportOptions(
+        scale=None if length is None else UNITS[length],
+        up=None if up is None else as_choice(up, "up", UP_AXES),
+        rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
+    )
+    file = as_path(path, other=" or the name of a recording")
+    if str(path) in SHIPPED and not file.exists():
+        file = shipped_recording(str(path))
+    kind = _format_of(file)
+    reader = READERS[kind]
+    read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
+    return require_plausible(replace(read(file, options), format=kind), length, options.up)
+
+
+def shipped_recording(name: str) -> Path:
+    """Return the path of a recording that comes with the package: "ladder", "freeform" or "both-arms".
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    UnknownNameError
+        When there is none of that name; the message lists the names.
+    """
+    if name not in SHIPPED:
+        raise unknown_name("shipped recording", name, SHIPPED)
+    return Path(__file__).parents[1] / "data" / SHIPPED[name]
+
+
+def _format_of(file: Path) -> str:
+    """Return the key of `READERS` for a file: by its content, else by its ending."""
+    if os.path.isdir(file) and any(file.glob("*.json")):
+        return ".json"
+    suffix, hint = file.suffix.lower(), f"; shipped are {', '.join(map(repr, SHIPPED))}"
+    by_ending = not isinstance(READERS.get(suffix, ""), str)  # formats of the user
+    if not os.path.exists(file) or by_ending:  # False of names that no file has
+        return existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
+    existing_file(file, (), RECORDING_BYTES)
+    with open(file, "rb") as stream:
+        head = stream.read(4096)
+    kind = _by_content(head)
+    for name, foreign in load_names("foreign_formats.yaml").items():
+        starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
+        if head.startswith(starts) or (suffix in foreign["endings"] and kind in (None, ".npz", ".json")):
+            raise FileFormatError(f"{file}: files of this kind ({name}) are not read: {foreign['advice']}")
+    return kind or existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
+
+
+def _by_content(head: bytes) -> str | None:
+    """Return the ending that belongs to the first bytes of a file, or None."""
+    if head[:2] == b"PK":
+        return ".npz"
+    if head[:6] == b"\x93NUMPY":
+        return ".npy"
+    if len(head) > 1 and head[1] == 0x50 and 0 < head[0] < 9:  # 9 and more may begin a text
+        return ".c3d"
+    text = decoded(head).lstrip()
+    lines = [line.strip() for line in text.splitlines()]
+    if "HIERARCHY" in lines[:20]:
+        return ".bvh"
+    beginnings = {"PathFileType": ".trc", "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv"}
+    for beginning, ending in beginnings.items():
+        if text.startswith(beginning):
+            return ending
+    if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
+        return ".mot"
+    if text.startswith("<"):
+        return ".mvnx" if "<mvnx" in text else None
+    return ".json" if text[:1] in ("{", "[") else None

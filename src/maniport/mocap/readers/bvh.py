@@ -1,0 +1,170 @@
+"""BVH, the text format of skeleton animation: a tree of joints with offsets, and their angles frame by frame."""
+
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from maniport.mocap.import_options import ImportOptions
+from maniport.mocap.marker_sets import END
+from maniport.mocap.readers.text import positive_number, rows_from, text_lines
+from maniport.mocap.recording import Recording
+from maniport.errors import FileFormatError
+from maniport.input_limits import PLACES, POINTS, require_at_most
+from maniport.validation import Array
+
+
+@dataclass
+class _Node:
+    """A joint or an end site."""
+
+    name: str
+    parent: int  # index, -1 for the root
+    offset: Array = field(default_factory=lambda: np.zeros(3))  # place in the parent
+    channels: list[tuple[int, str, int]] = field(default_factory=list)  # column, position or rotation, axis
+
+
+def read(file: Path, options: ImportOptions) -> Recording:
+    """Read a BVH file; see `maniport.mocap.readers.read_recording`."""
+    lines = text_lines(file)
+    if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
+        raise FileFormatError(f"{file}: this is no BVH file: it does not begin with HIERARCHY")
+    motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
+    if motion is None:
+        raise FileFormatError(f"{file}: the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION")
+    nodes = _hierarchy(file, lines[:motion])
+    require_at_most(len(nodes), POINTS, "joints and end sites", file)
+    step, table, notes = _motion(file, lines, motion, sum(len(node.channels) for node in nodes))
+    if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
+        notes.append("position channels below the root were left out: every bone keeps the length of its offset")
+    require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)", file)
+    parts = np.split(table, range(2000, len(table), 2000))  # forward kinematics in little memory
+    with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
+        positions = np.concatenate([_positions(nodes, part) for part in parts])
+    time = np.arange(len(positions)) * step
+    recording = options.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
+    if not _begins_at_rest(recording):
+        return recording
+    notes = [*recording.notes, "the first frame was left out: it is a rest pose, from which the motion jumps away"]
+    return replace(recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes))
+
+
+def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
+    """Return the joints and end sites, parents before children."""
+    opened, closed = (sum(line.count(brace) for line in lines) for brace in "{}")
+    if opened != closed:
+        raise FileFormatError(f"{file}: the hierarchy has {opened} opening and {closed} closing braces")
+    nodes: list[_Node] = []
+    path: list[int] = []  # the nodes whose braces are open
+    columns = 0
+    for number, line in enumerate(lines, 1):
+        word, *rest = line.split() or [""]
+        try:
+            if word in ("ROOT", "JOINT", "End"):
+                if (word == "ROOT") != (not nodes) or (nodes and not path):
+                    raise ValueError("one ROOT and all else within it is what can be read")
+                name = f"{END}{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
+                nodes.append(_Node(name, path[-1] if path else -1))
+                path.append(len(nodes) - 1)
+            elif word == "}":
+                path.pop()
+            elif word == "OFFSET":
+                x, y, z = map(float, rest)
+                nodes[path[-1]].offset = np.array([x, y, z])
+            elif word == "CHANNELS":
+                if nodes[path[-1]].channels:
+                    raise ValueError("the channels of this joint stand twice")
+                nodes[path[-1]].channels = _channels(rest, columns)
+                columns += len(nodes[path[-1]].channels)
+        except (ValueError, IndexError) as error:
+            raise FileFormatError(f"{file}: not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
+    if not nodes:
+        raise FileFormatError(f"{file}: the hierarchy holds no ROOT")
+    return nodes
+
+
+def _channels(words: list[str], first: int) -> list[tuple[int, str, int]]:
+    """Return the channels of a joint, whose columns begin at `first`."""
+    matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in words[1:]]
+    if words[:1] != [str(len(matches))] or None in matches:
+        raise ValueError("this line does not list the channels that it announces")
+    return [(first + i, match[2], "xyz".index(match[1])) for i, match in enumerate(matches) if match is not None]
+
+
+def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
+    """Return the time step [s], the channels of each frame, shape (n, width), and notes on repairs."""
+    body = rows_from(lines, motion + 1)
+    count = re.match(r"\s*Frames\s*:\s*(\d{1,15})\s*$", body[0][1]) if body else None
+    frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
+    if count is None or frame_time is None:
+        raise FileFormatError(f"{file}: MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
+    step = positive_number(frame_time[1])
+    if step is None:
+        raise FileFormatError(
+            f"{file}: Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}"
+        )
+    declared, rows = int(count[1]), body[2:]
+    if not rows:
+        raise FileFormatError(f"{file}: the file holds no frames")
+    for number, line in rows:
+        found = len(line.split())
+        if found != width:
+            fault = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
+            raise FileFormatError(f"{file}: {fault} at line {number}: {found} values instead of {width}")
+    if declared > len(rows) + 1:
+        raise FileFormatError(
+            f"{file}: the file is cut off: its header says {declared} frames, and there are {len(rows)}"
+        )
+    try:
+        table = np.loadtxt([line for _, line in rows], ndmin=2)
+    except ValueError as error:
+        raise FileFormatError(f"{file}: not readable as BVH: its motion: {error}") from None
+    rate = max(round(1 / step), 1)
+    if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
+        step = 1 / rate
+    if len(rows) == declared:
+        return step, table, []
+    return step, table, [f"the header says {declared} frames, but there are {len(rows)}: all {len(rows)} were read"]
+
+
+def _positions(nodes: list[_Node], table: Array) -> Array:
+    """Return the origins of all nodes, shape (n, len(nodes), 3), in the file's unit."""
+    positions = np.zeros((len(table), len(nodes), 3))
+    rotations: list[Array] = []
+    for i, node in enumerate(nodes):
+        rotation = np.tile(np.eye(3), (len(table), 1, 1))
+        for column, kind, axis in node.channels:
+            if kind == "rotation":
+                rotation = rotation @ _about(axis, np.radians(table[:, column]))
+        if node.parent < 0:
+            root = np.tile(node.offset, (len(table), 1))
+            for column, kind, axis in node.channels:
+                if kind == "position":
+                    root[:, axis] = table[:, column]
+        else:
+            turned = np.einsum("fij,j->fi", rotations[node.parent], node.offset)
+            positions[:, i] = turned + positions[:, node.parent]
+            rotation = rotations[node.parent] @ rotation
+        rotations.append(rotation)
+    return positions + root[:, None]
+
+
+def _about(axis: int, angle: Array) -> Array:
+    """Return rotations about the x (0), y (1) or z (2) axis, shape (n, 3, 3)."""
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    rotations = np.zeros((len(angle), 3, 3))
+    rotations[:, axis, axis] = 1.0
+    rotations[:, first, first] = rotations[:, second, second] = np.cos(angle)
+    rotations[:, second, first] = np.sin(angle)
+    rotations[:, first, second] = -rotations[:, second, first]
+    return rotations
+
+
+def _begins_at_rest(recording: Recording) -> bool:
+    """Detect a rest pose in front: a first step faster than 5 m/s, and ten times faster than any other."""
+    if len(recording) < 4:
+        return False
+    steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1)
+    speed = steps / np.diff(recording.time)
+    return bool(speed[0] > 5.0 and speed[0] > 10 * np.percentile(speed[1:], 99))

@@ -1,0 +1,196 @@
+"""C3D, the binary format of optical motion capture, read without native code.
+
+A C3D file is a row of 512-byte blocks: a header, the parameters (groups and parameters in one chain, each entry with
+the distance to the next) and the data, frame by frame: four numbers for each point, then analog channels, which are
+skipped. Described at https://www.c3d.org.
+"""
+
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from maniport.mocap.import_options import ImportOptions
+from maniport.mocap.recording import Bools, Recording
+from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
+from maniport.validation import Array
+
+BLOCK = 512
+DEC, MIPS = 85, 86
+"""Processors. DEC's numbers have the order of Intel's (84), but their own floats; those of MIPS are big-endian."""
+
+TEXT, BYTE, SHORT, REAL = -1, 1, 2, 4
+
+Values = list[float] | list[str]
+Parameters = dict[str, Values]
+
+
+def read(file: Path, options: ImportOptions) -> Recording:
+    """Read a C3D file; see `maniport.mocap.readers.read_recording`."""
+    positions, seen, parameters = read_c3d(file)
+    dropped = ~seen | (positions == 0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)
+    positions[dropped] = np.nan
+    rate = float(parameters["RATE"][0])
+    if not np.isfinite(rate) or rate <= 0:
+        raise FileFormatError(f"{file}: POINT:RATE must be a positive number; found {rate}")
+    names, notes = _names(parameters, positions.shape[1])
+    if dropped.any():
+        gone = [name for name, all_gone in zip(names, dropped.all(axis=0), strict=True) if all_gone]
+        never = f"; never seen: {', '.join(gone)}" if gone else ""
+        notes.append(f"{dropped.mean():.1%} of all points dropped out{never}")
+    unit, up = (str((parameters.get(name) or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
+    up = up.lower().replace("+", "")
+    time = np.arange(len(positions)) / rate
+    return options.recording(file, names, positions, time, unit, up, "the file's Y_SCREEN", notes=notes)
+
+
+def read_c3d(file: Path) -> tuple[Array, Bools, Parameters]:
+    """Return points (n_frames, n_points, 3) in the file's unit, where they were seen, and the group POINT."""
+    content = read_whole(file, (), RECORDING_BYTES)
+    if len(content) < BLOCK:
+        raise FileFormatError(f"{file}: the file is cut off in its header: {len(content)} of {BLOCK} bytes")
+    if content[1] != 0x50:
+        raise FileFormatError(f"{file}: this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50")
+    start = BLOCK * (max(content[0], 1) - 1)
+    section = content[start : start + BLOCK * content[start + 2]] if start + 4 <= len(content) else b""
+    if len(section) < 4 or section[3] not in (84, DEC, MIPS):
+        raise FileFormatError(f"{file}: its parameters are missing or damaged at byte {start}")
+    if len(section) < BLOCK * section[2]:
+        raise FileFormatError(
+            f"{file}: the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes"
+        )
+    groups = _parameters(file, section, start)
+    point = groups.get("POINT", {})
+    for name, kind in {"USED": SHORT, "SCALE": REAL, "RATE": REAL, "DATA_START": SHORT, "LABELS": TEXT}.items():
+        if point.get(name, (0, []))[0] != kind or (kind != TEXT and not point[name][1]):
+            raise FileFormatError(f"{file}: its parameters are damaged: POINT:{name} is missing or of the wrong type")
+    values = {name: value for name, (_, value) in point.items()}
+    trial = {name: value for name, (_, value) in groups.get("TRIAL", {}).items()}
+    return (*_points(file, content, section[3], values, trial), values)
+
+
+def _names(parameters: Parameters, count: int) -> tuple[tuple[str, ...], list[str]]:
+    """Strip quotes, blanks and the subject's prefix from the labels, as long as the names stay different."""
+    labels: list[str] = []
+    for key in ("LABELS", *(f"LABELS{i}" for i in range(2, 100))):  # more than 255 labels continue in LABELS2, …
+        labels += [str(label).strip().strip("\"'").strip() for label in parameters.get(key, [])]
+    labels = [labels[i] if i < len(labels) and labels[i] else f"point{i + 1}" for i in range(count)]
+    bare = [label.rsplit(":", 1)[-1].strip().strip("\"'") for label in labels]
+    names = bare if len(set(bare)) == len(bare) else labels
+    prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
+    notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and names is bare else []
+    return tuple(names), notes
+
+
+def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, tuple[int, Values]]]:
+    """Follow the chain of groups and parameters, each of which must lie inside the section and hold its own data."""
+    order = ">" if section[3] == MIPS else "<"
+    names: dict[int, str] = {}
+    found: list[tuple[int, str, tuple[int, Values]]] = []
+    at, step = 4, 1
+    while step and at + 2 <= len(section) and section[at]:
+        length, group = struct.unpack_from("bb", section, at)
+        body = at + 2 + abs(length)
+        step = struct.unpack_from(f"{order}h", section, body)[0] if body + 4 <= len(section) else -1
+        end = body + step if step else len(section)
+        name = section[at + 2 : body].decode("latin-1").strip().upper()
+        parameter = None if group <= 0 or step < 0 else _parameter(section[:end], body + 2)
+        if step < 0 or end > len(section) or group == 0 or (group > 0 and parameter is None):
+            raise FileFormatError(f"{file}: its parameters are damaged at byte {start + at}")
+        if parameter is None:
+            names[-group] = name
+        else:
+            found.append((group, name, parameter))
+        at = end
+    orphan = next((name for group, name, _ in found if group not in names), None)
+    if orphan is not None:
+        raise FileFormatError(f"{file}: its parameters are damaged: {orphan} belongs to no group")
+    groups: dict[str, dict[str, tuple[int, Values]]] = {}
+    for group, name, parameter in found:
+        groups.setdefault(names[group], {})[name] = parameter
+    return groups
+
+
+def _parameter(section: bytes, at: int) -> tuple[int, Values] | None:
+    """Return type and values of the parameter at a place; None when they do not end before the section does."""
+    if at + 2 > len(section):
+        return None
+    kind, dimensions = struct.unpack_from("bB", section, at)
+    extents = list(section[at + 2 : at + 2 + dimensions])
+    count = math.prod(extents)
+    data = section[at + 2 + dimensions : at + 2 + dimensions + abs(kind) * count]
+    if kind not in (TEXT, BYTE, SHORT, REAL) or dimensions > 7 or len(extents) < dimensions:
+        return None
+    if len(data) < abs(kind) * count:
+        return None
+    if kind == TEXT:
+        width = extents[0] if extents else 1
+        return kind, [_text(data[i : i + width]) for i in range(0, len(data), max(width, 1))]
+    return kind, _numbers(data, kind, section[3]).tolist()
+
+
+def _text(data: bytes) -> str:
+    try:
+        return data.decode("utf-8").strip(" \0")
+    except UnicodeDecodeError:
+        return data.decode("latin-1").strip(" \0")
+
+
+def _numbers(data: bytes, kind: int, processor: int) -> Array:
+    """Decode numbers of a type as a processor stores them."""
+    order = ">" if processor == MIPS else "<"
+    if kind == REAL and processor == DEC:
+        words = np.frombuffer(data, "<u2").reshape(-1, 2).astype(np.uint32)
+        bits = (words[:, 0] << 16) | words[:, 1]
+        return np.asarray(bits.view(np.float32).astype(np.float64) / 4)
+    code = {BYTE: "i1", SHORT: "i2", REAL: "f4"}[kind]
+    with np.errstate(invalid="ignore"):
+        return np.frombuffer(data, f"{order}{code}").astype(np.float64)
+
+
+def _points(file: Path, content: bytes, processor: int, values: Parameters, trial: Parameters) -> tuple[Array, Bools]:
+    """Return the points of all frames and where they were seen."""
+    order = ">" if processor == MIPS else "<"
+    _, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
+    used, scale, begin = (float(values[name][0]) for name in ("USED", "SCALE", "DATA_START"))
+    count, start = int(used) % 2**16, BLOCK * (int(begin) % 2**16 - 1)
+    frames = _frame_count(last - first + 1, values, trial)
+    kind = REAL if scale < 0 else SHORT
+    size = kind * (4 * count + analog)
+    require_at_most(count, POINTS, "points", file)
+    require_at_most(frames, FRAMES, "frames", file)
+    require_at_most(frames * count, PLACES, "places", file)
+    if count == 0 or frames <= 0:
+        raise FileFormatError(
+            f"{file}: the file holds no points ({count} points, {max(frames, 0)} frames); "
+            "rotations alone, as of Theia, are not read: export centers of joints as points"
+        )
+    if not math.isfinite(scale) or start < BLOCK:
+        raise FileFormatError(f"{file}: its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}")
+    needed = start + frames * size
+    if needed > len(content):
+        raise FileFormatError(
+            f"{file}: the file is cut off: its header announces {frames} frames of {count} points, that is "
+            f"{needed} bytes; it ends after {len(content)}"
+        )
+    rows = np.frombuffer(content, np.uint8, frames * size, start).reshape(frames, size)[:, : kind * 4 * count]
+    numbers = _numbers(rows.tobytes(), kind, processor).reshape(frames, count, 4)
+    points = numbers[..., :3] if kind == REAL else numbers[..., :3] * scale
+    return points, numbers[..., 3] >= 0
+
+
+def _frame_count(header: int, values: Parameters, trial: Parameters) -> int:
+    """Return the number of frames; what exceeds two bytes is in TRIAL or in POINT:LONG_FRAMES."""
+    if 0 < header < 65_535:
+        return header
+    ends = [trial.get(f"ACTUAL_{end}_FIELD", []) for end in ("START", "END")]
+    if all(len(end) == 2 for end in ends):
+        first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
+        return last - first + 1
+    for name in ("LONG_FRAMES", "FRAMES"):
+        count = (values.get(name) or [0.0])[0]
+        if isinstance(count, float) and math.isfinite(count) and count > header:
+            return int(count)
+    return header

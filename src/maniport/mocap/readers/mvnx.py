@@ -1,0 +1,91 @@
+"""MVNX, the XML that Xsens' MVN writes: the origin of each segment, frame by frame."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from maniport.mocap.import_options import ImportOptions
+from maniport.mocap.recording import Recording
+from maniport.errors import FileFormatError
+from maniport.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
+from maniport.validation import Array
+
+ELEMENTS = 3_000_000  # Most elements of a file; the largest file whose frames hold nothing but positions has half of it
+
+
+def read(file: Path, options: ImportOptions) -> Recording:
+    """Read an MVNX file; see `maniport.mocap.readers.read_recording`."""
+    existing_file(file, (), RECORDING_BYTES)
+    try:
+        names, rows, times, rate = _frames(file)
+    except FileFormatError:
+        raise
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # also of unknown encodings
+        raise FileFormatError(f"{file}: not readable as XML, perhaps cut off: {error}") from None
+    if not rows or not names:
+        raise FileFormatError(f"{file}: the file holds no frames")
+    time: Array | None = np.array(times)
+    if 0 < rate < np.inf:
+        time = np.arange(len(rows)) / rate
+    elif not np.isfinite(times).all():
+        time = None
+    positions = np.array(rows).reshape(len(rows), -1, 3)
+    return options.recording(file, names, positions, time, "m", "z", "as MVNX has it", unit_by="as MVNX has it")
+
+
+def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
+    """Return segments, positions and times [s] of all frames, and the rate; elements are dropped as they end."""
+    names: list[str] = []
+    rows: list[Array] = []
+    times: list[float] = []
+    rate, text, count = 0.0, None, 0
+    path: list[ElementTree.Element] = []
+    for event, element in ElementTree.iterparse(file, events=("start", "end")):
+        tag = element.tag.rpartition("}")[2]
+        if event == "start":
+            if not path and tag != "mvnx":
+                raise FileFormatError(f"{file}: this is no MVNX file: its root is <{tag[:40]}>")
+            path.append(element)
+            count += 1
+            require_at_most(count, ELEMENTS, "elements", file)
+            require_at_most(len(path), NESTING, "levels of elements within elements", file)
+            if tag == "subject":
+                rate = _number(file, element.get("frameRate", "0"))
+            elif tag == "frame":
+                text = None
+            elif tag == "segment":
+                names.append(element.get("label", ""))
+                require_at_most(len(names), 500, "segments", file)
+            continue
+        path.pop()
+        if tag == "position" and text is None and path[-1].tag.endswith("frame"):
+            text = element.text or ""
+        if tag == "frame" and element.get("type", "normal") == "normal":
+            number = len(rows) + 1
+            require_at_most(number, FRAMES, "frames", file)
+            require_at_most(number * len(names), PLACES, "places (frames × segments)", file)
+            rows.append(_row(file, number, text, 3 * len(names)))
+            times.append(_number(file, element.get("time", "nan")) / 1000.0)
+        element.clear()
+        if path:
+            path[-1].remove(element)
+    return names, rows, times, rate
+
+
+def _row(file: Path, number: int, text: str | None, width: int) -> Array:
+    """Return the numbers of a frame's <position>."""
+    if text is None:
+        raise FileFormatError(f"{file}: frame {number} holds no <position>; export positions of segments, too")
+    words = text.split(None, width)  # more words than that stay in one
+    if len(words) != width:
+        found = len(words) if len(words) < width else f"more than {width}"
+        raise FileFormatError(f"{file}: frame {number} holds {found} numbers for {width // 3} segments, not three each")
+    return np.array([_number(file, word) for word in words])
+
+
+def _number(file: Path, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise FileFormatError(f"{file}: a number is wanted; found {text[:40]!r}") from None

@@ -1,0 +1,276 @@
+"""Recording: named points over time, in metres, as a frozen value object."""
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import Akima1DInterpolator
+
+from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
+from maniport.files import save_arrays
+from maniport.input_limits import PLACES
+from maniport.notebook import ShownInNotebooks
+from maniport.validation import Array, as_choice, as_number, as_times, require_shape
+
+Bools = NDArray[np.bool_]
+
+UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
+
+LONGEST_GAP = 0.2
+"""Default length of gaps that are interpolated [s]: the time in which a hand changes its speed appreciably."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording(ShownInNotebooks):
+    """Named points over time.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One name for each point, all different.
+    positions : array_like, shape (n_frames, n_points, 3)
+        Positions [m] in the axes of the recording; nan where a point was not seen.
+    time : array_like, shape (n_frames,)
+        Time [s], strictly increasing.
+    up : {"x", "y", "z", "-x", "-y", "-z"}
+        Vertical axis of the recording.
+    source : str
+        Name of the file.
+    notes : sequence of str
+        What was recognized or repaired while reading.
+    doubts : sequence of str
+        Data-quality warnings: where the points contradict the options that were passed.
+    format : str
+        Key of `maniport.mocap.READERS`; empty without a file.
+    measured : bool
+        Whether segment lengths are the person's own, not those of a model.
+
+    Raises
+    ------
+    InvalidInputError
+        When shapes disagree, time does not increase, a name occurs twice or a position is infinite.
+    """
+
+    names: tuple[str, ...]
+    positions: Array
+    time: Array
+    up: str = "z"
+    source: str = ""
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    format: str = ""
+    measured: bool = True
+
+    def __post_init__(self) -> None:
+        names = _as_names(self.names)
+        time = as_times(self.time).copy()
+        positions = _as_positions(self.positions, len(time), len(names))
+        for array in (time, positions):
+            array.setflags(write=False)
+        as_choice(self.up, "up", UP_AXES)
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "notes", tuple(map(str, self.notes)))
+        object.__setattr__(self, "doubts", tuple(map(str, self.doubts)))
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return (
+            f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
+            f"{self.duration:.2f} s at {self.rate:.4g} Hz, {self.up} up)"
+        )
+
+    @property
+    def duration(self) -> float:
+        """Time from the first frame to the last [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz], from the median time step; nan for a single frame."""
+        return float(1.0 / np.median(np.diff(self.time))) if len(self) > 1 else float("nan")
+
+    @property
+    def missing(self) -> Array:
+        """Fraction of frames in which each point is missing, shape (n_points,)."""
+        return np.asarray(np.isnan(self.positions[..., 0]).mean(axis=0))
+
+    @property
+    def seen(self) -> tuple[str, ...]:
+        """Names of the points that are present in some frame."""
+        return tuple(name for name, part in zip(self.names, self.missing, strict=True) if part < 1)
+
+    def point(self, name: str) -> Array:
+        """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing.
+
+        Raises
+        ------
+        UnknownNameError
+            When there is no such point; the message lists the points, nearest name first.
+        """
+        if name not in self.names:
+            raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
+        return np.asarray(self.positions[:, self.names.index(name)])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s], vertical axis."""
+        fields = {"names": np.array(self.names), "positions": self.positions, "time": self.time}
+        save_arrays(path, {**fields, "up": np.array(self.up), "unit": np.array("m")})
+
+    def select(self, names: Iterable[str]) -> "Recording":
+        """Keep the named points, in this order."""
+        selected = _listed(names)
+        points = [self.point(name) for name in selected]
+        if not points:
+            raise InvalidInputError("names must hold at least one point")
+        return replace(self, names=selected, positions=np.stack(points, axis=1))
+
+    def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
+        """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `doubts`.
+
+        Raises
+        ------
+        InvalidInputError
+            When no frame lies in that interval.
+        """
+        keep = frames_between(self.time, start, stop)
+        doubts = self.doubts
+        tolerance = 1.5 / self.rate if len(self) > 1 else 0.0  # the end of the last frame, or its rounding
+        if stop is not None and stop > self.time[-1] + tolerance:
+            doubts = (*doubts, f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s")
+        return replace(self, positions=self.positions[keep], time=self.time[keep], doubts=doubts)
+
+    def resample(self, rate: float) -> "Recording":
+        """Interpolate linearly at another rate [Hz]; missing points stay missing.
+
+        Frames are not averaged, so motion faster than half the new rate folds back; human motion below 20 Hz does not.
+        """
+        rate = as_number(rate, "rate", above=0)
+        most = PLACES // len(self.names)
+        if self.duration * rate > most:
+            raise InvalidInputError(
+                f"{spoken('rate')} must make at most {most} frames of {self.duration:g} s; found {rate:g} Hz"
+            )
+        count = int(np.floor(self.duration * rate + 1e-9)) + 1
+        time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
+        right = np.clip(np.searchsorted(self.time, time), min(1, len(self) - 1), len(self) - 1)
+        left = np.maximum(right - 1, 0)
+        span = np.where(right > left, self.time[right] - self.time[left], 1.0)
+        part = ((time - self.time[left]) / span)[:, None, None]
+        before, after = self.positions[left], self.positions[right]
+        # A frame that coincides with a recorded one must not inherit the nan of its neighbor: 0 · nan is nan.
+        positions = np.where(part < 1e-9, before, np.where(part > 1 - 1e-9, after, (1 - part) * before + part * after))
+        note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz"
+        return replace(self, positions=positions, time=time, notes=(*self.notes, note))
+
+    def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
+        """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
+
+        A gap lasts from the last frame before it to the first frame after it. `notes` reports both kinds.
+        """
+        longest = as_number(longest, "longest [s]", minimum=0.0)
+        positions = self.positions.copy()
+        notes = []
+        for index, name in enumerate(self.names):
+            missing = np.isnan(positions[:, index, 0])
+            if missing.all():
+                continue
+            runs = runs_of(missing)
+            short = [run for run in runs if _is_short_gap(self.time, *run, longest)]
+            long = [run for run in runs if run not in short]
+            if short:
+                _interpolate(self.time, positions[:, index], short)
+                frames = sum(stop - start for start, stop in short)
+                notes.append(f"{name}: {_count(short)} of up to {longest:g} s interpolated ({frames} frames)")
+            if long:
+                where = ", ".join(f"{self.time[a]:.2f}–{self.time[b - 1]:.2f} s" for a, b in long)
+                notes.append(f"{name}: {_count(long)} left missing ({where})")
+        return replace(self, positions=positions, notes=(*self.notes, *notes))
+
+
+def frames_between(time: Array, start: float | None, stop: float | None) -> Bools:
+    """Mark times from `start` to `stop` [s], or to the ends; `InvalidInputError` where there are none."""
+    low = time[0] if start is None else as_number(start, "start")
+    high = time[-1] if stop is None else as_number(stop, "stop")
+    keep = (time >= low) & (time <= high)
+    if not keep.any():
+        raise InvalidInputError(
+            f"start, stop: no frame lies between {low:g} and {high:g} s; "
+            f"the recording runs from {time[0]:g} to {time[-1]:g} s"
+        )
+    return np.asarray(keep)
+
+
+def runs_of(flags: Bools) -> list[tuple[int, int]]:
+    """Return runs of true flags as (start, stop) indices."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def when(time: Array, flags: Bools) -> str:
+    """Describe the times at which flags are true, the first few of them."""
+    runs = [f"{time[a]:.2f} s" if b == a + 1 else f"{time[a]:.2f}–{time[b - 1]:.2f} s" for a, b in runs_of(flags)]
+    return ", ".join(runs[:5]) + (f" and {len(runs) - 5} more" if len(runs) > 5 else "")
+
+
+def _listed(names: Any) -> tuple[Any, ...]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise InvalidInputError(f"names must be a sequence of names of points; found {names!r}")
+    return tuple(names)
+
+
+def _as_names(value: Sequence[str]) -> tuple[str, ...]:
+    names = tuple(map(str, _listed(value)))
+    repeated = sorted(name for name, count in Counter(names).items() if count > 1)
+    if repeated:
+        raise InvalidInputError(f"names must differ; found more than once: {', '.join(map(repr, repeated))}")
+    if not names:
+        raise RecordingError("the recording holds no points; at least one is needed")
+    return names
+
+
+def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
+    try:
+        if np.iscomplexobj(value):  # NumPy would drop the imaginary part with a mere warning
+            raise TypeError("its numbers are complex")
+        positions = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"positions must be an array of numbers: {error}") from None
+    require_shape(positions, "positions", (frames, points, 3), " = (n_frames, n_points, 3)")
+    if np.isinf(positions).any():
+        index = tuple(int(i) for i in np.argwhere(np.isinf(positions))[0])
+        raise InvalidInputError(f"positions must be finite, or nan where missing; found infinity at index {index}")
+    farthest = np.nanmax(np.abs(positions), initial=0.0)
+    if farthest > MAX_POSITION:
+        raise InvalidInputError(f"positions must be within ±{MAX_POSITION:g} m; found {farthest:g} m from the origin")
+    positions[np.isnan(positions).any(axis=-1)] = np.nan  # a point with one coordinate missing is missing
+    return positions
+
+
+def _count(runs: list[tuple[int, int]]) -> str:
+    return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"
+
+
+def _is_short_gap(time: Array, start: int, stop: int, longest: float) -> bool:
+    return start > 0 and stop < len(time) and bool(time[stop] - time[start - 1] <= longest * (1 + 1e-9))
+
+
+def _interpolate(time: Array, track: Array, runs: list[tuple[int, int]]) -> None:
+    """Fill runs of one track, shape (n_frames, 3), in place."""
+    seen = ~np.isnan(track[:, 0])
+    for start, stop in runs:
+        at = time[start:stop]
+        if seen.sum() > 2:
+            track[start:stop] = Akima1DInterpolator(time[seen], track[seen])(at)
+        else:  # Akima's spline needs more than two points
+            track[start:stop] = np.stack([np.interp(at, time[seen], track[seen, k]) for k in range(3)], axis=-1)

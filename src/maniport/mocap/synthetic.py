@@ -1,0 +1,63 @@
+"""Synthetic recordings: what cameras would record of an arm model that moves."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms import Arm
+from maniport.arms.chain import RIGHT
+from maniport.arms.human import middle_of
+from maniport.mocap.directions import ELBOW, FLEXION, MARKED, TURN, require_human
+from maniport.mocap.recording import Recording
+from maniport.validation import Array, as_finite, as_times, require_shape
+
+HALF_WIDTH = 0.03  # Distance of the points beside elbow and wrist from the middle of the joint [m]
+
+TRUNK = {
+    "trunk_low": (0.0, 0.0, -0.3),
+    "trunk_high": (0.0, 0.0, 0.1),
+    "trunk_back": (-0.1, 0.0, 0.0),
+    "trunk_front": (0.1, 0.0, 0.0),
+}
+"""Points of a trunk at rest [m], from the middle of the neck."""
+
+
+def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "performed") -> Recording:
+    """Record a human arm that performs a motion; `fit_arm` finds its joint angles again.
+
+    Parameters
+    ----------
+    arm : Arm
+        A human arm, right or left.
+    joint_angles : array_like, shape (n, 7)
+        [rad].
+    time : array_like, shape (n,)
+        Increasing [s].
+    source : str
+        Name of the recording.
+
+    Returns
+    -------
+    Recording
+        Points named after their roles, in the trunk frame with z up [m].
+
+    Raises
+    ------
+    InvalidInputError
+        When the arm is no human one, or shapes do not agree.
+    """
+    require_human(arm)
+    times, q = as_times(time), as_finite(joint_angles, "joint_angles")
+    require_shape(q, "joint_angles", (len(times), arm.dof), ", as many as times")
+    ends = ("shoulder", "elbow", "wrist", "hand")
+    points: dict[str, Array] = dict(zip(ends, np.moveaxis(arm.point_positions(q, ends), 1, 0), strict=True))
+    straight = q.copy()
+    straight[:, TURN + 1 : FLEXION] = 0.0  # the points beside the wrist are on the forearm: deviation leaves them
+    for joints, index, middle, low, high in (
+        (q, ELBOW, "elbow", "elbow_medial", "elbow_lateral"),
+        (straight, FLEXION, "wrist", "wrist_ulnar", "wrist_radial"),
+    ):
+        axis = MARKED[arm.side or RIGHT] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
+        points[low], points[high] = points[middle] - axis, points[middle] + axis
+    neck = np.array([0.0, middle_of(arm), 0.0])
+    points |= {name: np.tile(neck + place, (len(q), 1)) for name, place in TRUNK.items()}
+    return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, "z", source)

@@ -1,0 +1,112 @@
+"""The student follows: joint positions whose ellipsoids, and tip, are where they are asked to be.
+
+Target ellipsoids and positions are plain arrays, in the arm's base frame.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from maniport.motion.objective import Objective
+from maniport.motion.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
+from maniport.motion.search.projector import FeasibleProjector, FeasibleSearch
+from maniport.motion.search.start_bank import StartBank
+
+if TYPE_CHECKING:
+    from maniport.motion.arm_model import robot_model
+    from maniport.motion.both.follow import TrackedArms, track_arms
+    from maniport.motion.both.plan import plan_arms
+    from maniport.motion.both.planned_arms import PlannedArms
+    from maniport.motion.both.planner import ArmsPlanner
+    from maniport.motion.exports import export_motion
+    from maniport.motion.follow.follower import Control
+    from maniport.motion.follow.track_result import TrackResult
+    from maniport.motion.follow.tracker import track
+    from maniport.motion.limits import BrakingLimit, CollisionLimit
+    from maniport.motion.motion_limits import LimitUse, MotionLimits
+    from maniport.motion.placement.placed_path import Place, PlacedPath
+    from maniport.motion.placement.placement import place_path, place_paths
+    from maniport.motion.plan.home_motion import with_approach
+    from maniport.motion.plan.plan_control import PlanControl
+    from maniport.motion.plan.plan_motion import plan_motion
+    from maniport.motion.plan.planned_motion import PlannedMotion
+    from maniport.motion.plan.planner import Planner
+    from maniport.motion.plan.reachability_map import Atlas
+    from maniport.motion.plan.time_parameterization import Timed, retime
+    from maniport.motion.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
+
+_LAZY = {
+    "arm_model": ("robot_model",),
+    "both.follow": ("TrackedArms", "track_arms"),
+    "both.plan": ("plan_arms",),
+    "both.planned_arms": ("PlannedArms",),
+    "both.planner": ("ArmsPlanner",),
+    "exports": ("export_motion",),
+    "follow.follower": ("Control",),
+    "follow.track_result": ("TrackResult",),
+    "follow.tracker": ("track",),
+    "limits": ("BrakingLimit", "CollisionLimit"),
+    "motion_limits": ("LimitUse", "MotionLimits"),
+    "placement.placed_path": ("Place", "PlacedPath"),
+    "placement.placement": ("place_path", "place_paths"),
+    "plan.home_motion": ("with_approach",),
+    "plan.plan_control": ("PlanControl",),
+    "plan.plan_motion": ("plan_motion",),
+    "plan.planned_motion": ("PlannedMotion",),
+    "plan.planner": ("Planner",),
+    "plan.reachability_map": ("Atlas",),
+    "plan.time_parameterization": ("Timed", "retime"),
+    "tasks": ("ManipulabilityEllipsoidTask", "OrientationTask", "PositionTask"),
+}
+"""Names by module, loaded on first use, since Pink and its solvers take their time to import."""
+_HOMES = {name: module for module, names in _LAZY.items() for name in names}
+
+__all__ = [
+    "ArmsPlanner",
+    "Atlas",
+    "BrakingLimit",
+    "CollisionLimit",
+    "Control",
+    "FeasibleEllipsoids",
+    "FeasibleProjector",
+    "FeasibleSearch",
+    "LimitUse",
+    "ManipulabilityEllipsoidTask",
+    "MotionLimits",
+    "Objective",
+    "OrientationTask",
+    "Place",
+    "PlacedPath",
+    "PlanControl",
+    "PlannedArms",
+    "PlannedMotion",
+    "Planner",
+    "PositionTask",
+    "StartBank",
+    "Timed",
+    "TrackResult",
+    "TrackedArms",
+    "export_motion",
+    "feasibility_gap",
+    "nearest_feasible",
+    "place_path",
+    "place_paths",
+    "plan_arms",
+    "plan_motion",
+    "retime",
+    "robot_model",
+    "track",
+    "track_arms",
+    "with_approach",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'maniport.motion' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"maniport.motion.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

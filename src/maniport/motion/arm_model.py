@@ -1,0 +1,196 @@
+"""An arm as Pink takes it: a Pinocchio model whose configuration is the arm's, limits included, and its frames."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from maniport.arms import VELOCITY, Arm, Arms, EllipsoidSpec
+from maniport.arms.chain import LEFT, PRISMATIC, RIGHT, Joint
+from maniport.errors import InvalidInputError, unknown_name
+from maniport.validation import Array
+
+LEAST_JOINTS = 3
+ONE_TURN_OR_SLIDE = {
+    *("JointModelRX", "JointModelRY", "JointModelRZ", "JointModelRevoluteUnaligned"),
+    *("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"),
+    *("JointModelPX", "JointModelPY", "JointModelPZ", "JointModelPrismaticUnaligned"),
+}
+
+
+def robot_model(arm: Arm | Arms) -> pin.Model:
+    """Make a Pinocchio model of an arm, or one of two arms.
+
+    Its configuration vector and limits are those of the arm; velocity limits are infinite where none is known. Frames
+    keep their names, and locked joints are fixed. Shared joints of a pair exist once; frames of two robots have the
+    prefixes of the pair's joints.
+
+    Parameters
+    ----------
+    arm : Arm or Arms
+
+    Returns
+    -------
+    pinocchio.Model
+
+    Raises
+    ------
+    InvalidInputError
+        When joints of the arm are coupled, as in the shoulder girdle of ``"myoarm"``: a Pinocchio model has a
+        coordinate for each joint.
+
+    Examples
+    --------
+    >>> import maniport as mp
+    >>> model = robot_model(mp.load_arm("panda"))
+    >>> model.nq, model.existFrame("panda_link8")
+    (7, True)
+    """
+    model = pin.Model()
+    model.name = arm.name
+    if isinstance(arm, Arms):
+        left, right = prefixes(arm)
+        trunk = _grown(model, arm.left, left)[: arm.trunk + 1]
+        _grown(model, arm.right, right, trunk)
+    else:
+        _grown(model, arm)
+    model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
+    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    model.velocityLimit = speeds
+    return model
+
+
+Place = tuple[int, pin.SE3]  # A joint of a model, and a pose in its frame
+
+
+def _grown(model: pin.Model, arm: Arm, prefix: str = "", trunk: Sequence[Place] = ()) -> list[Place]:
+    """Let a model have the joints and frames of an arm beyond its trunk; where it is after each joint of the chain."""
+    chain, parents = arm.chain, list(trunk) or [(0, pin.SE3.Identity())]
+    begun = len(parents) - 1
+    factors = _own_coordinates(arm)
+    for joint, factor, offset in list(zip(chain.joints, factors, chain.offset, strict=True))[begun:]:
+        parent, place = parents[-1]
+        place = place * pin.SE3(joint.placement) * _moved(joint, offset)
+        if factor == 0.0:
+            parents.append((parent, place))
+            continue
+        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        turn = kind(factor * joint.axis)
+        parents.append((model.addJoint(parent, turn, place, prefix + joint.name), pin.SE3.Identity()))
+    for name, frame in chain.frames.items():
+        parent, place = parents[frame.joint]
+        if not model.existFrame(prefix + name):
+            pose = place * pin.SE3(frame.placement)
+            model.addFrame(pin.Frame(prefix + name, parent, 0, pose, pin.FrameType.OP_FRAME))
+    return parents
+
+
+def prefixes(arms: Arms) -> tuple[str, str]:
+    """What names of each arm's joints and frames begin with in the pair: nothing where all are different."""
+    same = arms.joint_names[0] != arms.left.joint_names[0] or arms.left.frame == arms.right.frame
+    return (f"{LEFT}_", f"{RIGHT}_") if same else ("", "")
+
+
+def tip_frames(arm: Arm | Arms) -> tuple[str, ...]:
+    """Names of the tips in `robot_model`."""
+    if isinstance(arm, Arm):
+        return (arm.frame,)
+    return tuple(prefix + one.frame for prefix, one in zip(prefixes(arm), arm.each, strict=True))
+
+
+def _own_coordinates(arm: Arm) -> Array:
+    """How each joint of the chain follows its own coordinate: 1 or −1, or 0 where it is locked."""
+    coupling = arm.chain.coupling
+    moving = coupling[np.any(coupling != 0, axis=1)]
+    if moving.shape != (arm.dof, arm.dof) or not np.array_equal(np.abs(moving), np.eye(arm.dof)):
+        shared = [
+            name
+            for name, column in zip(arm.joint_names, coupling.T, strict=True)
+            if np.count_nonzero(column) != 1 or np.any(np.abs(column) * (1 - np.abs(column)))
+        ]
+        raise InvalidInputError(
+            f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "
+            "tracking needs one joint for each degree of freedom, in their order from base to tip. A robot's arm "
+            "without mimic joints has that"
+        )
+    return np.asarray(coupling.sum(axis=1))
+
+
+def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
+    """Raise InvalidInputError unless an arm has enough joints, none of them coupled, to follow such ellipsoids."""
+    if arm.dof < LEAST_JOINTS:
+        d = spec.size
+        raise InvalidInputError(
+            f"{arm.name!r} has {arm.dof} joint{'s' * (arm.dof > 1)} ({', '.join(arm.joint_names)}); following {d}×{d} "
+            f"ellipsoids needs at least {LEAST_JOINTS}, and {d * (d + 1) // 2} to follow all of their shape"
+        )
+    _own_coordinates(arm)
+
+
+def why_not_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> str:
+    """Say why an arm cannot follow such ellipsoids; empty when it can."""
+    try:
+        require_trackable(arm, spec)
+    except InvalidInputError as error:
+        return str(error)
+    return ""
+
+
+def _moved(joint: Joint, position: float) -> pin.SE3:
+    """Motion of a joint to a position [rad or m]."""
+    if joint.kind == PRISMATIC:
+        return pin.SE3(np.eye(3), position * joint.axis)
+    return pin.SE3(pin.exp3(position * joint.axis), np.zeros(3))
+
+
+def frame_id(model: pin.Model, frame: str) -> int:
+    """Index of a frame."""
+    index = model.getFrameId(frame)
+    if index == model.nframes:
+        raise unknown_name("frame", frame, [f.name for f in model.frames], f"in the model {model.name!r}")
+    return int(index)
+
+
+def moving_columns(model: pin.Model, frame: str) -> NDArray[np.intp]:
+    """Columns of the frame's Jacobian that belong to the joints between the world and the frame, base to tip."""
+    columns = []
+    joint = model.frames[frame_id(model, frame)].parentJoint
+    while joint:
+        kind = model.joints[joint].shortname()
+        if kind not in ONE_TURN_OR_SLIDE:
+            raise InvalidInputError(
+                f"the joint {model.names[joint]!r} on the way to the frame {frame!r} is a {kind}; the ellipsoid's "
+                "derivative is known for revolute and prismatic joints only. Fix a floating base, or lock the joint"
+            )
+        columns.append(model.joints[joint].idx_v)
+        joint = model.parents[joint]
+    if not columns:
+        raise InvalidInputError(f"no joint moves the frame {frame!r} of the model {model.name!r}")
+    return np.array(columns[::-1], dtype=np.intp)
+
+
+def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
+    """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
+    mine, other = arms
+    differing = [
+        f"{name}: {theirs!r} there, {ours!r} here"
+        for name, theirs, ours in (
+            ("joints", mine.joint_names, other.joint_names),
+            ("tip", mine.frame, other.frame),
+            ("base", mine.base, other.base),
+            ("held joints", dict(mine.locked), dict(other.locked)),
+            ("ellipsoids", *specs),
+        )
+        if theirs != ours
+    ]
+    if limits and mine.joint_names == other.joint_names:
+        joints = np.flatnonzero((mine.lower != other.lower) | (mine.upper != other.upper))
+        for i in joints[:1]:
+            there, here = (f"{arm.lower[i]:.6g} to {arm.upper[i]:.6g}" for arm in arms)
+            differing.append(
+                f"limits of {mine.joint_names[i]}: {there} there, {here} here, in all {len(joints)} of {mine.dof} "
+                "joints. A planner keeps a margin of the limits: its samples fit its own arm, planner.limits.arm"
+            )
+    if differing:
+        raise InvalidInputError(f"{what} {mine.name!r}; it does not fit {other.name!r}: {'; '.join(differing)}")

@@ -1,0 +1,139 @@
+"""A path that was placed before a robot: where it lies, where else it could, and how well it can be done there."""
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.atomic_io import folder_written_whole
+from maniport.arms import EllipsoidSpec
+from maniport.arms.chain import rotation_about
+from maniport.errors import InvalidInputError
+from maniport.files import save_ellipsoids, save_path
+from maniport.notebook import ShownInNotebooks
+from maniport.validation import Array, as_finite
+
+DATA_FILES = ("placed_profile.npz", "path.npz")  # What `PlacedPath.save` writes
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A possible placement of a path.
+
+    Attributes
+    ----------
+    scale, yaw, tilt, heading, offset
+        As in `PlacedPath`.
+    distance : ndarray, shape (m,)
+        Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
+    """
+
+    scale: float
+    yaw: float
+    tilt: float
+    heading: float
+    offset: Array
+    distance: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the distances."""
+        return float(np.sqrt(np.mean(self.distance**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPath(ShownInNotebooks):
+    """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
+
+    p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).
+
+    Attributes
+    ----------
+    path : ndarray, shape (n, 3)
+        Target positions of the end effector in the robot's base frame [m].
+    profile : ndarray, shape (n, d, d)
+        Target ellipsoids there: the given ones, turned by the rotation.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    scale, yaw : float
+        Factor of the path's size, and rotation about the vertical [rad], within ±π.
+    tilt, heading : float
+        Lean of the base from upright, and its direction: 0 is that of its own x axis, π/2 of y [rad].
+    mount : ndarray, shape (3, 3)
+        Rotation of the base in a world whose z axis is up; the identity where nothing leans.
+    offset : ndarray, shape (3,)
+        Position of the path's center in the robot's base frame [m].
+    centre : ndarray, shape (3,)
+        Mean of the given path's waypoints [m].
+    turn : ndarray, shape (3, 3)
+        As given.
+    distance : ndarray, shape (n,)
+        Distances of the pointwise optimum: the smallest that was found for each waypoint by itself, with the end
+        effector there.
+    position_error : ndarray, shape (n,)
+        Distance of the end effector from the waypoint there [m].
+    reachable : ndarray of bool, shape (n,)
+        Whether that is at most 1 mm.
+    joint_positions : ndarray, shape (n, dof)
+        Joint positions of the pointwise optimum [rad or m]: not a motion, they may jump.
+    candidates : tuple of Place
+        The best placements, this one included.
+    """
+
+    path: Array
+    profile: Array
+    spec: EllipsoidSpec
+    scale: float
+    yaw: float
+    tilt: float
+    heading: float
+    mount: Array
+    offset: Array
+    centre: Array
+    turn: Array
+    distance: Array
+    position_error: Array
+    reachable: NDArray[np.bool_]
+    joint_positions: Array
+    candidates: tuple[Place, ...] = ()
+
+    @property
+    def rotation(self) -> Array:
+        """By how much path and ellipsoids are turned in the base frame, shape (3, 3)."""
+        return np.asarray(self.mount.T @ rotation_about(2, self.yaw))
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
+        given = as_finite(points, "points")
+        if given.ndim < 1 or given.shape[-1] != 3:
+            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
+        rotation = self.rotation @ self.turn
+        return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
+
+    def turned(self, profile: ArrayLike) -> Array:
+        """Turn other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
+        given = as_finite(profile, "profile")
+        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
+            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
+        rotation = self.spec.rotation(self.rotation)
+        moved = rotation @ given @ rotation.T
+        return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
+
+    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None, *, overwrite: bool = False) -> None:
+        """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds earlier ones that may not be overwritten, or other things, or cannot be written.
+        """
+        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
+            save_ellipsoids(staging / DATA_FILES[0], self.profile, time)
+            save_path(staging / DATA_FILES[1], self.path, time)
+
+    def __repr__(self) -> str:
+        lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
+        found = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
+        floor = f"node floor {np.median(self.distance):.2f} (median)"
+        return f"PlacedPath({len(self.path)} points, {found}, {floor}, {np.sum(~self.reachable)} out of reach)"

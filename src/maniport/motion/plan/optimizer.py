@@ -1,0 +1,250 @@
+"""Trajectory optimizer: banded Gauss-Newton over all waypoints at once, within joint limits.
+
+It minimizes, over joint positions q_i at times t_i,
+
+    Σ_i w_i f_i(q_i) + ∫ λ_v |q̇|² + λ_j |q⃛|² dt,
+
+with f of `maniport.motion.objective`, w_i the time that a waypoint stands for, and derivatives by divided differences
+of neighboring waypoints. The third differences couple each waypoint with three before it, so that the normal equations
+have a band of 4 · dof − 1 diagonals. Penalties are added for pairs of solids nearer than the clearance c, w_c² Σ
+(c − distance)², and for what exceeds limits, ∫ w_l Σ (|q̇| / limit − 1)² + (|q̈| / limit − 1)² dt. Steps are damped after
+Levenberg and Marquardt; joints that a step would drive beyond a position limit stay there.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solveh_banded
+
+from maniport.arms.collisions import Collisions
+from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits, PathCost
+from maniport.validation import Array
+
+CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
+CLEARANCE_WEIGHT = 300.0  # w_c [1/m]
+LIMIT_WEIGHT = 30.0  # w_l [1/s]
+POSITION_WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
+"""Weights of the position error, tried in turn until it is within the tolerance [1/m]."""
+
+
+class WaypointCost(Protocol):
+    """Cost f of the configuration at each waypoint."""
+
+    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
+        """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
+
+
+@dataclass(frozen=True)
+class TrajectoryTerms:
+    """What a trajectory costs besides its waypoints."""
+
+    velocity_cost: float  # λ_v [s²/rad²]
+    jerk_cost: float  # λ_j [s⁶/rad²]
+    weights: Array | None = None  # w (n,) [s]; None: half the time to both neighbors
+    velocity: Array | None = None  # limits (dof,)
+    acceleration: Array | None = None  # limits (dof,)
+    collisions: Collisions | None = None
+    rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
+    clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
+
+    def smoothed(self, share: float) -> "TrajectoryTerms":
+        """Multiply both smoothness costs."""
+        return replace(self, velocity_cost=share * self.velocity_cost, jerk_cost=share * self.jerk_cost)
+
+
+def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
+    """Descend from joint positions q (n, dof); they end within the limits."""
+    cost = TrajectoryCost(targets.arm, targets.weighing(position_weight), time, terms)
+    return descend(cost, cost.within(q), terms.rel_tol)
+
+
+def optimize_to_tolerance(
+    targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, tolerance: float
+) -> tuple[Array, float]:
+    """Raise the position weight until the 95th percentile of the position error is within the tolerance.
+
+    Return joint positions and the weight. Where the largest weight is not enough, the trajectory is smoothed less.
+    """
+    needed = 0.0
+    for weight, smoothness in (*((w, 1.0) for w in POSITION_WEIGHTS), (POSITION_WEIGHTS[-1], 0.1)):
+        if weight < min(needed, POSITION_WEIGHTS[-1]):
+            continue
+        q = optimize(targets, time, q, terms.smoothed(smoothness), weight)
+        error = targets.tip_error(q)
+        if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
+            break
+        needed = 0.7 * weight * np.sqrt(reached / tolerance)  # the error falls with the square of the weight
+    return q, weight
+
+
+def time_weights(time: Array) -> Array:
+    """Time that each waypoint stands for [s], shape (n,): half of that to both neighbors."""
+    halves = 0.5 * np.diff(time)
+    return np.asarray(np.append(halves, 0.0) + np.append(0.0, halves))
+
+
+State = TypeVar("State")
+
+
+class Problem(Protocol[State]):
+    """A least-squares problem for `descend`."""
+
+    def evaluate(self, state: State) -> tuple[float, Any]:
+        """Cost and slopes."""
+
+    def trial(self, state: State, slopes: Any, damping: float) -> tuple[State, float]:
+        """State after a damped step, and the expected decrease of the cost."""
+
+
+def descend(problem: Problem[State], state: State, rel_tol: float, max_iter: int = 60) -> State:
+    """Descend until a step lowers the cost by less than its share `rel_tol`; damping as in the posture searches."""
+    cost, slopes = problem.evaluate(state)
+    damping, growth = 1e-3, 2.0
+    for _ in range(max_iter):
+        trial, expected = problem.trial(state, slopes, damping)
+        trial_cost, trial_slopes = problem.evaluate(trial)  # most steps are taken: the cost alone first takes longer
+        gained = cost - trial_cost
+        if gained > LEAST_GAIN * expected > 0.0:
+            state, cost, slopes, growth = trial, trial_cost, trial_slopes, 2.0
+            damping *= max(1.0 / 3.0, 1.0 - (2.0 * gained / expected - 1.0) ** 3)
+            if gained <= rel_tol * cost:
+                break
+        else:
+            damping, growth = damping * growth, growth * 2.0
+            if damping > LARGEST_DAMPING or expected <= rel_tol * cost:
+                break
+    return state
+
+
+class Differences:
+    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
+
+    def __init__(self, time: Array, order: int):
+        count = len(time) - order
+        at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
+        rows = np.tile(np.eye(order + 1), (count, 1, 1))
+        for level in range(1, order + 1):
+            gap = at[:, level:] - at[:, : at.shape[1] - level]
+            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
+        self.order, self.rows, self.spans = order, rows[:, 0], (at[:, -1] - at[:, 0]) / order
+
+    def __call__(self, values: Array) -> Array:
+        """D applied to values (n, dof)."""
+        m = len(self.rows)
+        return np.asarray(sum(self.rows[:, k, None] * values[k : m + k] for k in range(self.order + 1)))
+
+    def transposed(self, values: Array) -> Array:
+        """Dᵀ applied to values (n − k, dof)."""
+        m = len(self.rows)
+        out = np.zeros((m + self.order, values.shape[1]))
+        for k in range(self.order + 1):
+            out[k : m + k] += self.rows[:, k, None] * values
+        return out
+
+    def normal(self, weights: Array) -> Array:
+        """Lower diagonals of Dᵀ W D for each joint, shape (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
+        m = len(self.rows)
+        band = np.zeros((self.order + 1, m + self.order, weights.shape[1]))
+        for below in range(self.order + 1):
+            for k in range(self.order + 1 - below):
+                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
+        return band
+
+
+class TrajectoryCost:
+    """Cost of a trajectory, its gradient and its banded Hessian."""
+
+    def __init__(self, arm: JointLimits, waypoints: WaypointCost, time: Array, terms: TrajectoryTerms):
+        self.arm, self.waypoints, self.terms = arm, waypoints, terms
+        self.weights = time_weights(time) if terms.weights is None else terms.weights
+        n = len(time)
+        self.clearance = np.broadcast_to(terms.clearance, n)
+        self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
+        self.watch = None if terms.collisions is None else terms.collisions.watch(float(self.clearance.max()))
+        self.derivatives = {order: Differences(time, order) for order in (1, 2, 3) if n > order}
+        self.smoothness = np.zeros((min(4, n), n, arm.dof))  # lower diagonals of the Hessian of both smoothness costs
+        for order, cost in ((1, terms.velocity_cost), (3, terms.jerk_cost)):
+            if order in self.derivatives:
+                difference = self.derivatives[order]
+                weights = np.repeat(cost * difference.spans[:, None], arm.dof, axis=1)
+                self.smoothness[: order + 1] += difference.normal(weights)
+
+    def evaluate(self, q: Array) -> tuple[float, Any]:
+        """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
+        length, gradient, hessian = self.waypoints.evaluate(q)
+        square = length**2
+        if self.watch is not None:
+            rows, distance, slope = self.watch.gradient(q)
+            lacking = self.clearance[rows] - distance
+            near = lacking > 0.0
+            rows, lacking, slope = rows[near], lacking[near], slope[near]
+            stiffness = self.stiffness[rows]
+            np.add.at(square, rows, stiffness * lacking**2)
+            np.add.at(gradient, rows, (-stiffness * lacking)[:, None] * slope)
+            np.add.at(hessian, rows, stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :])
+        smooth, band = self._smoothness_gradient(q), self.smoothness.copy()
+        cost = float(np.sum(self.weights * square) + np.sum(q * smooth))
+        gradient = self.weights[:, None] * gradient + smooth
+        for difference, excess, limit in self._excess(q):
+            weight = LIMIT_WEIGHT * difference.spans[:, None]
+            cost += float(np.sum(weight * excess**2))
+            gradient += difference.transposed(weight * excess / limit)
+            band[: difference.order + 1] += difference.normal(weight * (excess != 0.0) / limit**2)
+        return cost, (gradient, self.weights[:, None, None] * hessian, band)
+
+    def trial(self, q: Array, slopes: Any, damping: float) -> tuple[Array, float]:
+        """Joint positions after a damped step, within the limits, and the expected decrease of the cost."""
+        gradient, hessian, band = slopes
+        damped = damping * (np.einsum("nii->ni", hessian) + band[0])
+        step = -self.solve(gradient[..., None], hessian, band, self.blocked(q, gradient), damped)[..., 0]
+        return self.within(q + step), float(np.sum(step * (damped * step - gradient)))
+
+    def within(self, q: Array) -> Array:
+        """Joint positions within the limits."""
+        return np.clip(q, self.arm.lower, self.arm.upper)
+
+    def blocked(self, q: Array, gradient: Array) -> NDArray[np.bool_]:
+        """Which joints are at a limit that the cost pushes them against, shape (n, dof)."""
+        return np.asarray(((q <= self.arm.lower) & (gradient > 0.0)) | ((q >= self.arm.upper) & (gradient < 0.0)))
+
+    def solve(self, sides: Array, hessian: Array, band: Array, blocked: NDArray[np.bool_], damped: Array) -> Array:
+        """Solve the banded normal equations for the joints that are not blocked; zero where they are singular.
+
+        `sides` (n, dof, k) are right-hand sides, `damped` (n, dof) is added to the diagonal.
+        """
+        n, dof, k = sides.shape
+        free = ~blocked
+        blocks = hessian * free[:, :, None] * free[:, None, :]
+        lines = np.zeros((dof * len(band), n * dof))
+        table = lines.reshape(len(lines), n, dof)
+        for i in range(dof):
+            for j in range(i + 1):
+                table[i - j, :, j] = blocks[:, i, j]
+        for below in range(len(band)):
+            table[below * dof, : n - below] += band[below, : n - below] * (free[below:] & free[: n - below])
+        table[0] += damped + np.where(free, 1e-12 * damped.max(), 1.0)
+        right = (sides * free[..., None]).reshape(n * dof, k)
+        try:
+            solution = solveh_banded(lines, right, lower=True, check_finite=False)
+        except LinAlgError:
+            return np.zeros_like(sides)
+        return np.asarray(solution.reshape(n, dof, k) * free[..., None])
+
+    def _smoothness_gradient(self, q: Array) -> Array:
+        """Half the gradient of the smoothness costs (n, dof): their Hessian times q."""
+        out = self.smoothness[0] * q
+        for below in range(1, len(self.smoothness)):
+            line = self.smoothness[below, : len(q) - below]
+            out[below:] += line * q[:-below]
+            out[:-below] += line * q[below:]
+        return np.asarray(out)
+
+    def _excess(self, q: Array) -> Iterator[tuple[Differences, Array, Array]]:
+        """For velocity and acceleration: differences, by which share they exceed their limits, and the limits."""
+        for order, limit in ((1, self.terms.velocity), (2, self.terms.acceleration)):
+            if limit is not None and order in self.derivatives:
+                share = self.derivatives[order](q) / limit
+                yield self.derivatives[order], np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0), limit

@@ -1,0 +1,117 @@
+"""How a motion is planned: what users choose, checked, and made ready for one arm."""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from maniport.arms import Arm, Arms, EllipsoidSpec
+from maniport.arms.collisions import Collisions, as_collisions
+from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
+from maniport.errors import InvalidInputError
+from maniport.motion.effort import FULL, as_effort
+from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.motion.placement.arguments import as_workspace
+from maniport.motion.plan.planner import Planner
+from maniport.validation import Array, as_number
+
+
+@dataclass(frozen=True)
+class PlanControl:
+    """Settings of `plan_motion`.
+
+    Attributes
+    ----------
+    tip_tolerance : float
+        Position tolerance of the end effector, for the 95th percentile of the position error [m]. It is used, mostly
+        for a shorter duration.
+    tempo : float
+        Largest speed relative to the demonstration. Where limits demand it, the motion is slower.
+    rate : float
+        Samples of the result per second [Hz].
+    motion_limits : MotionLimits, path, mapping or None
+        See `MotionLimits.of`.
+    margin : float
+        Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
+    collisions : Collisions or bool
+        Collision model; True: self-collisions.
+    keep : {"pointing", "whole"}
+        Which axes of target orientations count: z, or all.
+    orientation_weight : float
+        Weight of a radian from them beside the distance between ellipsoids [1/rad].
+    workspace : three pairs of floats, optional
+        Bounds of a path that is placed, as in `maniport.motion.place_path`; nothing else uses it.
+    home : array_like, shape (dof,), optional
+        Configuration at which the motion begins and ends, at rest [rad or m].
+    effort : {"full", "quick"}
+        Planning effort, see `maniport.motion.effort`.
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is out of its range.
+    """
+
+    tip_tolerance: float = TIP_TOLERANCE
+    tempo: float = 1.0
+    rate: float = RATE
+    motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
+    margin: float = MARGIN
+    collisions: Collisions | bool = True
+    keep: str = POINTING
+    orientation_weight: float = ORIENTATION_WEIGHT
+    workspace: Sequence[Sequence[float | None]] | None = None
+    home: ArrayLike | None = None
+    effort: str = FULL
+
+    def __post_init__(self) -> None:
+        as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
+        as_number(self.tempo, "tempo", above=0.0)
+        as_number(self.rate, "rate", minimum=10.0)
+        as_workspace(self.workspace)
+        as_effort(self.effort)
+        axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
+        as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
+
+    def resolved(self, arm: Arm | Arms, planner: Any = None) -> "PlanControl":
+        """Look up limits and collisions for an arm or two, or take those of a planner; check the home posture.
+
+        Raises
+        ------
+        FileFormatError
+            When a file of limits cannot be read or does not fit the arm.
+        InvalidInputError
+            When limits or collisions do not fit the arm, or the home posture is beyond limits or collides.
+        """
+        given = self.motion_limits
+        if planner is not None:
+            limits, apart = planner.limits, planner.collisions
+        else:
+            limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.margin)
+            apart = as_collisions(self.collisions, limits.arm)
+        if self.home is not None:
+            require_free(self.home, "home", limits, apart)
+        return replace(self, motion_limits=limits, collisions=apart or False)
+
+    def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
+        """Make a planner of an arm with these settings."""
+        ready = self.resolved(arm)
+        assert isinstance(ready.motion_limits, MotionLimits)
+        return Planner.of(ready.motion_limits, spec, ready.collisions, random_state)
+
+
+def require_free(posture: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
+    """Require one posture (dof,) within the limits, in which nothing collides."""
+    q: Array = limits.arm.require_within_limits(posture, name)
+    if q.ndim != 1:
+        raise InvalidInputError(f"{name} must be one posture, shape ({limits.arm.dof},); found shape {q.shape}")
+    if apart is not None and apart.collides(q):
+        nearest = apart.nearest(q)
+        raise InvalidInputError(
+            f"{name}: in this posture {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
+            f"{-1e3 * float(nearest.distance):.0f} mm; give one that is free"
+        )
+    return q

@@ -1,0 +1,284 @@
+"""Reachability map: samples of an arm by the positions of their end effector, and nodes of roadmaps made of them.
+
+Many arms turn as a whole about the axis of their first joint: as q₁ changes by α, end effector and ellipsoid turn by α
+about it. The samples of such an arm count for all these rotations, so that two coordinates instead of three tell them
+apart, the distance from the axis and the position along it. Joints without effect, such as the last of a Panda, stay
+in the middle of their range.
+"""
+
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms.collisions import Collisions, as_collisions, free_postures
+from maniport.arms.manipulability import manipulability
+from maniport.spd.kernels import compose, congruence, distances, eigh
+from maniport.motion.arm_model import require_alike
+from maniport.motion.objective import Objective, Targets
+from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
+from maniport.validation import SPD_TOLERANCE, Array, as_count, as_generator
+
+SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3 % farther from its targets
+GAP_WEIGHT = 30.0  # Weight of the distance between a position and the sample that stands for it [1/m]
+MIN_NODES = 16  # Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach
+BLOCK = 1024  # Number of targets compared with their samples at a time: their data stays in the processor's cache
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A fixed line about which the first joint turns the whole arm."""
+
+    frame: Array  # (3, 3); rows: two directions across the line and the one along it
+    origin: Array  # (3,); point of the line next to the base [m]
+
+    @classmethod
+    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
+        """Find the line from the first columns of Jacobians (n, 6, dof) and the positions there (n, 3)."""
+        direction = jacobian[:, 3:, 0]
+        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
+        turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
+        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
+            return None
+        across = np.linalg.svd(direction[:1])[2][1:]
+        across[1] = np.cross(direction[0], across[0])
+        return cls(np.vstack([across, direction[0]]), np.cross(direction[0], moment[0]))
+
+    def cylindrical(self, points: Array) -> tuple[Array, Array]:
+        """Distance from the line and position along it (..., 2) [m], and angle about it (...) [rad]."""
+        local = (points - self.origin) @ self.frame.T
+        radius = np.hypot(local[..., 0], local[..., 1])
+        return np.stack([radius, local[..., 2]], axis=-1), np.arctan2(local[..., 1], local[..., 0])
+
+    def rotations(self, angles: Array) -> Array:
+        """Rotations about the line, shape (..., 3, 3)."""
+        vectors = angles[..., None] * self.frame[2]
+        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
+
+
+class Atlas:
+    """Reachability map of an arm: samples by the positions of their end effector.
+
+    Parameters
+    ----------
+    arm : Arm
+    spec : EllipsoidSpec
+        Which ellipsoids, of velocity.
+    n : int, optional
+        How many samples; 100 000 by default.
+    random_state : None, int or numpy.random.Generator
+        Same seed, same samples.
+    collisions : maniport.arms.collisions.Collisions or True, optional
+        Samples that collide are left out, as in `maniport.sample_domain`.
+    """
+
+    def __init__(
+        self, arm: Arm, spec: EllipsoidSpec, n: int | None = None, random_state: Any = 0, collisions: Any = None
+    ):
+        self.arm, self.spec = arm, spec
+        model = as_collisions(collisions, arm)
+        self.collisions: Collisions | None = model if model is not None and model.known else None
+        probes = arm.sample(32, 0)
+        jacobian, _, changes = arm.differentials(probes, spec)
+        poses = arm.forward(probes)
+        self.axis = Axis.of(jacobian, poses[:, :3, 3])
+        moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
+        negligible = 1e-9
+        self.idle = (moves <= negligible * moves.max()) & (shapes <= negligible * shapes.max())
+        turns = np.abs(np.cross(jacobian[:, 3:, :, None], poses[:, :3, None, :3], axis=1)).max(axis=(0, 1))
+        self._idle_turns = self.idle[:, None] & (turns > negligible)  # which idle joints turn which axes (dof, 3)
+        generator = as_generator(random_state)
+        self._count, self._generator = SAMPLES if n is None else as_count(n, "n"), deepcopy(generator)
+        arm.sample(1, generator)  # samples are drawn on first use, from a copy; the caller's generator moves on
+
+    @cached_property
+    def _samples(self) -> Array:
+        return free_postures(self.arm, self._count, deepcopy(self._generator), collisions=self.collisions)
+
+    @cached_property
+    def q(self) -> Array:
+        """The samples, joints without effect in the middle of their range, shape (n, dof)."""
+        q, middle = self._samples.copy(), 0.5 * (self.arm.lower + self.arm.upper)
+        q[:, self.idle] = middle[self.idle]
+        if self.axis is not None:
+            q[:, 0] = middle[0]
+        return q
+
+    @cached_property
+    def tips(self) -> Array:
+        """Positions of the end effector at `q`, shape (n, 3) [m]."""
+        return np.ascontiguousarray(self.arm.forward(self.q)[:, :3, 3])
+
+    @cached_property
+    def ellipsoids(self) -> Array:
+        """Ellipsoids at `q`, shape (n, d, d)."""
+        ellipsoids = manipulability(self.arm.jacobian(self.q), self.arm.resolved(self.spec.velocity))
+        if self.spec.kind == "velocity":
+            return ellipsoids
+        values, vectors = eigh(ellipsoids)
+        singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
+        return compose(1.0 / np.maximum(values, singular), vectors)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.coordinates(self.tips)[0])
+
+    @cached_property
+    def _angles(self) -> Array:
+        return self.coordinates(self.tips)[1]
+
+    @cached_property
+    def _aligned_ellipsoids(self) -> Array:
+        """Ellipsoids of the samples turned to angle 0."""
+        return self._turned_back(self.ellipsoids, self._angles)
+
+    @cached_property
+    def _orientations(self) -> Array:
+        """Orientations of the end effector, idle joints as sampled, shape (n, 3, 3)."""
+        return np.asarray(self.arm.forward(np.where(self.idle, self._samples, self.q))[:, :3, :3])
+
+    def __len__(self) -> int:
+        return self._count
+
+    @cached_property
+    def spacing(self) -> float:
+        """Median distance from a sample to the next, however the arm is turned [m]."""
+        return float(np.median(self._tree.query(self._tree.data[:1000], k=[2])[0]))
+
+    @cached_property
+    def reach(self) -> Array:
+        """Positions of the end effector at the samples, the first joint as sampled, shape (n, 3) [m]."""
+        return self._turned_tips(np.arange(len(self.q)), self._samples[:, 0] - self.q[:, 0])
+
+    def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
+        """Raise InvalidInputError unless this map is of the same arm and ellipsoids."""
+        require_alike("the atlas was built for", (self.arm, arm), (self.spec, spec), limits=True)
+
+    def coordinates(self, points: Array) -> tuple[Array, Array]:
+        """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
+        return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
+
+    def offsets(self, positions: Array) -> Array:
+        """From positions (n, 3) to the nearest sample, turned there whatever the limits of the first joint [m]."""
+        coordinates, angles = self.coordinates(positions)
+        rows = self._tree.query(coordinates)[1]
+        return self._turned_tips(rows, angles - self._angles[rows]) - positions
+
+    def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
+        """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
+
+        The gap is from a position to a sample that is turned there as far as the first joint's limits allow.
+        """
+        coordinates, angles = self.coordinates(positions)
+        damped = objective.damped(self._turned_back(ellipsoids, angles))
+        result = np.empty(len(coordinates))
+        for first in range(0, len(coordinates), BLOCK):
+            part = slice(first, first + BLOCK)
+            gaps, rows = self._tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
+            gaps = gaps**2
+            if self.axis is not None:
+                turned = self._first_joint(rows, angles[part])
+                beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
+                gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
+            distance = distances(damped[part, None], objective.damped(self._aligned_ellipsoids[rows]))
+            result[part] = np.min(distance**2 + GAP_WEIGHT**2 * gaps, axis=1)
+        return result
+
+    def nodes(self, targets: Targets, count: int, random: np.random.Generator) -> Roadmap:
+        """At most `count` configurations for each target, with the end effector at its position.
+
+        Of the samples next to that position half are those with the nearest ellipsoids, half are random. Newton steps
+        bring the end effector to its position, and turn it where its orientation counts. Where the first joint may turn
+        more than once, the same configurations a turn away are nodes, too.
+        """
+        # few samples next to a position are oriented alike: more are needed where the orientation counts
+        q, distance = self._near(targets, (8 if targets.turned else 2) * count)
+        order = np.argsort(distance, axis=1, kind="stable")
+        half = count // 2
+        rest = random.permuted(order[:, half:], axis=1)[:, : count - half]
+        chosen = np.concatenate([order[:, :half], np.sort(rest, axis=1)], axis=1)
+        possible = np.isfinite(np.take_along_axis(distance, chosen, axis=1))
+        q, owner = np.take_along_axis(q, chosen[..., None], axis=1)[possible], np.nonzero(possible)[0]
+        if targets.turned:
+            q = turned_to_rotations(targets[owner], q)
+        assert targets.positions is not None
+        q, error = moved_to_positions(self.arm, q, targets.positions[owner])
+        kept = error <= IN_PLACE
+        short = np.bincount(owner[kept], minlength=len(targets)) < MIN_NODES
+        if short.any():
+            order = np.lexsort((error, owner))
+            rank = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
+            nearest = order[rank < MIN_NODES]
+            kept[nearest] |= short[owner[nearest]]
+        q, owner = self._with_whole_turns(q[kept], owner[kept])
+        return Roadmap(q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1)))
+
+    def _near(self, targets: Targets, count: int) -> tuple[Array, Array]:
+        """Samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
+        assert targets.positions is not None
+        coordinates, angles = self.coordinates(targets.positions)
+        rows = self._tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
+        q, ellipsoids = self.q[rows], self.ellipsoids[rows]
+        allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
+        if self.axis is not None:
+            lower, upper = self.arm.lower[0], self.arm.upper[0]
+            turned = self._first_joint(rows, angles)
+            allowed = (turned >= lower) & (turned <= upper)
+            turned = np.clip(turned, lower, upper)
+            allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
+            rotations = self.axis.rotations(turned - q[..., 0])
+            q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
+            ellipsoids = congruence(self._for_spec(rotations), ellipsoids)
+        values = eigh(congruence(targets.whitening[:, None], targets.objective.damped(ellipsoids)))[0]
+        square = np.sum(np.log(np.maximum(values, np.finfo(np.float64).tiny)) ** 2, axis=-1)
+        if targets.turned:
+            assert targets.rotations is not None
+            weights = np.array(targets.objective.axis_weights)
+            needed = self._idle_turns @ (weights > 0.0)
+            q[..., needed] = self._samples[rows][..., needed]
+            error = rotations @ self._orientations[rows] - targets.rotations[:, None]
+            square += np.sum((weights * error) ** 2, axis=(-2, -1))
+        return q, np.where(allowed, np.sqrt(square), np.inf)
+
+    def _with_whole_turns(self, q: Array, owner: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+        """Add configurations (n, dof) a whole turn of the first joint away that its limits allow."""
+        if self.axis is None:
+            return q, owner
+        turned = np.repeat(q[:, None], 3, axis=1)
+        turned[:, :, 0] += 2.0 * np.pi * np.array([0.0, 1.0, -1.0])
+        allowed = (turned[:, :, 0] >= self.arm.lower[0]) & (turned[:, :, 0] <= self.arm.upper[0])
+        allowed[:, 0] = True
+        return turned[allowed], np.repeat(owner, allowed.sum(axis=1))
+
+    def _turned_tips(self, rows: NDArray[np.intp], angles: Array) -> Array:
+        """Positions of samples (n,) after the arm has turned by angles (n,), shape (n, 3) [m]."""
+        if self.axis is None:
+            return self.tips[rows]
+        turned = self.axis.rotations(angles) @ (self.tips[rows] - self.axis.origin)[..., None]
+        return np.asarray(turned[..., 0] + self.axis.origin)
+
+    def _first_joint(self, rows: NDArray[np.intp], angles: Array) -> Array:
+        """First joint of samples (n, k) turned to angles (n,), next to the middle of its limits."""
+        turned = angles[:, None] - self._angles[rows]
+        return np.asarray(self.q[rows, 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi)
+
+    def _turned_back(self, ellipsoids: Array, angles: Array) -> Array:
+        """Ellipsoids (n, d, d) after the arm has turned back by angles (n,)."""
+        if self.axis is None:
+            return ellipsoids
+        return congruence(self._for_spec(self.axis.rotations(-angles)), ellipsoids)
+
+    def _for_spec(self, rotations: Array) -> Array:
+        """Rotations of ellipsoids (..., d, d) from those of space (..., 3, 3)."""
+        d = self.spec.size
+        if d == 3:
+            return rotations
+        double = np.zeros((*rotations.shape[:-2], d, d))
+        double[..., :3, :3] = double[..., 3:, 3:] = rotations
+        return double

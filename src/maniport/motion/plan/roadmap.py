@@ -1,0 +1,122 @@
+"""Roadmap of a path: many configurations at each of its stages, and the best sequence of them by graph search."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.arms import Arm
+from maniport.jit import kernel
+from maniport.motion.objective import SEARCH_WEIGHT, Targets
+from maniport.motion.plan.optimizer import time_weights
+from maniport.validation import Array
+
+IN_PLACE = 1e-4  # Largest position error of a node that counts as on the path [m]
+NEWTON_STEPS = 4
+JOINT_MOTION_WEIGHT = 0.3  # Weight of squared joint velocities beside d²; with 0.02 the motion is 1 % worse
+
+
+@dataclass(frozen=True)
+class Roadmap:
+    """Configurations at the stages of a path, sorted by stage."""
+
+    q: Array  # (n, dof)
+    cost: Array  # (n,), by the objective
+    first: NDArray[np.intp]  # (stages + 1,); nodes of stage s are first[s] to first[s + 1], at least one
+
+    def without(self, bad: NDArray[np.bool_]) -> "Roadmap":
+        """Drop bad nodes, except at stages that have no others."""
+        owner = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+        kept = ~bad | ~np.isin(owner, owner[~bad])
+        return Roadmap(self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first))))
+
+
+def shortest_path(
+    nodes: Roadmap, time: Array, largest: Array, joint_motion_weight: float = JOINT_MOTION_WEIGHT
+) -> NDArray[np.intp]:
+    """Choose a node for each stage with the least sum of cost and joint motion, by dynamic programming.
+
+    Changes beyond `largest` (stages, dof), those of a jump between branches of postures, are penalized.
+    """
+    gaps, weights, first = np.diff(time, prepend=time[0]), time_weights(time), nodes.first
+    value, before = np.full(len(nodes.q), np.inf), np.full(len(nodes.q), -1, np.intp)
+    value[first[0] : first[1]] = nodes.cost[first[0] : first[1]] * weights[0]
+    for stage in range(1, len(weights)):
+        order = first[stage - 1] + np.argsort(value[first[stage - 1] : first[stage]])
+        here = slice(first[stage], first[stage + 1])
+        weight = joint_motion_weight / gaps[stage]
+        _fill_stage(nodes.q, order, here.start, here.stop, weight, largest[stage], value, before)
+        value[here] += nodes.cost[here] * weights[stage]
+    chosen = np.empty(len(first) - 1, np.intp)
+    chosen[-1] = first[-2] + np.argmin(value[first[-2] : first[-1]])
+    for stage in range(len(chosen) - 1, 0, -1):
+        chosen[stage - 1] = before[chosen[stage]]
+    return chosen
+
+
+@kernel
+def _fill_stage(q, order, begin, end, weight, largest, value, before, jump_penalty=1000.0):  # type: ignore[no-untyped-def]
+    """Fill the least cost of a path to each node from `begin` to `end`, its own left out, and the node before it."""
+    for k in range(begin, end):
+        best, chosen = np.inf, order[0]
+        for n in range(len(order)):
+            i = order[n]
+            total = value[i]
+            if total >= best:
+                break
+            for j in range(q.shape[1]):
+                change = abs(q[k, j] - q[i, j])
+                total += weight * change * change
+                if change > largest[j]:
+                    total += jump_penalty * ((change / largest[j]) ** 2 - 1.0)
+                if total >= best:
+                    break
+            if total < best:
+                best, chosen = total, i
+        value[k], before[k] = best, chosen
+
+
+def moved_to_positions(arm: Arm, q: Array, positions: Array) -> tuple[Array, Array]:
+    """Bring end effectors to positions (n, 3) by Newton steps within the limits; return q and position errors (n,)."""
+    q, rows, error = q.copy(), np.arange(len(q)), np.full(len(q), np.inf)
+    for step in range(NEWTON_STEPS + 1):
+        offset = positions[rows] - arm.forward(q[rows])[:, :3, 3]
+        error[rows] = np.linalg.norm(offset, axis=1)
+        far = error[rows] > IN_PLACE
+        if step == NEWTON_STEPS or not far.any():
+            break
+        rows, offset = rows[far], offset[far]
+        jacobian = arm.jacobian(q[rows])[:, :3]
+        square = jacobian @ np.swapaxes(jacobian, 1, 2)
+        square += 1e-6 * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        change = np.swapaxes(jacobian, 1, 2) @ np.linalg.solve(square, offset[..., None])
+        q[rows] = _stepped(arm, q[rows], change[..., 0])
+    return q, error
+
+
+def turned_to_rotations(targets: Targets, q: Array) -> Array:
+    """Turn end effectors at q (n, dof) as their targets ask, and bring them near their positions."""
+    arm, weights, rotations = targets.objective.arm, targets.objective.axis_weights, targets.rotations
+    assert rotations is not None
+    for _ in range(NEWTON_STEPS):
+        poses, jacobian = arm.forward(q), arm.jacobian(q)
+        residuals, slopes = [], []
+        if targets.positions is not None:
+            residuals.append(SEARCH_WEIGHT * (targets.positions - poses[:, :3, 3]))
+            slopes.append(SEARCH_WEIGHT * jacobian[:, :3])
+        for k in np.flatnonzero(weights):
+            axis = poses[:, :3, k]
+            residuals.append(weights[k] * (rotations[:, :, k] - axis))
+            slopes.append(-weights[k] * np.cross(axis[..., None], jacobian[:, 3:], axis=1))
+        residual, slope = np.concatenate(residuals, axis=1), np.concatenate(slopes, axis=1)
+        square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
+        change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
+        q = _stepped(arm, q, change[..., 0])
+    return q
+
+
+def _stepped(arm: Arm, q: Array, change: Any, longest: float = 0.3) -> Array:
+    """Change no joint by more than `longest`, within the limits."""
+    size = np.maximum(np.abs(change).max(axis=1, keepdims=True), 1e-12)
+    return np.asarray(np.clip(q + change * np.minimum(1.0, longest / size), arm.lower, arm.upper))

@@ -1,0 +1,159 @@
+"""What an arm is asked for over time: checked, and sampled at control steps."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.spatial.transform import Rotation, Slerp
+
+from maniport.arms.joint_space import JointSpace
+from maniport.errors import InvalidInputError
+from maniport.spd.affine_invariant import geodesic
+from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
+from maniport.motion.objective import Objective, Targets
+from maniport.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
+
+MOST_SAMPLES = 3_000_000  # Of a motion, at its control rate
+
+MOST_BETWEEN = 8  # A finer schedule has at most so many pieces for each
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Targets over time, one row for each time."""
+
+    time: Array  # (n,), increasing [s]
+    ellipsoids: Array  # (n, d, d), without damping
+    positions: Array | None = None  # (n, 3), of the end effector [m]
+    weights: Array | None = None  # (n, m, m), of the directions of the ellipsoids' residual
+    rotations: Array | None = None  # (n, 3, 3), of the end effector
+    postures: Array | None = None  # (n, dof), reference configurations [rad or m]
+
+    @classmethod
+    def checked(
+        cls,
+        objective: Objective,
+        profile: ArrayLike,
+        time: ArrayLike,
+        path: ArrayLike | None,
+        weights: ArrayLike | None,
+        rotations: ArrayLike | None = None,
+        postures: ArrayLike | None = None,
+    ) -> "Schedule":
+        """Make one of what users give, or raise what says which argument is wrong."""
+        d, times = objective.spec.size, as_times(time, fewest=2)
+        m = d * (d + 1) // 2
+        objective.checked(profile, "profile", minimum=2)
+        targets = as_square(profile, "profile", d)
+        positions = None if path is None else as_metres(path, "path")
+        metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
+        axes = None if rotations is None else _as_rotations(rotations)
+        arm = objective.arm
+        near = None if postures is None else arm.require_within_limits(postures, "reference")
+        require_rows(
+            len(times),
+            profile=(targets, (d, d)),
+            path=(positions, (3,)),
+            weights=(metric, (m, m)),
+            rotations=(axes, (3, 3)),
+            reference=(near, (arm.dof,)),
+        )
+        # copies: results keep them, and what a caller does to arrays afterwards must not change what was asked for
+        rest = (None if one is None else one.copy() for one in (positions, metric, axes, near))
+        return cls(times.copy(), targets.copy(), *rest)
+
+    def __getitem__(self, rows: slice) -> "Schedule":
+        rest = (self.positions, self.weights, self.rotations, self.postures)
+        return Schedule(self.time[rows], self.ellipsoids[rows], *(None if one is None else one[rows] for one in rest))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def targets(self, objective: Objective) -> Targets:
+        """The same as targets of searches."""
+        return objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
+
+    def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
+        """The same at evenly spaced times, `rate` a second or one for each time."""
+        steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
+        return self.at(objective, np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
+
+    def finer(self, objective: Objective, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
+        """The same with points between those that are farther apart than `gap` [s], and the rows of its own points."""
+        pieces = np.clip(np.ceil(np.diff(self.time) / gap - 1e-9), 1, MOST_BETWEEN).astype(np.intp)
+        rows = np.concatenate([[0], np.cumsum(pieces)])
+        if rows[-1] == len(self) - 1:
+            return self, rows
+        found = self.at(objective, np.interp(np.arange(rows[-1] + 1), rows, self.time), smooth=False)
+        if self.positions is not None:
+            found = replace(found, positions=CubicSpline(self.time, self.positions)(found.time))
+        return found, rows
+
+    def at(self, objective: Objective, grid: Array, smooth: bool = False) -> "Schedule":
+        """The same at other times, by splines or by what is straight."""
+        time, damped = self.time, symmetrize(objective.damped(self.ellipsoids))
+
+        def between(values: Array, smooth: bool) -> Array:
+            spline = CubicSpline(time, values) if smooth else make_interp_spline(time, values, k=1)
+            return np.asarray(spline(grid))
+
+        if smooth:
+            # In logarithms about the middle of the profile, where straight lines are geodesics nearly.
+            root, whitening = roots(apply(apply(damped, np.log).mean(axis=0), np.exp))
+            logs = apply(congruence(whitening, damped), np.log)
+            targets = congruence(root, apply(symmetrize(between(logs, True)), np.exp))
+        else:
+            before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
+            share = (grid - time[before]) / (time[before + 1] - time[before])
+            targets = geodesic(damped[before], damped[before + 1], share)
+        return Schedule(
+            grid,
+            objective.undamped(symmetrize(targets)),
+            None if self.positions is None else between(self.positions, smooth),
+            None if self.weights is None else between(self.weights, False),  # a spline might leave semidefinite ones
+            None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
+            None if self.postures is None else between(self.postures, False),  # nor do splines keep within limits
+        )
+
+
+def _as_rotations(value: ArrayLike) -> Array:
+    """Convert to rotations, shape (n, 3, 3)."""
+    given = as_square(value, "rotations", 3)
+    if given.ndim != 3:
+        raise InvalidInputError(f"rotations must have shape (n, 3, 3); found shape {given.shape}")
+    return np.array([as_rotation(one, f"rotations[{i}]", 3) for i, one in enumerate(given)])
+
+
+def require_few(samples: float) -> None:
+    """Raise InvalidInputError when a motion has too many samples."""
+    if not samples <= MOST_SAMPLES:
+        raise InvalidInputError(
+            f"the motion takes {samples:.3g} samples, allowed are {MOST_SAMPLES}: give a lower rate, or a path that "
+            "the limits let pass sooner"
+        )
+
+
+def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:
+    """Raise unless each array that is there has one row for each of `count` times, of the shape that goes with it."""
+    for name, (array, shape) in arrays.items():
+        if array is not None and array.shape != (count, *shape):
+            raise InvalidInputError(
+                f"{name} must have shape {(count, *shape)}, one row for each of the {count} times; "
+                f"found shape {array.shape}"
+            )
+
+
+def as_limits(arm: JointSpace, value: ArrayLike | None, name: str) -> Array:
+    """Convert to one positive limit for each joint, shape (dof,); infinite where there is none."""
+    limits = np.asarray(np.inf if value is None else value, dtype=np.float64)
+    if limits.shape not in ((), (arm.dof,)) or not np.all(limits > 0):
+        raise InvalidInputError(
+            f"{name} must be positive, one number or {arm.dof} (infinity: no limit); found {value!r}"
+        )
+    return np.full(arm.dof, limits)
+
+
+def speed_limits(arm: JointSpace, value: ArrayLike | None) -> Array:
+    """Convert to velocity limits, shape (dof,): those given, else the arm's, infinite where it knows none."""
+    return as_limits(arm, arm.velocity_limits if value is None else value, "velocity_limits")

@@ -1,0 +1,164 @@
+"""The nearest ellipsoid that an arm can make: a search over its joint positions within their limits."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.defaults import DAMPING
+from maniport.errors import NotSPDError
+from maniport.notebook import ShownInNotebooks
+from maniport.steps import Progress, Step
+from maniport.subsample import evenly_spaced
+from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
+from maniport.motion.search.descent import descend_in_blocks
+from maniport.motion.search.start_bank import StartBank, as_positions
+from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
+
+STARTS = 48  # Samples that a search starts from
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FeasibleEllipsoids(ShownInNotebooks):
+    """The nearest feasible ellipsoids to targets; made by `nearest_feasible`.
+
+    Attributes
+    ----------
+    joint_positions : ndarray, shape (n, dof)
+        Configurations with the nearest ellipsoids, within the limits [rad or m].
+    ellipsoids : ndarray, shape (n, d, d)
+        Ellipsoids there, without damping.
+    distance : ndarray, shape (n,)
+        Affine-invariant distances to the targets, with the damping.
+    position_error : ndarray, shape (n,), or None
+        Distances of the end effector from its target positions [m], where there are any.
+    """
+
+    joint_positions: Array
+    ellipsoids: Array
+    distance: Array
+    position_error: Array | None = None
+
+    def __repr__(self) -> str:
+        d = self.ellipsoids.shape[-1]
+        away = "" if self.position_error is None else f", tip {1e3 * np.median(self.position_error):.3g} mm off"
+        return (
+            f"FeasibleEllipsoids({len(self.ellipsoids)} of {d}×{d} at a distance of {np.median(self.distance):.3g}"
+            f"{away} (medians))"
+        )
+
+
+def nearest_feasible(
+    arm: Arm,
+    ellipsoids: ArrayLike,
+    *,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    positions: ArrayLike | None = None,
+    position_weight: float = SEARCH_WEIGHT,
+    n_starts: int = STARTS,
+    bank: StartBank | None = None,
+    random_state: Any = 0,
+    tol: float = 1e-6,
+    max_iter: int = 100,
+    n_jobs: int | None = None,
+    progress: Progress | None = None,
+) -> FeasibleEllipsoids:
+    """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + ε I, M(q) + ε I).
+
+    The distances are upper bounds of the true minima, since searches from finitely many starts may miss them. Of
+    ellipsoids of the Panda at new joint positions 99.7 % score below 0.01.
+
+    Parameters
+    ----------
+    arm : Arm
+    ellipsoids : array_like, shape (n, d, d)
+        Target ellipsoids in the arm's base frame, without damping.
+    spec, damping
+        As in `maniport.motion.track`, of force too, and None for no damping.
+    positions : array_like, shape (n, 3), optional
+        Target positions of the end effector in the base frame [m]. The search then minimizes
+        ``d² + (position_weight · |position error|)²``.
+    position_weight : float
+        Weight of the position error [1/m].
+    n_starts : int
+        Samples to search from for each ellipsoid. Arms with fewer joints need more: of a UR5's own ellipsoids 98 %
+        score below 0.01 with 48, above 99 % with 96.
+    bank, random_state, progress
+        As in `maniport.motion.track`.
+    tol : float
+        Searches for a target end when the root of the minimized cost falls below `tol`, and where no joint alone
+        promises to lower it by as much.
+    max_iter : int
+        Most steps of a search.
+    n_jobs : int, optional
+        Number of processes, as in joblib. Results do not depend on it. Starting processes takes a second or two.
+
+    Raises
+    ------
+    NotSPDError
+        When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
+        itself is singular at all starts.
+    InvalidInputError
+        When another argument has a wrong shape or value.
+    """
+    starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
+    tolerance = as_number(tol, "tol", above=0.0)
+    objective = Objective.of(arm, spec, damping, as_number(position_weight, "position_weight", above=0.0))
+    asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
+    tips = None if positions is None else as_positions(positions, len(asked))
+    bank = StartBank.given_or_built(bank, arm, spec, random_state)
+    step = Step(progress, "search the nearest ellipsoids")
+    targets = objective.targets(asked, tips)
+    first = bank.starts(asked, tips, starts)
+    q = descend_in_blocks(targets, first, tolerance, steps, block=128, n_jobs=n_jobs, tell=step)
+    distance = targets.distance(q)
+    if not np.all(np.isfinite(distance)):
+        raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
+    spread = f"{np.median(distance):.3g} (median), {np.percentile(distance, 95):.3g} (95 %)"
+    step.end(f"distance {spread}, {distance.max():.3g} (largest)")
+    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
+
+
+def feasibility_gap(
+    arm: Arm,
+    profile: ArrayLike,
+    *,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    bank: StartBank | None = None,
+    n_points: int = 250,
+    n_starts: int = STARTS,
+    progress: Progress | None = None,
+) -> Array:
+    """Distance from each target ellipsoid of a profile to the nearest feasible one, wherever the end effector is.
+
+    Parameters
+    ----------
+    arm : Arm
+    profile : array_like, shape (n, d, d)
+        Target ellipsoids in the arm's base frame, in the order of time.
+    spec, damping, bank, n_starts, progress
+        As in `nearest_feasible`.
+    n_points : int
+        Most ellipsoids that are searched, evenly spaced; between them the distance is interpolated.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Upper bounds, as those of `nearest_feasible`.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        As `nearest_feasible`.
+    """
+    targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
+    require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
+    chosen = evenly_spaced(len(targets), most)
+    found = nearest_feasible(
+        arm, targets[chosen], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
+    )
+    return np.interp(np.arange(len(targets)), chosen, found.distance)

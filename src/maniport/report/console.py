@@ -1,0 +1,161 @@
+"""Output of commands: steps with progress bars on a terminal, plain lines in a pipe, JSON or nothing on request."""
+
+import json
+import sys
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from html import escape
+from typing import Any
+
+from rich.console import Console as RichConsole
+from rich.markdown import Markdown
+from rich.progress import BarColumn, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
+from rich.table import Table
+from rich.text import Text
+
+from maniport.errors import ManiportWarning, printable
+from maniport.steps import Progress
+from maniport.report.metrics import Report
+from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+
+DONE = "✓ "
+
+
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """Show the steps of long work in a terminal or a notebook: a bar while one is in progress, a line when it ends.
+
+    In a pipe, a file or the log of a job only the lines are written, to standard error.
+
+    Yields
+    ------
+    callable
+        For the argument ``progress`` of maniport's functions.
+
+    Examples
+    --------
+    >>> import maniport as mp
+    >>> with mp.progress() as tell:  # doctest: +SKIP
+    ...     result = mp.transfer_recording("walk.bvh", progress=tell)
+    """
+    console = _standard_error()
+    with _notebook_steps() if console.is_jupyter else _steps(console) as tell:
+        yield tell
+
+
+class Console:
+    """Results on standard output, progress on standard error."""
+
+    def __init__(self, as_json: bool = False, quiet: bool = False, verbose: bool = False):
+        self.as_json, self.quiet, self.verbose = as_json, quiet, verbose
+        self._out = RichConsole(highlight=False, soft_wrap=True)
+        self._err = _standard_error(quiet=quiet or as_json)
+
+    def say(self, text: str) -> None:
+        """Print a line during the work."""
+        _print_line(self._err, "", text)
+
+    def tell(self, report: Report, output: str = "", **more: Any) -> None:
+        """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or in full."""
+        more |= {"output": output} if output else {}
+        short = report.summary is not None and output
+        parts = [as_markdown(report)] if self.verbose or not short else []
+        self.finish({**as_numbers(report), **more}, "\n".join(parts), markdown=True)
+        if short and not (self.as_json or self.quiet):
+            width = self._out.width if self._out.is_terminal else 100
+            self._out.print(as_terminal(report, output, width), markup=False)
+
+    def finish(self, values: dict[str, Any], text: str, markdown: bool = False) -> None:
+        """Print the result: `values` as JSON, or `text`; a terminal gets Markdown laid out."""
+        if self.as_json:
+            utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
+            print(json.dumps(plain(values), ensure_ascii=not utf8, allow_nan=False, default=str))
+        elif self.quiet or not text:
+            return
+        elif markdown and self._out.is_terminal:
+            self._out.print(Markdown(text), soft_wrap=False)  # a soft wrap would cut its lines at the edge
+        else:
+            self._out.print(text, markup=False)
+
+    @contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """Show steps in progress; each step that ends and each warning is printed as a line."""
+        with _steps(self._err) as tell, warnings.catch_warnings():
+            warnings.showwarning = self._show_warning
+            warnings.simplefilter("always", ManiportWarning)
+            yield tell
+
+    def _show_warning(self, message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any) -> None:
+        _print_line(self._err, "! ", str(message))
+
+
+def _standard_error(quiet: bool = False) -> RichConsole:
+    return RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
+
+
+@contextmanager
+def _steps(console: RichConsole) -> Iterator[Progress]:
+    """Show steps on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Bars(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
+        tasks: dict[str, TaskID] = {}
+
+        def tell(step: str, fraction: float, found: str = "") -> None:
+            if step not in tasks:
+                tasks[step] = bars.add_task(step, total=None)
+            if fraction > 0.0:  # until then the total is unknown, and the bar pulses
+                bars.update(tasks[step], total=1.0, completed=fraction)
+            if fraction >= 1.0:
+                bars.remove_task(tasks.pop(step))
+                _print_line(console, DONE, f"{step}: {found}" if found else step)
+
+        yield tell
+
+
+@contextmanager
+def _notebook_steps(least_change: float = 0.01) -> Iterator[Progress]:
+    """Show steps in a notebook; rich would need ipywidgets there. Each drawing is a message to the browser."""
+    from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]  # there in a notebook
+
+    done: list[str] = []
+    running: dict[str, float] = {}
+    drawn: dict[str, float] = {}
+    shown = display(HTML(""), display_id=True)
+
+    def tell(step: str, fraction: float, found: str = "") -> None:
+        running[step] = fraction
+        if step in drawn and fraction < min(drawn[step] + least_change, 1.0):
+            return
+        drawn[step] = fraction
+        if fraction >= 1.0:
+            del running[step], drawn[step]
+            done.append(DONE + (f"{step}: {found}" if found else step))
+        shown.update(HTML(_as_steps(done, running)))
+
+    try:
+        yield tell
+    finally:
+        shown.update(HTML(_as_steps(done, {})))  # no bar remains after an error
+
+
+def _print_line(console: RichConsole, mark: str, text: str) -> None:
+    """Print one line, whole in a pipe; on a terminal the words are wrapped next to the mark."""
+    text = printable(text)
+    if not console.file.isatty():
+        console.print(mark + text, markup=False)
+        return
+    grid = Table.grid(padding=0)
+    grid.add_row(mark, Text(text))
+    console.print(grid if mark else Text(text), soft_wrap=False)
+
+
+def _as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:
+    """Write steps as HTML: a line for each that has ended, a bar for each in progress."""
+    lines = [escape(line) for line in done]
+    for step, fraction in running.items():
+        value = f' value="{fraction:.3f}"' if fraction > 0.0 else ""
+        lines.append(f'<progress max="1"{value} style="width:12em"></progress> {escape(step)}')
+    style = "padding-left:1.3em;text-indent:-1.3em"
+    return '<div style="margin:.3em 0">' + "".join(f'<div style="{style}">{line}</div>' for line in lines) + "</div>"

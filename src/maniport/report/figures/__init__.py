@@ -1,0 +1,186 @@
+"""Figures for papers: ellipsoids along a motion, curves over time, arms in space, and domains on a map.
+
+Every function returns a `matplotlib.figure.Figure` without a window and without global state, as wide as one column of
+a paper. Profiles and domains are mappings from names to arrays. Colors follow roles (``roles=``, as in
+`maniport.report.roles`), else the order. `write_figures` draws the figures of a saved result.
+"""
+
+import base64
+import json
+import os
+import re
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maniport.atomic_io import written_whole
+from maniport.errors import FileFormatError, InvalidInputError, OutputError
+from maniport.input_limits import KEYPOINTS_BYTES, read_whole
+from maniport.optional import matplotlib
+from maniport.report.page.content import Line, Panel
+from maniport.report.renderings import ENDINGS, PAGE
+from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.validation import Array
+
+matplotlib()  # raises MissingPackageError
+
+from matplotlib import rc_context  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+
+from maniport.report.figures.curves import curves, panel_figure  # noqa: E402
+from maniport.report.figures.space import (  # noqa: E402
+    arms,
+    diffusion_map,
+    ellipsoid_views,
+    ellipsoids,
+    map_figure,
+)
+
+__all__ = [
+    "arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "panel_figure", "save", "write_figures",
+]  # fmt: skip
+
+# Settings of the user must not change the figures; letters remain letters, which a paper sets in its own font.
+SETTINGS: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "maniport",
+    "pdf.fonttype": 42,
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
+    "svg.image_inline": True,
+    "savefig.bbox": None,
+}
+
+# Without dates and versions the same figure gives the same bytes.
+METADATA = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None, "Creator": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> list[Path]:
+    """Write a figure, whole or not at all; to PNG and SVG where the path has no ending."""
+    target = Path(path)
+    if target.suffix and target.suffix.lower() not in METADATA:
+        raise InvalidInputError(f"path must end in {', '.join(METADATA)} or have no ending; found {target.name!r}")
+    targets = [target] if target.suffix else [target.with_suffix(ending) for ending in ENDINGS]
+    for file in targets:
+        stream, ending = BytesIO(), file.suffix.lower()
+        with rc_context(SETTINGS):
+            figure.savefig(stream, format=ending[1:], dpi="figure", metadata=METADATA[ending])
+        with written_whole(file) as temporary:
+            temporary.write_bytes(stream.getvalue())
+    return targets
+
+
+def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> list[Path]:
+    """Draw the figures of a result that `write_results` saved, from the data of its page, as PNG and SVG.
+
+    Parameters
+    ----------
+    result : str or path-like
+        A folder that `maniport.write_results` has written.
+    folder : str or path-like, optional
+        Folder for the figures, which is made where it is missing; by default that of the result.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    FileFormatError
+        When the folder has no page, or one that is not of a result.
+    OutputError
+        When the folder cannot be written.
+    """
+    target = Path(result if folder is None else folder)
+    drawn = dict(_figures(_motion(Path(result) / PAGE)))
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(target)!r}: {error.strerror}") from None
+    return [file for name, figure in drawn.items() for file in save(figure, target / name)]
+
+
+def _motion(page: Path) -> dict[str, Any]:
+    """Read the data of the motion in a page."""
+    text = read_whole(page, (), KEYPOINTS_BYTES).decode("utf-8", "replace")
+    found = re.search(r'<script type="application/json" id="motion-0">(.*?)</script>', text, re.DOTALL)
+    try:
+        data = _decoded(json.loads(found[1]) if found else None)
+        return {**data, "time": data["start"] + data["time"]}
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise FileFormatError(f"{str(page)!r} is not the page of a result: {error}") from None
+
+
+def _decoded(value: Any) -> Any:
+    """Return data of a page with its arrays, see `maniport.report.page.content.packed`."""
+    if isinstance(value, list):
+        return [_decoded(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    for form, kind in {"f32": "<f4", "u16": "<u2", "u32": "<u4"}.items():
+        if isinstance(value.get(form), str):
+            array = np.frombuffer(base64.b64decode(value[form]), kind).reshape(value["shape"])
+            return array.astype(float if form == "f32" else int)
+    return {key: _decoded(item) for key, item in value.items()}
+
+
+def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
+    """Draw what a page has: arms, ellipsoids, curves, and the map."""
+    bodies = [[body, *body.get("beside", [])] for body in data["bodies"]]
+    time, unit, two = data["time"], data["unit"], any(len(body) > 1 for body in bodies)
+    groups = {name: [_panel(panel) for panel in panels] for name, panels in data["panels"].items()}
+    roles = {role: role for role in (PERSON.name, TARGET.name, ACHIEVED.name)}
+    if not bodies:
+        yield "learned", panel_figure(time, [panel for panels in groups.values() for panel in panels])
+        return
+    if any(arm["ellipsoids"] for body in bodies for arm in body):
+        yield "arms", _arms(bodies, unit, data["size"])
+        profiles = _profiles(bodies)
+        if not two and len(profiles) > 1:
+            yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles=roles)
+            yield "curves", curves(time, profiles, unit, roles)
+    person = "Joints of the person"
+    moved = [panel for name, panels in groups.items() if name not in ("Ellipsoids", person) for panel in panels]
+    if moved:
+        yield "motions" if two else "motion", panel_figure(time, moved, 2 if two else 1)
+    if data["map"]:
+        clouds, lines = data["map"]["domains"], data["map"]["profiles"]
+        names = {cloud["name"]: cloud["role"] for cloud in [*clouds, *lines]}
+        domains, paths = ({cloud["name"]: cloud["coordinates"] for cloud in sets} for sets in (clouds, lines))
+        yield "diffusion_map", map_figure(domains, paths, time, names)
+
+
+def _profiles(bodies: list[list[dict[str, Any]]]) -> dict[str, Array]:
+    """Return ellipsoids by role, all in the frame of the person."""
+    found = dict[str, Array]()
+    for body, *_ in bodies:
+        turn = np.eye(3) if body["turn"] is None else np.reshape(body["turn"], (3, 3))
+        found |= {role: turn.T @ _full(six) @ turn for role, six in body["ellipsoids"].items() if role != ACHIEVED.name}
+    return found
+
+
+def _arms(bodies: list[list[dict[str, Any]]], unit: str, size: float) -> Figure:
+    skeletons, shells, roles, within = {}, {}, {}, {}
+    for body in bodies:
+        for arm in body:
+            name = arm["name"] if arm is body[0] else f"{body[0]['name']}, {arm['name']}"
+            role = PERSON.name if PERSON.name in arm["ellipsoids"] else ACHIEVED.name
+            skeletons[name], shells[name] = arm["skeleton"], _full(arm["ellipsoids"][role])
+            roles[name], within[name] = role, body[0]["name"]
+    return arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
+
+
+def _full(six: Array) -> Array:
+    """Symmetric matrices (n, 3, 3) of their entries xx, xy, xz, yy, yz, zz (n, 6)."""
+    return six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+
+
+def _panel(panel: dict[str, Any]) -> Panel:
+    return Panel(**{**panel, "lines": tuple(Line(**line) for line in panel["lines"])})

@@ -1,0 +1,188 @@
+"""Report of what is learned from several demonstrations: agreement, outliers, prediction of held-out ones."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from maniport.errors import argument
+from maniport.pipeline.learned import LearnedProfile
+from maniport.learning.agreement import Agreement
+from maniport.learning.mixture import points_each
+from maniport.report.metrics import (
+    Metric,
+    Report,
+    Section,
+    Summary,
+    Table,
+    describe,
+    in_axes,
+    listed,
+    notes,
+    numbers,
+    warnings_of,
+)
+from maniport.report.recording import RECORDING
+from maniport.report.runs import software
+from maniport.report.summary import status_of
+
+AGREE, IN_PART = 0.2, 0.5  # Shares of the variance between demonstrations up to which they agree, and agree in part
+
+HELD_OUT = ("learned", "plain_mean", "nearest_other", "one_for_all_times")
+
+
+@describe.register
+def learned_report(learned: LearnedProfile) -> Report:
+    """Report a learned profile, agreement of the demonstrations first."""
+    k = len(learned.demonstrations)
+    doubts = (
+        *warnings_of("equal-demonstrations", _equal(learned)),
+        *warnings_of(RECORDING, [doubt for one in learned.demonstrations for doubt in one.doubts]),
+        *warnings_of("demonstrations-differ", _differ(learned)),
+    )
+    lead = (
+        f"{k} demonstrations, aligned to the {np.ptp(learned.time):.1f} s of {learned.reference.name}. Each of "
+        f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
+    )
+    sections = (_profile(learned), _demonstrations(learned), _settings(learned))
+    report = Report(f"A profile of {k} demonstrations", lead, sections, data_warnings=doubts)
+    return replace(report, summary=_summary(learned, report.warning_keys))
+
+
+def _equal(learned: LearnedProfile) -> list[str]:
+    """Name demonstrations that are equal, as when one file is given twice."""
+    pairs = np.argwhere(np.triu(learned.agreement.apart < 1e-6, 1))
+    if not len(pairs):
+        return []
+    first, second = (learned.names[i] for i in pairs[0])
+    more = f", and so are {len(pairs) - 1} other pairs" if len(pairs) > 1 else ""
+    return [f"{first} and {second} are the same{more}: their agreement has no meaning"]
+
+
+def _differ(learned: LearnedProfile) -> list[str]:
+    """Report demonstrations that differ much, or one that differs from the others."""
+    found = learned.agreement
+    differ = "the demonstrations differ: their mean is a motion that nobody performed"
+    outlier = [] if found.odd is None else [f"{learned.names[found.odd]} differs from the other demonstrations"]
+    return [*([differ] if found.share > AGREE else []), *outlier]
+
+
+def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
+    """Summarize whether the demonstrations agree; `reasons` are the keys of all warnings."""
+    found = learned.agreement
+    how = "agree" if found.share <= AGREE else "agree in part" if found.share <= IN_PART else "do not agree"
+    outlier = "" if found.odd is None else learned.names[found.odd]
+    texts = [
+        f"The mean distance to the mean ellipsoid of the same time is {found.after:.2f} ({in_axes(found.after)}).",
+        *([f"{outlier} is an outlier."] if outlier else []),
+    ]
+    advice = f"Leave out {outlier}, or give it a profile of its own." if outlier else _more(learned)
+    title = f"The demonstrations {how}."
+    return Summary(title, " ".join(texts), "", advice, "", status_of(reasons), tuple(reasons), tuple(_agreement(found)))
+
+
+def _held_out(found: Agreement) -> dict[str, float]:
+    """Mean distances of held-out demonstrations from what is known without them."""
+    held = found.held_out
+    assert held is not None
+    means = (float(np.mean(values)) for values in (held.learned, held.mean, held.nearest, held.constant))
+    return dict(zip(HELD_OUT, means, strict=True))
+
+
+def _more(learned: LearnedProfile) -> str:
+    """Advise more Gaussians where the plain mean predicts better and there are enough ellipsoids."""
+    found, more = learned.agreement, 2 * learned.model.n_components_
+    k, n, d, _ = learned.alignment.ellipsoids.shape
+    if found.held_out is None or k * n < more * points_each(d):
+        return ""
+    held = _held_out(found)
+    text = f"More Gaussians may predict better: {argument('components', more)}."
+    return text if held["learned"] > held["plain_mean"] else ""
+
+
+def _agreement(found: Agreement) -> list[Metric]:
+    """Return how alike the demonstrations are."""
+    metrics = [
+        Metric("Dispersion", f"{found.after:.2f} after alignment, {found.before:.2f} before",
+               "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long.", "spread",
+               {"before": found.before, "after": found.after}),
+        Metric("Variance between demonstrations", f"{100 * found.share:.0f} %", "Share of all variance.", "share",
+               found.share),
+    ]  # fmt: skip
+    if found.held_out is not None:
+        held = _held_out(found)
+        learned, mean, nearest, constant = held.values()
+        text = (
+            f"{learned:.2f} to the learned profile, {mean:.2f} to the plain mean, {nearest:.2f} to the nearest other, "
+            f"{constant:.2f} to one ellipsoid for all times"
+        )
+        metrics.append(Metric("Leave-one-out distance", text, "Mean over the demonstrations.", "left_out", held))
+    return metrics
+
+
+def _profile(learned: LearnedProfile) -> Section:
+    movement, gaussians = learned.agreement.movement, learned.model.n_components_
+    metrics = (
+        *_agreement(learned.agreement),
+        Metric("Movement", f"{movement:.2f}", "Mean distance of the profile from its mean.", "movement", movement),
+        Metric("Gaussians", str(gaussians), key="gaussians", value=gaussians),
+        *numbers(ellipsoids=len(learned.time), duration_s=round(float(np.ptp(learned.time)), 3)),
+    )
+    return Section("Learned profile", metrics, key="profile")
+
+
+def _demonstrations(learned: LearnedProfile) -> Section:
+    """List the demonstrations."""
+    found, held = learned.agreement, learned.agreement.held_out
+    rows: list[tuple[str, ...]] = []
+    values: list[dict[str, Any]] = []
+    for i, one in enumerate(learned.demonstrations):
+        fit, alone = one.fit, float(found.alone[i])
+        left = None if held is None else float(held.learned[i])
+        rows.append((one.name, f"{np.ptp(fit.time):.2f} s", str(len(fit)), str(fit.arm.side), f"{alone:.2f}",
+                     "" if left is None else f"{left:.2f}"))  # fmt: skip
+        values.append({"name": one.name, "start_s": float(fit.time[0]), "stop_s": float(fit.time[-1]),
+                       "frames": len(fit), "side": fit.arm.side, "from_others": alone, "left_out": left,
+                       "segment_lengths_m": fit.segment_lengths})  # fmt: skip
+    columns = ("demonstration", "duration", "frames", "arm", "from the others", "held out")
+    caption = "Mean distances after alignment: from the others, and from the profile learned without it."
+    outlier = None if found.odd is None else learned.names[found.odd]
+    metrics = (
+        Metric("Reference", learned.reference.name, "Gives the times of the profile.", "reference",
+               learned.alignment.reference),
+        Metric("Outlier", outlier or "none", "At least 1.5 times the median distance from the others.", "odd",
+               found.odd),
+        *notes(_preparation(learned)),
+    )  # fmt: skip
+    table = Table(columns, tuple(rows), caption, "demonstrations", values)
+    return Section("Demonstrations", metrics, (table,), "demonstrations")
+
+
+def _preparation(learned: LearnedProfile) -> list[str]:
+    """Report what made the demonstrations comparable: mirroring and segment lengths."""
+    side = learned.arm.side
+    sides = Counter(one.fit.arm.side for one in learned.demonstrations)
+    mirrored = [one.name for one in learned.demonstrations if one.fit.arm.side != side]
+    every = [one.fit.segment_lengths for one in learned.demonstrations]
+    spans = []
+    for segment in every[0]:
+        lengths = [one[segment] for one in every if segment in one]
+        spans.append(f"{segment} {min(lengths):.3f} to {max(lengths):.3f} m")
+    arm = "one arm of mean lengths" if learned.lengths == "mean" else "arms of these lengths, which differ in size"
+    mirrors = f"{sides[side]} demonstrations show the {side} arm; mirrored were {listed(mirrored)}"
+    return [*([mirrors] if mirrored else []), f"lengths: {listed(spans)}; all ellipsoids are those of {arm}"]
+
+
+def _settings(learned: LearnedProfile) -> Section:
+    spec, damping = learned.spec, learned.regularization.epsilon
+    metrics = (
+        Metric("Ellipsoids", f"{spec.kind}, {spec.part}", "Trunk frame (x forward, y left, z up).", "ellipsoids",
+               {"kind": spec.kind, "part": spec.part}),
+        Metric("Damping", f"{damping:.3g}" if damping else str(learned.regularization),
+               "Added to all eigenvalues before ellipsoids are compared.", "damping", damping),
+        Metric("Arm", f"{learned.arm.name}, {learned.arm.side}", key="arm", value=learned.arm.name),
+        *software(learned.random_state),
+    )  # fmt: skip
+    return Section("Settings", metrics, key="run", folded=True)

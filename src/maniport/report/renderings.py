@@ -1,0 +1,219 @@
+"""Renderings of a report: Markdown, the text on a terminal, numbers for JSON, and tables for notebooks."""
+
+import json
+import math
+import os
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maniport.atomic_io import written_whole
+from maniport.errors import printable
+from maniport.report.metrics import INFO, WARNING, Metric, Report, Section, Summary, Table, facts_of, sentence
+
+SUMMARY, PAGE = "summary.json", "report.html"
+"""Files of a run: its report as numbers, and the page. A folder with both holds results."""
+
+ENDINGS = (".png", ".svg")  # Formats of the files of a figure
+
+# Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs.
+_MARKUP = re.compile(r"\\(?=[!-/:-@[-`{-~])|<(?=[A-Za-z/!?])|&(?=#?\w+;)|\](?=[(\[:])|^[#>]")
+
+
+def escaped(text: str) -> str:
+    r"""Return text, such as a name from a file, that Markdown shows as it is: without HTML, links and headings."""
+    return _MARKUP.sub(r"\\\g<0>", printable(text))
+
+
+def files_of(*names: str) -> tuple[str, ...]:
+    """Return names of the files of figures that are saved without an ending."""
+    return tuple(f"{name}{ending}" for name in names for ending in ENDINGS)
+
+
+def as_markdown(report: Report, level: int = 1) -> str:
+    """Render a `Report` as Markdown: the summary and warnings first, then every section.
+
+    Parameters
+    ----------
+    report : Report
+    level : int
+        Level of the heading.
+
+    Returns
+    -------
+    str
+    """
+    lines = [f"{'#' * level} {escaped(report.title)}", "", *([escaped(report.lead), ""] if report.lead else [])]
+    lines += [] if report.summary is None else _summary(report.summary, level + 1)
+    if report.warnings:
+        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
+    for section in report.sections:
+        lines += _section(section, level + 1)
+    return "\n".join(lines)
+
+
+def as_numbers(report: Report) -> dict[str, Any]:
+    """Return a `Report` for programs, ready for JSON: sections by key, units in the names, and the warnings.
+
+    Parameters
+    ----------
+    report : Report
+
+    Returns
+    -------
+    dict
+    """
+    suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
+    result: dict[str, Any] = {"title": report.title}
+    if (summary := report.summary) is not None:
+        texts = {name: getattr(summary, name) for name in ("title", "text", "doubts", "advice", "command", "reasons")}
+        result |= {"status": summary.status or None, "verdict": texts}
+    result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
+    result["notes"] = list(report.notes)
+    for section in report.sections:
+        known = [one for one in section.metrics if one.key and (one.severity != WARNING or one.value is not None)]
+        entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in known}
+        entries |= {table.key: table.value for table in section.tables if table.key}
+        if entries and section.key:
+            result.setdefault(section.key, {}).update(entries)
+        else:
+            result |= entries
+    return dict(plain(result))
+
+
+def as_terminal(report: Report, folder: str, width: int = 80) -> str:
+    """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
+    summary = report.summary
+    assert summary is not None
+    paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
+    lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
+    lines += _columns(summary.metrics)
+    for text in (summary.text, summary.doubts):
+        lines += textwrap.wrap(printable(text), width)
+    for text in report.warnings:
+        lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ")
+    lines += textwrap.wrap(printable(summary.advice), width)
+    files = {"Next": printable(summary.command_for(folder)) if summary.command else ""}
+    files |= {"Report": str(Path(folder, PAGE)), "Details": str(Path(folder, "summary.md"))}
+    return "\n".join([*lines, *(f"{name:<8} {text}" for name, text in files.items() if text)])
+
+
+def _columns(metrics: Sequence[Metric]) -> list[str]:
+    """Write metrics as lines: statistics in columns, others as text."""
+    names = [f"{metric.label} [{metric.unit}]" if _is_statistics(metric) and metric.unit else metric.label
+             for metric in metrics]  # fmt: skip
+    wide = max(map(len, names), default=0)
+    lines = []
+    if any(map(_is_statistics, metrics)):
+        lines.append(f"  {'':<{wide}}{'median':>9}{'95th':>9}{'max':>9}")
+    for name, metric in zip(names, metrics, strict=True):
+        if _is_statistics(metric):
+            value = metric.value
+            cells = "".join(f"{value[key]:>9.2f}" for key in ("median", "p95", "max"))
+            lines.append(f"  {name:<{wide}}{cells}  ({value['max_at_s']:.1f} s)")
+        else:
+            lines.append(f"  {name:<{wide}}  {metric.text}")
+    return lines
+
+
+def _is_statistics(metric: Metric) -> bool:
+    return isinstance(metric.value, Mapping) and "max_at_s" in metric.value
+
+
+def write_facts(path: str | os.PathLike[str], report: Report) -> None:
+    """Write a report to a ``.json`` file, or as Markdown, whole or not at all."""
+    text = as_markdown(report)
+    if Path(path).suffix == ".json":
+        text = json.dumps(as_numbers(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON has it; nan and infinity become None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def as_html(thing: Any) -> str:
+    """Render an object or its `Report` for a notebook: a piece of HTML without colors of its own, which loads nothing.
+
+    Parameters
+    ----------
+    thing : Report or any object of maniport
+
+    Returns
+    -------
+    str
+    """
+    report = thing if isinstance(thing, Report) else facts_of(thing)
+    parts = [f"<b>{escape(type(thing).__name__)}</b> {escape(report.title)}"]
+    parts += [f"<div>{escape(report.lead)}</div>"] if report.lead else []
+    if (summary := report.summary) is not None:
+        texts = " ".join(filter(None, (summary.status_text, summary.text)))
+        parts.append(f"<div><b>{escape(summary.title)}</b> {escape(texts)}</div>")
+    if report.warnings:
+        parts.append(_grid((), [("" if k else "warnings", text) for k, text in enumerate(report.warnings)]))
+    for section in report.sections:
+        rows = [(metric.label, metric.text) for metric in section.metrics if metric.text and metric.severity != WARNING]
+        parts += [_grid((), rows)] if rows else []
+        parts += [_grid(table.columns, table.rows) for table in section.tables]
+    return f'<div style="margin:.3em 0">{"".join(parts)}</div>'
+
+
+def _summary(summary: Summary, level: int) -> list[str]:
+    texts = [escaped(text) for text in (summary.status_text, summary.text, summary.doubts)]
+    texts.append(escaped(summary.advice) + (f" `{printable(summary.command_for())}`" if summary.command else ""))
+    paragraphs = [line for text in texts if text for line in (text, "")]
+    return [f"{'#' * level} {escaped(summary.title)}", "", *paragraphs]
+
+
+def _section(section: Section, level: int) -> list[str]:
+    metrics = [metric for metric in section.metrics if metric.text and metric.severity != WARNING]
+    if not (metrics or section.tables or section.text):
+        return []
+    lines = [f"{'#' * level} {escaped(section.title)}", ""] if section.title else []
+    lines += [line for text in section.text.split("\n") if text for line in (printable(text), "")]
+    lines += [*map(_line, metrics), *([""] if metrics else [])]
+    return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
+
+
+def _line(metric: Metric) -> str:
+    if metric.severity != INFO or not metric.label:
+        return f"- {escaped(metric.text)}"
+    text = sentence(escaped(f"{metric.label}: {metric.text}"))
+    return f"- {text} {escaped(metric.description)}".rstrip()
+
+
+def _table(table: Table) -> list[str]:
+    caption = [escaped(table.caption), ""] if table.caption else []
+    return [*caption, _cells(table.columns), _cells(["---"] * len(table.columns)), *map(_cells, table.rows)]
+
+
+def _cells(texts: Sequence[str]) -> str:
+    return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
+
+
+def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Write an HTML table whose styles do not depend on those of the notebook."""
+    cell = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;"
+    label, value = f"{cell}font-weight:normal;opacity:.7;white-space:nowrap", f"{cell}white-space:pre-wrap"
+    names = "".join(f'<th style="{label}">{escape(name)}</th>' for name in head)
+    body = "".join(
+        f'<tr><th style="{label}">{escape(first)}</th>'
+        + "".join(f'<td style="{value}">{escape(text)}</td>' for text in others)
+        + "</tr>"
+        for first, *others in rows
+    )
+    top = f"<thead><tr>{names}</tr></thead>" if head else ""
+    return f'<table style="border-collapse:collapse;margin:.3em 0">{top}<tbody>{body}</tbody></table>'

@@ -1,0 +1,229 @@
+"""Metrics of arms and of placements, and an arm as an argument of the command line."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from maniport.arms import PERSONS, Arm, Arms, load_arm
+from maniport.arms.chain import PRISMATIC
+from maniport.arms.collisions import Collisions
+from maniport.arms.readers import ROBOTS
+from maniport.arms.readers.packages import pair_of, places_of
+from maniport.arms.readers.tip import Limb
+from maniport.errors import argument
+from maniport.report.metrics import Metric, Report, Section, Table, defined, describe, listed, numbers, warning
+from maniport.motion import FeasibleEllipsoids, PlacedPath
+from maniport.motion.motion_limits import QUANTITIES, MotionLimits
+from maniport.validation import Array
+
+
+@describe.register
+def arm_report(arm: Arm) -> Report:
+    """Describe an arm: its joints with their limits, fixed joints, and frames."""
+    limits = {name: [low, high] for name, low, high in zip(arm.joint_names, arm.lower, arm.upper, strict=True)}
+    spans = [f"{low:.3f} to {high:.3f} {unit}" for low, high, unit in _ranges(arm)]
+    angles = np.degrees([arm.lower, arm.upper]).T
+    spans = [f"{span} ({low:.0f}° to {high:.0f}°)" if unit == "rad" else span
+             for span, (low, high), unit in zip(spans, angles, arm.joint_units, strict=True)]  # fmt: skip
+    metrics = (
+        Metric("Arm", arm.name + (f", a human {arm.side} arm" if arm.side else ""), key="arm", value=arm.name),
+        Metric("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
+        *chain_metrics(arm),
+        *_coupled(arm),
+        Metric("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
+        *([] if arm.side else assumed_limits(MotionLimits.of(arm, margin=0.0))),  # no motion of a person is planned
+    )
+    rows = tuple(zip(arm.joint_names, spans, _speeds(arm), strict=True))
+    joints = Table(("joint", "position limits", "velocity limit"), rows, key="joints", value=limits)
+    return Report(arm.name, "", (Section("", metrics, (joints,)),))
+
+
+@describe.register
+def pair_report(arms: Arms) -> Report:
+    """Describe a pair of arms: shared joints, and each arm."""
+    metrics = (
+        Metric("Arms", arms.name, key="arms", value=arms.name),
+        Metric("Degrees of freedom", str(arms.dof), key="degrees_of_freedom", value=arms.dof),
+        Metric("Shared", listed(arms.shared), "Joints that move both arms.", "shared", list(arms.shared)),
+    )
+    each = zip(("left", "right"), arms.each, strict=True)
+    sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side) for side, arm in each]
+    return Report(arms.name, "", (Section("", metrics), *sections))
+
+
+def chain_metrics(arm: Arm) -> list[Metric]:
+    """Return base frame, end effector and fixed joints."""
+    held = {name: float(value) for name, value in arm.chain.locked.items()}
+    texts = [f"{name} at {value:.3g} m" if _is_prismatic(arm, name) else f"{name} at {np.degrees(value):.3g}°"
+             for name, value in held.items()]  # fmt: skip
+    return [
+        Metric("Base", base_of(arm), "Frame of positions and directions.", "base", base_of(arm)),
+        Metric("End effector", arm.frame, key="frame", value=arm.frame),
+        Metric("Fixed joints", listed(texts), key="held", value=held),
+    ]
+
+
+def base_of(arm: Arm) -> str:
+    """Return the base frame of an arm; the first one at its place where none was chosen."""
+    fixed = (name for name, at in arm.chain.frames.items() if not at.joint and np.allclose(at.placement, np.eye(4)))
+    return arm.chain.base or next(fixed, "the base")
+
+
+def command_line_of(arm: Arm) -> str:
+    """Write an arm as options of the command line, as far as it differs from the default."""
+    chain, name = arm.chain, arm.name if arm.name in ROBOTS else arm.chain.source or f"{arm.name}.urdf"
+    words = [shlex.quote(name)]
+    if name not in ROBOTS or arm.frame != load_arm(name).frame:
+        words.append(f"--frame {shlex.quote(arm.frame)}")
+    if chain.base is not None and chain.stand is None:
+        words.append(f"--base {shlex.quote(chain.base)}")
+    for joint, value in chain.locked.items():
+        position = value if _is_prismatic(arm, joint) else np.degrees(value)
+        words.append(f"--lock {shlex.quote(f'{joint}={position:.7g}')}")
+    return " ".join(words)
+
+
+def assumed_limits(limits: MotionLimits) -> list[Metric]:
+    """Warn of limits that are assumed, with their values and how to give real ones."""
+    arm, found, real = limits.arm, [], f"Give the real ones with {argument('motion_limits', option='--limits')}"
+    units = dict(zip(arm.joint_names, arm.joint_units, strict=True))
+    for suffix, quantity in zip(("", "/s", "/s²", "/s³"), QUANTITIES, strict=True):
+        joints_of: dict[str, list[str]] = {}
+        for name in limits.assumed[quantity]:
+            i, unit = arm.joint_names.index(name), units[name] + suffix
+            value = f"{limits.lower[i]:.3g} to {limits.upper[i]:.3g}"
+            if quantity != "position":
+                value = f"{getattr(limits, quantity)[i]:.4g}"
+            joints_of.setdefault(f"{value} {unit}", []).append(name)
+        if joints_of:
+            each = "; ".join(
+                f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
+                for text, joints in joints_of.items()
+            )
+            found.append(warning(f"assumed-{quantity}-limits", f"{quantity} limits are assumed: {each}. {real}"))
+    return found
+
+
+def missing_meshes(links: Sequence[str]) -> list[Metric]:
+    """Warn of links that are checked by their collision shapes because their meshes are missing."""
+    text = f"meshes of {listed(links)} are missing; the collision shapes of these links are checked instead"
+    return [warning("missing-meshes", text)] if links else []
+
+
+def unchecked_links(links: Sequence[str]) -> list[Metric]:
+    """Warn of links without a shape, and of pairs of links, that are not checked for collisions."""
+    text = f"not checked for collisions: {listed(links)}; their shapes are unknown or convex hulls always meet"
+    return [warning("unchecked-links", text)] if links else []
+
+
+def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
+    """Describe the file of a robot: the chosen chain, if there is one, and the other end effectors."""
+    others = [limb for limb in limbs if arm is None or limb.tip != arm.frame]
+    rows = tuple((limb.tip, str(len(limb.joints)), " … ".join(dict.fromkeys((limb.joints[0], limb.joints[-1]))),
+                  limb.fork or "") for limb in others)  # fmt: skip
+    value = {limb.tip: {"joints": list(limb.joints), "fork": limb.fork} for limb in others}
+    table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
+    title, text = "Other ends" if arm else "Ends", "Fingers are omitted. With --base the chain begins at a branch."
+    ends = [Section(title, (), (table,), text=text)] if others else []
+    places = () if name in (*ROBOTS, *PERSONS) else places_of(name)
+    files = [Metric("From", listed(places), "The first one is used." if places[1:] else "", "from", list(places))]
+    if arm is None:
+        arms = " or ".join(pair_of(name))
+        lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
+        return Report(name, lead, (Section("", tuple(files)), *ends))
+    own, *more = arm_report(arm).sections
+    metrics = (*(files if places else ()), *own.metrics, *([] if arm.side else _collision_warnings(arm)))
+    return Report(arm.name, "", (replace(own, metrics=metrics), *more, *ends))
+
+
+def _collision_warnings(arm: Arm) -> list[Metric]:
+    """Warn of what collision checking of a robot omits."""
+    collisions = Collisions.of(arm)
+    if not collisions.known:
+        return [warning("unchecked-collisions", f"collisions are not checked: {collisions.why}")]
+    return [*missing_meshes(collisions.stand_ins), *unchecked_links(collisions.unchecked)]
+
+
+def _ranges(arm: Arm) -> list[tuple[float, float, str]]:
+    return list(zip(arm.lower.tolist(), arm.upper.tolist(), arm.joint_units, strict=True))
+
+
+def _speeds(arm: Arm) -> list[str]:
+    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    pairs = zip(speeds, arm.joint_units, strict=True)
+    return [f"{speed:.3g} {unit}/s" if speed < np.inf else "unknown" for speed, unit in pairs]
+
+
+def _coupled(arm: Arm) -> list[Metric]:
+    """Return the joints that are coupled to others."""
+    chain, rules = arm.chain, {}
+    for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
+        if joint.name not in (*chain.coordinates, *chain.locked):
+            terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
+            rules[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset or not terms else [])])
+    text = listed([f"{name} = {rule}" for name, rule in rules.items()])
+    return [Metric("Coupled joints", text, key="following", value=rules)]
+
+
+def _is_prismatic(arm: Arm, name: str) -> bool:
+    return any(joint.name == name and joint.kind == PRISMATIC for joint in arm.chain.joints)
+
+
+def _angles(placed: object) -> tuple[float, float, float]:
+    """Yaw, tilt and heading of a placement [degrees]."""
+    yaw, tilt, heading = (float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading"))
+    return yaw, tilt, heading
+
+
+@describe.register
+def placement_report(placed: PlacedPath) -> Report:
+    """Describe the placement of a path, with its alternatives."""
+    rows, values = [], []
+    for rank, one in enumerate(placed.candidates, 1):
+        yaw, tilt, heading = _angles(one)
+        median, p95, largest = (float(value) for value in np.percentile(one.distance, [50.0, 95.0, 100.0]))
+        middle = ", ".join(f"{value:.3f}" for value in one.offset)
+        rows.append((str(rank), f"{one.scale:.3f}", f"{yaw:.1f}", f"{tilt:.1f} to {heading:.1f}" if tilt else "0",
+                     middle, f"{median:.2f} / {p95:.2f} / {largest:.2f}", f"{one.rms:.2f}"))  # fmt: skip
+        values.append({"rank": rank, "scale": one.scale, "yaw_deg": yaw, "tilt_deg": tilt, "heading_deg": heading,
+                       "offset_m": one.offset.tolist(),
+                       "distance": {"median": median, "p95": p95, "max": largest, "rms": one.rms}})  # fmt: skip
+    caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
+    columns = ("rank", "scale", "yaw [°]", "tilt [°]", "middle [m]", "distance, median / 95 % / max", "rms")
+    tables = (Table(columns, tuple(rows), caption, "candidates", values),) if rows else ()
+    section = replace(placement_section(placed), tables=tables)
+    return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
+
+
+def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
+    """Describe the placement of a path and whether the robot reaches it."""
+    yaw, tilt, heading = _angles(placed)
+    offset = placed.offset.tolist()
+    out = int((~placed.reachable).sum())
+    far = 1e3 * float(placed.position_error.max()) if out else 0.0
+    text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
+    pointwise = defined("node_floor", placed.distance, time)
+    metrics = (
+        *([warning("path-out-of-reach", text)] if out else []),
+        Metric("Path", f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at "
+               f"({listed([f'{value:.3f}' for value in offset])}) m in the base frame",
+               "The target ellipsoids are rotated with the path."),
+        Metric("Base", f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
+               "Rotation from the upright base about a horizontal axis.", "mount",
+               {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()}),
+        *numbers(node_floor=pointwise.value, scale=float(placed.scale), yaw_deg=yaw, offset_m=offset,
+                 points_out_of_reach=out, farthest_out_of_reach_mm=far),
+    )  # fmt: skip
+    return Section("Placement", metrics, key="placement")
+
+
+@describe.register
+def feasible_report(found: FeasibleEllipsoids) -> Report:
+    """Describe the nearest feasible ellipsoids."""
+    count, d = found.ellipsoids.shape[:2]
+    metrics = [defined("distance", found.distance)]
+    if found.position_error is not None:
+        metrics.append(defined("tip_error", 1e3 * found.position_error))
+    return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))

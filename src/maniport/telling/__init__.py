@@ -1,8 +1,0 @@
-"""Reports of results: metrics, their text, JSON, notebook and page renderings, and figures."""
-
-from maniport.telling.metrics import Metric, Report, Section, Summary, Table, facts_of
-from maniport.telling.renderings import as_html, as_markdown, as_numbers
-
-__all__ = [
-    "Metric", "Report", "Section", "Summary", "Table", "as_html", "as_markdown", "as_numbers", "facts_of",
-]  # fmt: skip

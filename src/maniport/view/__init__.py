@@ -1,4 +1,0 @@
-"""The live view: a page in the browser where a person's arm is moved and a robot follows.
-
-`maniport.view.state` computes it without a page; `scene` and `panel` show it, `server` runs the loop.
-"""

@@ -1,0 +1,251 @@
+"""Access to the live view: who may connect, and which messages are passed on.
+
+viser accepts every connection: any page in the user's browser could read the panel and move its controls. Requests
+therefore need the address's token and the names of this host and page, and only messages that the page itself sends
+pass, with valid values.
+"""
+
+import contextlib
+import gzip
+import hmac
+import http
+import logging
+import math
+import secrets
+import threading
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from typing import Any
+
+from maniport.errors import InvalidInputError
+from maniport.ports import LOOPBACK_NAMES, is_loopback
+from maniport.validation import MAX_POSITION
+
+LOG = logging.getLogger("maniport.viewer")
+MESSAGE_BYTES = 1 << 16  # Largest message; the page's own have a few hundred bytes
+MAX_PAGES = 64  # Pages that may be connected at the same time
+LOGGED = 5  # So many refusals of a kind are logged one by one, then every 10 000th
+LONGEST_TEXT = 200
+SHORTEST = 1e-6  # Least length of a direction or a quaternion, and distance between camera and its target [m]
+POSITIONS = {"position": 3, "look_at": 3}
+DIRECTIONS = {"wxyz": 4, "up_direction": 3}
+RANGES = {
+    "fov": (1e-3, math.pi - 1e-3),
+    "near": (0.0, MAX_POSITION),
+    "far": (1e-3, 1e3 * MAX_POSITION),
+    "image_height": (1, 1e5),
+    "image_width": (1, 1e5),
+}
+FIELDS = {
+    "ViewerCameraMessage": {*POSITIONS, *DIRECTIONS, *RANGES},
+    "GuiUpdateMessage": {"uuid", "updates"},
+    "TransformControlsUpdateMessage": {"name", "owner", "wxyz", "position"},
+    "TransformControlsDragStartMessage": {"name", "owner"},
+    "TransformControlsDragEndMessage": {"name", "owner"},
+}
+"""Messages that pass, and all fields of each."""
+
+
+class AccessControl:
+    """Refuses requests without the token, and messages that the page does not send."""
+
+    def __init__(self, host: str):
+        self.token = secrets.token_urlsafe(16)
+        self._names = LOOPBACK_NAMES if is_loopback(host) else None
+        self._pages = 0
+        self._counts: Counter[str] = Counter()
+
+    def refusal(self, headers: Any, path: str) -> str:
+        """Why a request is not answered; empty where it is."""
+        hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+        if len(hosts) != 1 or len(origins) > 1:
+            return "it names no host, or more than one"
+        name = hosts[0].rpartition(":")[0] or hosts[0]
+        if self._names is not None and name.lower() not in self._names:
+            return f"it asks for the host {hosts[0][:LONGEST_TEXT]!r}"
+        if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
+            return f"it comes from {origins[0][:LONGEST_TEXT]!r}"
+        given = path.partition("?")[0].strip("/").split("/")[0]
+        if not hmac.compare_digest(given.encode(errors="surrogateescape"), self.token.encode()):
+            return "its address lacks the token"
+        return ""
+
+    def objection(self, raw: Any) -> str:
+        """Why a message is not passed on; empty where it is."""
+        from msgspec import DecodeError, msgpack
+
+        if not isinstance(raw, bytes):
+            return "it is text"
+        try:
+            message = msgpack.decode(raw)
+        except (DecodeError, RecursionError, UnicodeDecodeError) as error:
+            return f"it cannot be decoded: {str(error)[:LONGEST_TEXT]}"
+        kind = message.pop("type", None) if isinstance(message, dict) else None
+        wanted = FIELDS.get(kind) if isinstance(kind, str) else None
+        if wanted is None:
+            return f"the page sends no {str(kind)[:LONGEST_TEXT]!r}"
+        if set(message) != wanted:
+            return f"a {kind} holds other fields"
+        return _invalid_value(message)
+
+    def refuse(self, what: str, why: str) -> None:
+        """Log that something was refused: one line, and of many only some."""
+        self._counts[what] += 1
+        count = self._counts[what]
+        if count <= LOGGED or count % 10_000 == 0:
+            LOG.warning("%s refused (%d so far): %s", what, count, " ".join(why.split()))
+
+    @contextlib.contextmanager
+    def guarding(self, server_module: Any) -> Iterator[None]:
+        """Guard the server that viser starts in the context."""
+        usual, passed = server_module.serve, []
+
+        def serve(handler: Callable[[Any], Awaitable[None]], *args: Any, **options: Any) -> Any:
+            passed.append(True)
+            answer = options.pop("process_request")
+            options |= {"max_size": MESSAGE_BYTES, "logger": _quiet(), "process_request": self._answering(answer)}
+            return usual(self._listening(handler), *args, **options)
+
+        with _ONE_AT_A_TIME:
+            server_module.serve = serve
+            try:
+                yield
+            finally:
+                server_module.serve = usual
+        if not passed:
+            raise InvalidInputError("this version of viser starts its server in a way that cannot be guarded")
+
+    def _answering(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        def process(connection: Any, request: Any) -> Any:
+            why = self.refusal(request.headers, request.path)
+            if not why and self._pages >= MAX_PAGES and request.headers.get("Upgrade"):
+                why = f"{MAX_PAGES} pages are connected already"
+            if why:
+                self.refuse("a connection was", why)
+                return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
+            request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
+            try:
+                return _titled(answer(connection, request))
+            except (OSError, ValueError):  # viser looks for a file of that name, which may be none
+                return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
+
+        return process
+
+    def _listening(self, handler: Callable[[Any], Awaitable[None]]) -> Callable[[Any], Awaitable[None]]:
+        async def listen(connection: Any) -> None:
+            usual = connection.recv
+
+            async def recv(*args: Any, **options: Any) -> Any:
+                while True:
+                    raw = await usual(*args, **options)
+                    why = self.objection(raw)
+                    if not why:
+                        return raw
+                    self.refuse("a message was", why)
+
+            connection.recv = recv
+            self._pages += 1
+            try:
+                await handler(connection)
+            finally:
+                self._pages -= 1
+
+        return listen
+
+
+def _titled(response: Any) -> Any:
+    """Replace the title of viser's page, which viser has no option for."""
+    if response is None or not str(response.headers.get("Content-Type", "")).startswith("text/html"):
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else response.body
+    page = page.replace(b"<title>Viser</title>", b"<title>maniport</title>", 1)
+    response.body = gzip.compress(page) if packed else page
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response
+
+
+_ONE_AT_A_TIME = threading.Lock()
+
+
+def _invalid_value(message: dict[str, Any]) -> str:
+    """Which value of a message is invalid; empty where none is."""
+    for name, value in message.items():
+        if name in POSITIONS:
+            valid = _is_vector(value, POSITIONS[name])
+        elif name in DIRECTIONS:
+            valid = _is_vector(value, DIRECTIONS[name]) and math.hypot(*value) > SHORTEST
+        elif name in RANGES:
+            valid = _is_number(value, *RANGES[name])
+        elif name == "updates":
+            valid = isinstance(value, dict) and set(value) == {"value"} and _is_control_value(value["value"])
+        else:  # uuid, name and owner
+            valid = value is None or isinstance(value, int) or _is_short(value)
+        if not valid:
+            return f"its {name} is invalid"
+    if "look_at" in message and math.dist(message["look_at"], message["position"]) <= SHORTEST:
+        return "its camera looks at itself"
+    return ""
+
+
+def _is_vector(value: Any, size: int) -> bool:
+    numbers = isinstance(value, (list, tuple)) and len(value) == size
+    return numbers and all(_is_number(number, -MAX_POSITION, MAX_POSITION) for number in value)
+
+
+def _is_control_value(value: Any) -> bool:
+    return isinstance(value, bool) or _is_number(value) or _is_short(value)
+
+
+def _is_short(value: Any) -> bool:
+    return isinstance(value, str) and len(value) <= LONGEST_TEXT
+
+
+def _is_number(value: Any, low: float = -math.inf, high: float = math.inf) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number and math.isfinite(value) and low <= value <= high
+
+
+def _quiet() -> logging.Logger:
+    """A log for the server: connections that break off need no traceback."""
+    log = logging.getLogger("maniport.viewer.server")
+    log.setLevel(logging.CRITICAL)
+    return log
+
+
+class Control:
+    """A control of the page whose value is always valid, whatever a browser sends."""
+
+    def __init__(
+        self,
+        handle: Any,
+        access: AccessControl,
+        options: Sequence[Any] | None = None,
+        low: float | None = None,
+        high: float | None = None,
+    ):
+        self.handle, self._access, self._options, self._range = handle, access, options, (low, high)
+        self._valid = handle.value
+
+    def _allows(self, value: Any) -> bool:
+        low, high = self._range
+        if low is not None and high is not None:
+            return isinstance(value, (int, float)) and low <= value <= high
+        return isinstance(value, bool) if self._options is None else value in self._options
+
+    @property
+    def value(self) -> Any:
+        """The newest valid value; others are taken back on the page."""
+        value = self.handle.value
+        if self._allows(value):
+            self._valid = value
+        else:
+            self._access.refuse("a value was", f"{str(value)[:80]!r} is no value of this control")
+            self.handle.value = self._valid
+        return self._valid
+
+    @value.setter
+    def value(self, value: Any) -> None:
+        self._valid = value
+        self.handle.value = value

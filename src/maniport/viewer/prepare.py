@@ -1,0 +1,116 @@
+"""From names and files to the state of the live view."""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms import Arm, Arms, load_arm, load_arms
+from maniport.arms.chain import RIGHT
+from maniport.arms.human import human_arm, middle_of
+from maniport.defaults import AUTO, BOTH, DAMPING
+from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
+from maniport.mocap.arm_fit import require_person
+from maniport.mocap.both_arms import EACH
+from maniport.domain import sample_domain
+from maniport.errors import InvalidInputError, spoken
+from maniport.steps import Progress
+from maniport.motion import StartBank
+from maniport.motion.arm_model import require_trackable
+from maniport.transfer import load_adapter
+from maniport.validation import Array, as_count, as_rotation
+from maniport.viewer.maps import GIVEN, Methods, Refitting, require_drawable
+from maniport.viewer.recording import Playback
+from maniport.viewer.state import Side, ViewState
+
+TEACHER_SAMPLES = 2048
+STUDENT_SAMPLES = 4096
+BANK_SIZE = 16_384
+AT_ONCE = "parallel-transport"  # The method that is fitted before the page is there: it takes milliseconds
+PREFERRED = "lengths-field"
+"""The method that is shown as soon as it is fitted, within some seconds; `maniport transfer` mostly chooses it."""
+
+
+def prepare(
+    person: str = "myoarm",
+    robot: Arm | Arms | str | os.PathLike[str] = "panda",
+    *,
+    recording: str | os.PathLike[str] | None = None,
+    side: str = AUTO,
+    height: float | None = None,
+    adapter: str | os.PathLike[str] | None = None,
+    mounting: ArrayLike | None = None,
+    random_state: int = 0,
+    progress: Progress | None = None,
+) -> tuple[ViewState, str, Array]:
+    """Load arms of person and robot, sample their domains, and fit the first method."""
+    tell = progress or (lambda step, fraction, found="": None)
+    seed = as_count(random_state, "random_state", minimum=0)
+    both = _both(side, robot, adapter)
+    require_person(person, AUTO if both else side, height)
+    given = None if adapter is None else load_adapter(adapter)
+    if given is not None:
+        require_drawable(given)  # before any long work
+    if mounting is None:
+        mounting = getattr(given, "mounting", None)
+    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
+    students = _loaded(robot, both)
+    for student in _each(students):
+        require_trackable(student)
+    source = None if recording is None else read_recording(recording)
+    persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
+
+    tell("get the page ready", 0.0)
+    options: dict[str, Any] = {"damping": DAMPING, "floor": None}
+    if given is not None and (given.damping, given.floor) != (None, None):
+        options = {"damping": given.damping, "floor": given.floor}
+    shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
+    sides = []
+    for teacher, student, base in zip(persons, _each(students), bases, strict=True):
+        bank = StartBank.build(student, BANK_SIZE, seed)
+        domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
+        methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
+        sides.append(Side(teacher, student, Refitting(methods, turn, first=(ready,)), bank, base=base))
+    playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
+    state = ViewState(students, sides, playback)
+    sides[0].refitting.before = lambda: state.find_place(motion, ready)
+    tell("get the page ready", 1.0, f"{ready}; the placement and the other methods follow")
+    return state, shown, turn
+
+
+def _both(side: str, robot: Any, adapter: Any) -> bool:
+    """Whether both arms are shown."""
+    both = side == BOTH or isinstance(robot, Arms)
+    if both and side not in (AUTO, BOTH):
+        raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
+    if both and adapter is not None:
+        raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
+    if both and isinstance(robot, Arm):
+        raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
+    return both
+
+
+def _loaded(robot: Any, both: bool) -> Arm | Arms:
+    if isinstance(robot, (Arm, Arms)):
+        return robot
+    return load_arms(robot) if both else load_arm(robot)
+
+
+def _each(robot: Arm | Arms) -> tuple[Arm, ...]:
+    return robot.each if isinstance(robot, Arms) else (robot,)
+
+
+def _person(
+    person: str, recording: Recording | None, side: str, height: float | None, both: bool, seed: int, tell: Any
+) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
+    """The person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
+    if recording is None:
+        arms = tuple(human_arm(person, one, height) for one in (EACH if both else (RIGHT if side == AUTO else side,)))
+        bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
+        return arms, [arm.sample(32, seed) for arm in arms], None, bases
+    if both:
+        fits = fit_arms(recording, person, progress=tell, height=height)
+        return tuple(fit.arm for fit in fits.each), [fit.joint_angles for fit in fits.each], fits.time, fits.bases
+    fit = fit_arm(recording, person, progress=tell, side=side, height=height)
+    return (fit.arm,), [fit.joint_angles], fit.time, np.zeros((1, 3))

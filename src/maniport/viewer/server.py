@@ -1,0 +1,212 @@
+"""The pages: servers on this machine, the loop of the live view, and a page for `maniport.Live`."""
+
+import contextlib
+import io
+import socket
+import threading
+import time as clock
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from maniport.arms import Arm
+from maniport.errors import InvalidInputError
+from maniport.live import Moment
+from maniport.optional import viser
+from maniport.ports import LOOPBACK, bound
+from maniport.signals import ending_in_order
+from maniport.validation import Array
+from maniport.viewer.access_control import AccessControl
+from maniport.viewer.panel import Panel
+from maniport.viewer.recording import Recorder
+from maniport.viewer.scene import FIELD_OF_VIEW, LAYOUTS, Layout, Scene, camera_for
+from maniport.viewer.shapes import find_surfaces
+from maniport.viewer.state import Frame, ViewState
+
+NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
+
+
+class LiveView:
+    """A page that shows a state."""
+
+    def __init__(self, state: ViewState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
+        self.state, self.rate, self.no_surface = state, 0.0, ""
+        self._access, self._recorder = AccessControl(host), Recorder(state.sides[0].teacher)
+        self._server, self.url = guarded_server(self._access, host, port)
+        try:
+            self._furnish(method, mounting)
+        except BaseException:  # Ctrl-C too: a listening server must not stay behind
+            self.stop()
+            raise
+
+    def run(self, stop: threading.Event, rate: float = 60.0) -> None:
+        """Read the controls, let the robot follow and draw, at most so often [Hz], until `stop` is set."""
+        for side in self.state.sides:
+            side.refitting.begin()
+        before, numbers_at, count = clock.perf_counter(), 0.0, 0
+        while not stop.is_set():
+            started = clock.perf_counter()
+            if not self._server.get_clients():
+                self.rate, count, numbers_at, before = 0.0, 0, started, started
+                stop.wait(0.05)
+                continue
+            seconds = started - before
+            frames = self.state.frames(self._panel.read(seconds), seconds)
+            self._panel.note(frames, seconds)
+            if message := self._recorder.take(self._panel.records, frames[0].teacher_joints, seconds):
+                self._panel.report(message)
+            before, count = started, count + 1
+            with self._server.atomic():
+                self._scene.draw(frames, self._panel.surface)
+                if started - numbers_at >= NUMBERS_PERIOD:
+                    self.rate = count / (started - numbers_at)
+                    numbers_at, count = started, 0
+                    self._panel.write(frames, self.rate)
+            stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
+
+    def run_until_interrupted(self, announce: Callable[[], None]) -> None:
+        """Run until Ctrl-C, or a termination signal; a second one ends at once. Only from the main thread."""
+        stop = threading.Event()
+        with ending_in_order(stop.set):
+            announce()
+            self.run(stop)
+
+    def stop(self) -> None:
+        """End the server and the fits; a fit that is under way goes on in its daemon thread, and is not waited for."""
+        for side in self.state.sides:
+            side.refitting.close(0.0)
+        stop_server(self._server)
+
+    def _furnish(self, method: str, mounting: Array) -> None:
+        """Put the controls and the first frame on the page."""
+        server, state = self._server, self.state
+        surfaces, self.no_surface = find_surfaces(state.robot)
+        self._panel = Panel(server.gui, state, method, mounting, self._access, self.no_surface)
+        first = state.frames(self._panel.read(0.0), 0.0)
+        persons, bases = [side.teacher for side in state.sides], [side.base for side in state.sides]
+        self._scene = Scene(server.scene, first, persons, state.robot, surfaces, bases)
+        self._panel.gizmo = self._scene.gizmo
+        self._panel.note(first, 0.0)
+        self._panel.write(first, 0.0)
+        self._share_camera()
+
+    def _share_camera(self) -> None:
+        """Give new browsers the camera of the last one."""
+        last: dict[str, Any] = {}
+
+        def welcome(client: Any) -> None:
+            ours = _frame(client.camera, self._scene.layout)
+
+            def remember(camera: Any) -> None:
+                nonlocal ours
+                if np.allclose(camera.position, ours, atol=1e-3):  # nobody has moved it; its window may be another
+                    if not np.allclose(camera_for(camera.aspect, self._scene.layout)[0], ours, atol=1e-3):
+                        ours = _frame(camera, self._scene.layout)
+                    return
+                last.update(up_direction=camera.up_direction, position=camera.position, look_at=camera.look_at)
+
+            with contextlib.suppress(ValueError):  # between two views the camera may be degenerate
+                for name in last:
+                    setattr(client.camera, name, last[name])
+            client.camera.on_update(remember)
+
+        self._server.on_client_connect(welcome)
+
+
+def _frame(camera: Any, layout: Layout) -> Array:
+    """Let a camera see the whole scene in its window; return its position."""
+    position, camera.look_at = camera_for(camera.aspect, layout)
+    camera.position = position
+    return position
+
+
+def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, str]:
+    """A server of viser behind access control, and its address with the token; the camera is in front."""
+    module = viser()
+    require_free(host, port)
+    from websockets.asyncio import server as connections
+
+    with _silent(), access.guarding(connections):
+        server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
+
+    def log(loop: Any, context: dict[str, Any]) -> None:
+        """Log an error of a message in one line; the page goes on."""
+        access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
+
+    server.get_event_loop().set_exception_handler(log)
+    # any page in the browser could ask for it, and would hand this one to strangers
+    server.request_share_url = lambda verbose=True: None
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    server.gui.main_panel.dock_right()
+    server.gui.main_panel.set_width(330)
+    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, LAYOUTS[1]))
+    server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
+    shown = f"[{host}]" if ":" in host else host
+    return server, f"http://{shown}:{server.get_port()}/{access.token}/"
+
+
+def stop_server(server: Any) -> None:
+    """End a server; browsers hold a reserve connection for which viser waits 6 s, others need not wait."""
+    stopping = threading.Thread(target=server.stop, name="stop the page", daemon=True)
+    with _silent():
+        stopping.start()
+        stopping.join(1.5)
+
+
+def require_free(host: str, port: int) -> None:
+    """Raise unless something can listen there; viser would take another port, or wait for ever."""
+    bound(host, port, socket.SOCK_STREAM).close()
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what viser prints about itself from standard output, which belongs to the caller."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        yield
+
+
+class Onlooker:
+    """A page that shows the moments of `maniport.Live`, without controls."""
+
+    def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
+        self._person, self._robot = person, robot
+        self._scene: Scene | None = None
+        self._server, self.url = guarded_server(AccessControl(host), host, port)
+        self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
+
+    def show(self, moment: Moment) -> None:
+        """Draw a moment; nothing before the person was seen for the first time."""
+        if len(moment.achieved) != 3:
+            raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
+        if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
+            return
+        frame = Frame(
+            teacher_joints=moment.person,
+            teacher_skeleton=self._person.skeleton(moment.person),
+            demonstrated_ellipsoid=moment.demonstrated,
+            target_ellipsoid=moment.target,
+            target_tip=None,
+            student_joints=moment.joint_positions,
+            student_skeleton=self._robot.skeleton(moment.joint_positions),
+            student_links=self._robot.link_poses(moment.joint_positions),
+            achieved_ellipsoid=moment.achieved,
+            mounting=np.eye(3),
+            distance=moment.distance,
+            position_error=moment.tip_error,
+            note=moment.state,
+        )
+        with self._server.atomic():
+            if self._scene is None:
+                surfaces = find_surfaces(self._robot)[0]
+                self._scene = Scene(self._server.scene, [frame], [self._person], self._robot, surfaces)
+                self._scene.gizmo.disable_rotations = True
+            self._scene.draw([frame])
+            if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
+                error = "" if moment.tip_error is None else f", position error {1e3 * moment.tip_error:.0f} mm"
+                numbers = f"{moment.time:.1f} s: distance {moment.distance:.2f}{error}"
+                self._text.content, self._written = f"**{moment.state}**\n\n{numbers}", now
+
+    def stop(self) -> None:
+        """End the page."""
+        stop_server(self._server)

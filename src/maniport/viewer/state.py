@@ -1,0 +1,253 @@
+"""The state of the live view, without a page: commands in, frames out, and a robot that follows.
+
+One arm of person and robot, or both, which then move as one; the left one is first everywhere.
+"""
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from maniport.arms import Arm, Arms
+from maniport.errors import NotSPDError
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.subsample import evenly_spaced
+from maniport.motion import Objective, PlacedPath, StartBank, nearest_feasible, place_path, place_paths
+from maniport.motion.follow.follower import Follower
+from maniport.motion.objective import FOLLOWING_WEIGHT
+from maniport.motion.schedule import Schedule
+from maniport.transfer.rotation_group import orthonormal
+from maniport.validation import Array, as_choice, as_finite, as_number, require_shape
+from maniport.viewer.maps import LiveMap, Refitting
+from maniport.viewer.recording import Playback
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """The values of the controls."""
+
+    joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
+    method: str  # One of the names of `maniport.viewer.maps.Methods`
+    mounting: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
+    tip_follows: bool = False  # Whether the robot's end effector follows the person's hand, too
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """The target of one arm of the robot."""
+
+    joints: Array  # Of the person's arm, within its limits [rad]
+    demonstrated: Array  # The person's ellipsoid, shape (3, 3)
+    ellipsoid: Array
+    turn: Array  # Rotation of the hand's motion by the map, shape (3, 3)
+    tip: Array | None  # Position of the end effector [m]
+    note: str
+
+    def schedule(self, seconds: float, control_step: float = 1.0 / 120.0) -> Schedule:
+        """The same target for a time, in control steps [s]."""
+        steps = int(np.ceil(seconds / control_step))
+        return Schedule(
+            np.linspace(0.0, seconds, steps + 1),
+            np.broadcast_to(self.ellipsoid, (steps + 1, 3, 3)),
+            None if self.tip is None else np.broadcast_to(self.tip, (steps + 1, 3)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What the page shows of one arm of person and robot, each in its own base frame."""
+
+    teacher_joints: Array
+    teacher_skeleton: Array  # Polyline from base to hand, shape (k, 3) [m]
+    demonstrated_ellipsoid: Array
+    target_ellipsoid: Array
+    target_tip: Array | None
+    student_joints: Array
+    student_skeleton: Array
+    student_links: Array  # Poses of the robot's base and of what follows each joint, shape (joints + 1, 4, 4)
+    achieved_ellipsoid: Array
+    mounting: Array
+    distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
+    position_error: float | None  # Of the robot's end effector [m]
+    note: str  # Why the target is not new, or another method's
+    at_limit: tuple[str, ...] = ()  # Names of the robot's joints that are at a limit
+
+
+class Side:
+    """One arm of the person and one of the robot, and the maps between them."""
+
+    def __init__(
+        self,
+        teacher: Arm,
+        student: Arm,
+        refitting: Refitting,
+        bank: StartBank,
+        place: PlacedPath | None = None,
+        base: Array | None = None,
+    ):
+        self.teacher, self.student, self.refitting, self.bank = teacher, student, refitting, bank
+        self.place, self.base = place, np.zeros(3) if base is None else base
+        self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
+        self._last: Array | None = None
+
+    def target(self, joints: Array, method: str, mounting: Array) -> Target:
+        """Map the person's arm; the end effector is free."""
+        joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
+        self.refitting.want(mounting, method)
+        chosen, note = self._map(method)
+        demonstrated = self.teacher.manipulability(joints)
+        try:
+            self._last = chosen.transform(demonstrated)
+        except NotSPDError as error:
+            if self._last is None:
+                raise
+            note = f"no image of this ellipsoid, the last one stays: {error}"
+        return Target(joints, demonstrated, self._last, chosen.turn, None, note)
+
+    def _map(self, method: str) -> tuple[LiveMap, str]:
+        """The map of a method; until it is fitted for the first time that of another one, and a note about it."""
+        maps = self.refitting.maps
+        if method in maps:
+            return maps[method], ""
+        name, other = next(iter(maps.items()))
+        return other, f"{method} is being fitted; the target is that of {name} until then"
+
+    def with_tip(self, target: Target, turn: Array) -> Target:
+        """Add the position of the hand, whose path is turned, as the target of the end effector."""
+        if self.place is None:
+            return replace(
+                target, note=target.note or "a placement is searched for; the end effector is free until then"
+            )
+        hand = self.teacher.forward(target.joints)[:3, 3] + self.base
+        return replace(target, tip=replace(self.place, turn=turn).apply(hand))
+
+    def best(self, target: Target) -> Array:
+        """The best configuration that is found for a target, shape (dof,)."""
+        tips = None if target.tip is None else target.tip[None]
+        found = nearest_feasible(
+            self.student, target.ellipsoid[None], damping=self.bank.damping, positions=tips, bank=self.bank
+        )
+        return np.asarray(found.joint_positions[0])
+
+    def frame(self, target: Target, q: Array, mounting: Array, near_limit: float = 5e-3) -> Frame:
+        """Show a target and a configuration (dof,); joints within a share of their range of a limit are at it."""
+        arm = self.student
+        achieved, tip = arm.manipulability(q), arm.forward(q)[:3, 3]
+        margin = near_limit * (arm.upper - arm.lower)
+        at_limit = (q <= arm.lower + margin) | (q >= arm.upper - margin)
+        damped = (self.objective.damped(ellipsoid) for ellipsoid in (target.ellipsoid, achieved))
+        return Frame(
+            teacher_joints=target.joints,
+            teacher_skeleton=self.teacher.skeleton(target.joints),
+            demonstrated_ellipsoid=target.demonstrated,
+            target_ellipsoid=target.ellipsoid,
+            target_tip=target.tip,
+            student_joints=q,
+            student_skeleton=arm.skeleton(q),
+            student_links=arm.link_poses(q),
+            achieved_ellipsoid=achieved,
+            mounting=mounting,
+            distance=float(distance_unchecked(*damped)),
+            position_error=None if target.tip is None else float(np.linalg.norm(tip - target.tip)),
+            note=target.note,
+            at_limit=tuple(name for name, near in zip(arm.joint_names, at_limit, strict=True) if near),
+        )
+
+    def gaps(self, ellipsoid: Array) -> dict[str, float | None]:
+        """Feasibility gap of each method's image of an ellipsoid, an upper bound by a search of 4 ms a method."""
+        images: dict[str, Array] = {}
+        maps = self.refitting.maps
+        for name, chosen in maps.items():
+            with contextlib.suppress(NotSPDError):
+                images[name] = chosen.transform(ellipsoid)
+        if not images:
+            return dict.fromkeys(maps)
+        search = nearest_feasible(
+            self.student, np.array(list(images.values())), damping=self.bank.damping, bank=self.bank, n_starts=4,
+            max_iter=20,
+        )  # fmt: skip
+        gaps = dict(zip(images, search.distance.tolist(), strict=True))
+        return {name: gaps.get(name) for name in maps}
+
+
+class ViewState:
+    """A robot that follows a person's arms, each of which is a `Side`; `joints` is its configuration (dof,)."""
+
+    def __init__(self, robot: Arm | Arms, sides: Sequence[Side], playback: Playback | None = None):
+        self.robot, self.sides, self.playback = robot, tuple(sides), playback
+        self._columns = robot.columns if isinstance(robot, Arms) else (np.arange(robot.dof),)
+        self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
+        self._jump = True
+
+    @cached_property
+    def _follower(self) -> Follower:
+        pair = self.robot if isinstance(self.robot, Arms) else None
+        return Follower([side.objective for side in self.sides], pair=pair)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods."""
+        return self.sides[0].refitting.methods.names
+
+    def jump(self) -> None:
+        """Let the robot start from the best configuration found, with the next step, instead of moving on."""
+        self._jump = True
+
+    def frames(self, command: Command, seconds: float, longest: float = 0.1) -> tuple[Frame, ...]:
+        """Let the robot follow a command for some time [s], though no longer than `longest`; return its frames."""
+        elapsed = min(as_number(seconds, "seconds", minimum=0.0), longest)
+        targets = self._targets(command)
+        if self._jump:
+            self.joints = self._joined([side.best(target) for side, target in zip(self.sides, targets, strict=True)])
+            self._jump = False
+        if elapsed > 0.0:
+            schedules = [target.schedule(elapsed) for target in targets]
+            self.joints = self._follower.follow(self.joints, schedules)[0][-1]
+        parts = zip(self.sides, targets, self._columns, strict=True)
+        return tuple(side.frame(target, self.joints[columns], command.mounting) for side, target, columns in parts)
+
+    def find_place(self, motion: Sequence[Array], method: str, points: int = 32) -> None:
+        """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
+        rows = evenly_spaced(len(motion[0]), points)
+        maps = [side.refitting.maps[method] for side in self.sides]
+        hands, targets = [], []
+        for side, chosen, joints in zip(self.sides, maps, motion, strict=True):
+            ellipsoids = side.teacher.manipulability(joints[rows])
+            targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
+            hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
+        turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
+        damping = banks[0].damping
+        if isinstance(self.robot, Arms):
+            places = place_paths(hands, targets, self.robot.each, turn=turn, yaw=0.0, damping=damping, banks=banks)
+        else:
+            places = (place_path(hands[0], targets[0], self.robot, turn=turn, yaw=0.0, damping=damping, bank=banks[0]),)
+        for side, place in zip(self.sides, places, strict=True):
+            side.place = place
+
+    def _targets(self, command: Command) -> list[Target]:
+        """The target of each arm; hands keep their relation, however the maps turn ellipsoids."""
+        ends = np.cumsum([side.teacher.dof for side in self.sides])
+        joints = as_finite(command.joints, "joints")
+        require_shape(joints, "joints", (int(ends[-1]),))
+        as_choice(command.method, "method", self.methods)
+        parts = zip(self.sides, np.split(joints, ends[:-1]), strict=True)
+        targets = [side.target(own, command.method, command.mounting) for side, own in parts]
+        if not command.tip_follows:
+            return targets
+        turn = _mean_turn([target.turn for target in targets])
+        return [side.with_tip(target, turn) for side, target in zip(self.sides, targets, strict=True)]
+
+    def _joined(self, configurations: Sequence[Array]) -> Array:
+        """Configuration of the robot; shared joints are at the mean of the arms'."""
+        total, count = np.zeros(self.robot.dof), np.zeros(self.robot.dof)
+        for own, columns in zip(configurations, self._columns, strict=True):
+            total[columns] += own
+            count[columns] += 1
+        return np.asarray(total / count)
+
+
+def _mean_turn(turns: Sequence[Array]) -> Array:
+    """The rotation between those of all arms, as `maniport.pipeline.transfer_both` turns their paths."""
+    return turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0))

@@ -1,0 +1,118 @@
+"""What faulty tables, boxes and SRDFs get, and what good ones change."""
+
+import numpy as np
+import pytest
+
+from maniport.arms import load_arm
+from maniport.arms.collisions import Box, Collisions, read_boxes
+from maniport.errors import FileFormatError, InvalidInputError
+
+
+@pytest.fixture(scope="module")
+def panda():
+    """The Panda to its flange."""
+    return load_arm("panda", frame="panda_link8")
+
+
+@pytest.mark.parametrize(
+    ("around", "message"),
+    [
+        ({"table": 0.05}, r"table: the plane at z = 0\.05 m goes through the robot's base .* at most 0\.010 m"),
+        ({"table": 3.0}, "lies above it: 'panda_link0' reaches from z = 0.000 to 0.140 m"),
+        ({"padding": -0.1}, "padding must be a number of at least 0"),
+        ({"boxes": [[0, 0, 0, 4, 4, 4]]}, r"boxes: 'box 1' holds or cuts the robot's base: 'panda_link0' is 2\.\d+ m"),
+        ({"boxes": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' holds or cuts the robot's base"),
+        ({"boxes": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' leaves 'panda_link1' no way out"),
+        ({"boxes": [[1, 2, 3]]}, r"boxes must be a file, .* shape \(n, 6\) or \(n, 7\); found shape \(1, 3\)"),
+        ({"boxes": [[1, 2, 3, 1, 1, 0]]}, "box 1: size must be 3 numbers above 0; found 0 at index 2"),
+    ],
+)
+def test_what_cannot_stand_around_a_robot(panda, around, message):
+    """The message names the argument, what was found and what is allowed."""
+    with pytest.raises(InvalidInputError, match=message):
+        Collisions.of(panda, **around)
+
+
+def test_a_table_above_a_robot_without_a_drawn_base_is_refused(tmp_path):
+    """Where the last link is below the table in all postures the message says so."""
+    path = tmp_path / "one.urdf"
+    path.write_text(
+        '<robot name="one"><link name="base"/><link name="tip"><visual><geometry><sphere radius="0.1"/></geometry>'
+        '</visual></link><joint name="j" type="revolute"><parent link="base"/><child link="tip"/>'
+        '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>'
+    )
+    with pytest.raises(InvalidInputError, match=r"table: the plane at z = 1 m leaves 'tip' no way out"):
+        Collisions.of(load_arm(path), table=1.0)
+
+
+def test_boxes_from_a_file_and_from_rows_are_the_same(panda, tmp_path):
+    """A file with names, a list of boxes and an array are the same boxes."""
+    path = tmp_path / "boxes.yaml"
+    path.write_text("boxes:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
+                    "  crate: {center: [0.4, -0.4, 0.1], size: [0.2, 0.3, 1e-1], yaw: 0.5}\n")  # fmt: skip
+    rows = [[0.5, 0.2, 0.4, 0.3, 0.6, 0.02, 0.0], [0.4, -0.4, 0.1, 0.2, 0.3, 0.1, 0.5]]
+    q = panda.sample(128, 0)
+    found = Collisions.of(panda, boxes=path).nearest(q)
+    assert {"shelf", "crate"} < set(found.first)
+    for boxes in (read_boxes(path), np.array(rows)):
+        np.testing.assert_array_equal(Collisions.of(panda, boxes=boxes).clearance(q), found.distance)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("box: {}", r"b\.yaml: unknown key 'box'; allowed are, nearest first: boxes"),
+        ("boxes: [1]", "boxes must be a mapping of names to boxes"),
+        ("boxes: {shelf: 3}", "boxes: shelf must be a mapping with the keys center, size, yaw; found int"),
+        ("boxes: {shelf: {center: [0, 0, 1]}}", "boxes: shelf: 'size' is missing"),
+        ("boxes: {shelf: {centre: [0, 0, 1]}}", "boxes: shelf: unknown key 'centre'; .*: center"),
+        ("boxes: {shelf: {center: [0, 1, x], size: [1, 1, 1]}}", "boxes: shelf: center must be an array of numbers"),
+        ("boxes: {a: {center: [0, 1, 1], size: [1, -1, 1]}}", "boxes: a: size must be 3 numbers above 0; found -1"),
+    ],
+)
+def test_faulty_files_of_boxes(tmp_path, text, message):
+    """The file, the box and the key are named."""
+    path = tmp_path / "b.yaml"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match=message):
+        read_boxes(path)
+
+
+PAIR = '<disable_collisions link1="{}" link2="{}" reason="Never"/>'
+
+
+def test_an_srdf_says_which_pairs_are_left_out(panda, tmp_path):
+    """All other pairs are checked, near ones too, but those that always meet, as neighbors do, or never."""
+    path = tmp_path / "panda.srdf"
+    neighbors = [PAIR.format(f"panda_link{i}", f"panda_link{i + 1}") for i in range(7)]
+    path.write_text(f'<robot name="p">{"".join(neighbors)}{PAIR.format("panda_link5", "panda_link7")}</robot>')
+    collisions = Collisions.of(panda, srdf=path)
+    named = {*collisions.pairs, *collisions.always, *collisions.never}
+    assert len(named) == 8 * 7 // 2 - 8
+    assert ("panda_link5", "panda_link7") not in named
+    assert {*Collisions.of(panda).pairs} - {*collisions.pairs} == {("panda_link5", "panda_link7")}
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        (
+            "<robot name='x'>" + PAIR.format("a", "b") + "</robot>",
+            InvalidInputError,
+            "does not fit 'panda': it names a, b",
+        ),
+        ("<robot name='x'/>", FileFormatError, "holds no <disable_collisions>"),
+        ("<robot name='x'><link name='a'/></robot>", FileFormatError, "no SRDF.* this is a URDF"),
+        ("<mujoco/>", FileFormatError, "no SRDF.* its root is <mujoco>"),
+        ("<robot><disable_collisions link1='a'/></robot>", FileFormatError, "number 1 must name link1 and link2"),
+        ("<robot>", FileFormatError, "not readable as XML"),
+    ],
+)
+def test_faulty_srdfs(panda, tmp_path, text, error, message):
+    """What is no SRDF of this robot is refused, and the message says why."""
+    path = tmp_path / "r.srdf"
+    path.write_text(text)
+    with pytest.raises(error, match=message):
+        Collisions.of(panda, srdf=path)
+    with pytest.raises(FileFormatError, match="no such file"):
+        Collisions.of(panda, srdf=tmp_path / "none.srdf")

@@ -1,0 +1,93 @@
+"""Robots by name, out of packages: which of their joints and bodies are taken, and MuJoCo's Jacobians."""
+
+import os
+
+import numpy as np
+import pytest
+from robot_packages import farthest, model_of
+
+from maniport.arms import load_arm
+from maniport.arms.readers import robot_limbs
+from maniport.arms.readers.packages import PACKAGES, find_named
+from maniport.errors import InvalidInputError, MissingPackageError, UnknownNameError
+
+GOLDEN = {
+    "example-robot-data": {
+        "ur3": (None, "tool0", 6), "ur5": (None, "tool0", 6), "ur10": (None, "tool0", 6),
+        "xarm7": (None, "link_eef", 7), "kinova": (None, "j2s6s200_end_effector", 6), "z1": (None, "gripperStator", 6),
+        "so100": (None, "gripper", 5), "so101": (None, "gripper_link", 5), "tiago": (None, "hand_palm_link", 8),
+        "tiago_no_hand": (None, "wrist_ft_tool_link", 8),
+        "talos_left_arm": ("torso_2_link", "gripper_left_base_link", 7),
+        "talos_right_arm": ("torso_2_link", "gripper_right_base_link", 7),
+        "g1_left_arm": ("torso_link", "left_rubber_hand", 7), "g1_right_arm": ("torso_link", "right_rubber_hand", 7),
+        "g1_with_hands_left_arm": ("torso_link", "left_hand_palm_link", 7),
+        "g1_with_hands_right_arm": ("torso_link", "right_hand_palm_link", 7), "alex_left_arm": ("Torso", "leftNub", 7),
+        "alex_right_arm": ("Torso", "rightNub", 7), "baxter_left_arm": (None, "left_gripper_base_link", 7),
+        "baxter_right_arm": (None, "right_gripper_base_link", 7), "human_left_arm": ("middle_thorax", "left_hand", 8),
+        "human_right_arm": ("middle_thorax", "right_hand", 8), "icub_left_arm": ("chest", "l_hand", 7),
+        "icub_right_arm": ("chest", "r_hand", 7), "pr2_left_arm": ("torso_lift_link", "l_gripper_palm_link", 7),
+        "pr2_right_arm": ("torso_lift_link", "r_gripper_palm_link", 7), "romeo_left_arm": ("torso", "l_wrist", 7),
+        "romeo_right_arm": ("torso", "r_wrist", 7), "simple_humanoid_left_arm": ("torso", "l_wrist", 7),
+        "simple_humanoid_right_arm": ("torso", "r_wrist", 7),
+        "tiago_dual_left_arm": ("torso_lift_link", "hand_left_palm_link", 7),
+        "tiago_dual_right_arm": ("torso_lift_link", "hand_right_palm_link", 7),
+        "tiago_pro_left_arm": ("torso_lift_link", "gripper_left_base_link", 7),
+        "tiago_pro_right_arm": ("torso_lift_link", "gripper_right_base_link", 7),
+    },
+    "airo-models": {"ur3e": (None, "tool0", 6), "ur5e": (None, "tool0", 6)},
+    "robosuite": {
+        **dict.fromkeys(("iiwa", "jaco", "kinova3", "panda", "sawyer", "xarm7"), (None, "right_hand", 7)),
+        "ur5e": (None, "right_hand", 6), "spot_arm": (None, "right_hand", 6), "baxter_left_arm": (None, "left_hand", 7),
+        "baxter_right_arm": (None, "right_hand", 7), "gr1_left_arm": ("torso_waist_roll", "left_eef", 7),
+        "gr1_right_arm": ("torso_waist_roll", "right_eef", 7), "tiago_left_arm": ("torso_lift_link", "left_hand", 6),
+        "tiago_right_arm": ("torso_lift_link", "right_hand", 6),
+    },
+}  # fmt: skip
+"""Base, tip and degrees of freedom of every arm, each looked at: what carries the gripper or the hand."""
+
+
+def require(package: str) -> None:
+    """Skip without a package, but where all are installed."""
+    if not PACKAGES[package].found() and not (os.environ.get("CI") and package == "example-robot-data"):
+        pytest.skip(f"{package} is not installed")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
+    """Base, tip and number of joints are the golden ones; poses and Jacobians are MuJoCo's to 1e-9."""
+    mujoco = pytest.importorskip("mujoco")
+    require(package)
+    assert set(GOLDEN[package]) == set(PACKAGES[package].names)
+    for name, expected in GOLDEN[package].items():
+        arm = load_arm(f"{package}/{name}")
+        assert (arm.chain.base, arm.frame, arm.dof) == expected, name
+        assert np.all(np.isfinite(arm.manipulability(arm.sample(8, random_state=0)))), name
+        assert farthest(mujoco, model_of(mujoco, find_named(f"{package}/{name}").path), arm) < 1e-9, name
+
+
+def test_two_arms_are_named_by_their_side():
+    """A robot with two arms says how each is called; all limbs are listed, fingers left out."""
+    require("example-robot-data")
+    with pytest.raises(InvalidInputError, match=r"'talos' has two arms: name 'talos_left_arm' or 'talos_right_arm'"):
+        load_arm("talos")
+    assert load_arm("talos", frame="gripper_right_base_link").dof == 9
+    limbs, default = robot_limbs("g1")
+    assert default is None
+    assert robot_limbs("g1_left_arm")[1] == limbs[0]
+    tips = [limb.tip for limb in limbs]
+    assert set(tips[:2]) == {"left_rubber_hand", "right_rubber_hand"}
+    assert set(tips[2:]) == {"left_ankle_roll_link", "right_ankle_roll_link"}
+
+
+def test_unknown_robots_are_told_how_to_get(monkeypatch):
+    """A name that a missing package has says how to install it; others list the nearest ones."""
+    for package in PACKAGES.values():
+        monkeypatch.setattr(type(package), "found", lambda self: {})
+    with pytest.raises(
+        MissingPackageError, match=r"'xarm7' comes with the package example-robot-data, .*: pip install"
+    ):
+        load_arm("xarm7")
+    with pytest.raises(MissingPackageError, match=r"'sawyer' comes with the package robosuite, .* --no-deps robosuite"):
+        load_arm("robosuite/sawyer")
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'ur55'.* pip install example-rob.*nearest first: 'ur5'"):
+        load_arm("ur55")

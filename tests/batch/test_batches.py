@@ -1,0 +1,340 @@
+"""Many recordings on many robots: each pair once, the same result however it is run and interrupted."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import maniport as mp
+from maniport import batch
+from maniport.batch.content import digest
+from maniport.batch.executors import completed, dask_executor, executor_for
+from maniport.batch.inputs import Source, find_recordings, find_robots
+from maniport.batch.pair import Order, Task, work
+from maniport.batch.table import failed_row, write_tables
+from maniport.cli import app
+from maniport.mocap import shipped_recording
+from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError
+
+SMALL = {"method": "parallel-transport", "n_teacher": 32, "n_student": 64, "move": False, "collisions": False}
+PART = {"start": 1.0, "stop": 1.5}
+ROBOTS = ("panda", "rhuman")
+NAMES = ("anna/1.c3d", "anna/2.c3d", "ben/1.c3d", "ben/2.c3d")
+
+RUN = f"""
+import sys, maniport as mp
+if __name__ == "__main__":
+    mp.batch([sys.argv[1]], {ROBOTS!r}, sys.argv[2], processes=2, reading={PART!r}, **{SMALL!r})
+"""
+
+
+def small(recordings, output, **more):
+    """A batch that takes a moment."""
+    return mp.batch(recordings, ROBOTS, output, **{"processes": 1, "reading": PART} | SMALL | more)
+
+
+def read_table(folder):
+    """The rows of the table of a batch."""
+    with open(folder / "table.csv", newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def tree(folder):
+    """Every file of a folder with its content but for computing times, without temporary files of killed processes."""
+
+    def content(path):
+        if path.name == "pair.json":
+            pair = json.loads(path.read_text(encoding="utf-8"))
+            del pair["row"]["computing_s"]
+            return pair
+        if path.name == "table.csv":
+            return [row | {"computing_s": None} for row in read_table(folder)]
+        return b"" if path.name in ("index.html", "table.parquet") else path.read_bytes()
+
+    names = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    return {name: content(path) for name, path in names.items() if "/." not in f"/{name}"}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    """Equal recordings in two folders."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name in NAMES:
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copy(shipped_recording("freeform"), folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(recordings, tmp_path_factory):
+    """All of them on two robots, by one process."""
+    return small([recordings], tmp_path_factory.mktemp("whole") / "dataset")
+
+
+def test_each_pair_has_a_row_and_a_folder(whole):
+    """The table has every pair once, with the numbers of its summary, also as CSV and Parquet; adapters are shared."""
+    assert [(row["recording"], row["robot"]) for row in whole.table] == [(a, b) for a in NAMES for b in ROBOTS]
+    for row in whole.table:
+        summary = json.loads((whole.folder / row["folder"] / "summary.json").read_text(encoding="utf-8"))
+        assert row["state"] == "done"
+        assert row["computing_s"] > 0.0
+        assert row["adapter.cost"] == summary["adapter"]["cost"]
+        assert row["warning_keys"].split() == list(dict.fromkeys(one["key"] for one in summary["warnings"]))
+        assert row["status"] == (summary["status"] or "")
+    lines = read_table(whole.folder)
+    table = pytest.importorskip("pyarrow.parquet").read_table(whole.folder / "table.parquet").to_pydict()
+    for name in ("recording", "status", "warning_keys", "adapter.cost", "computing_s"):
+        assert table[name] == [row[name] for row in whole.table]
+        assert [line[name] for line in lines] == [str(row[name]) for row in whole.table]
+    for robot in ROBOTS:
+        (file,) = (whole.folder / "adapters").glob(f"{robot}-*.npz")
+        mine = mp.load_adapter(whole.folder / robot / "anna" / "1.c3d" / "adapter.npz")
+        np.testing.assert_array_equal(mp.load_adapter(file).rotation_, mine.rotation_)
+
+
+def test_finished_pairs_are_not_repeated(whole, recordings, tmp_path):
+    """Other settings are named; what is missing is made again; changed files stay unless overwriting is allowed."""
+    folder = tmp_path / "dataset"
+    shutil.copytree(whole.folder, folder)
+    shutil.rmtree(folder / "rhuman" / "ben")
+    (folder / "panda" / "anna" / "1.c3d" / "summary.md").unlink()
+    assert small([recordings], folder).kept == len(whole.table) - 3
+    assert tree(folder) == tree(whole.folder)
+    with pytest.raises(OutputError, match=r"damping 0\.01, now 0\.02.*overwrite="):
+        small([recordings], folder, damping=0.02)
+    with pytest.raises(OutputError, match=r"reading\.stop 1\.5, now 1\.75; profile_rate 10\.0, now 5\.0;"):
+        small([recordings], folder, reading={"start": 1.0, "stop": 1.75}, profile_rate=5)
+    assert tree(folder) == tree(whole.folder)
+    for name, text in (("summary.md", "mine"), ("pair.json", '{"key": 1, "row": {}}')):
+        (folder / "panda" / "anna" / "1.c3d" / name).write_text(text)
+        with pytest.raises(OutputError, match="changed since"):
+            small([recordings], folder)
+    changed = tmp_path / "recordings"
+    shutil.copytree(recordings, changed)
+    with open(changed / "ben" / "1.c3d", "ab") as stream:
+        stream.write(bytes(512))
+    assert small([changed], folder, overwrite=True).kept == len(whole.table) - len(ROBOTS) - 1
+
+
+def test_one_failure_does_not_stop_the_rest(whole, recordings, tmp_path):
+    """It is a warning, a row with the columns of any other, and a line of the page; the command ends with 1."""
+    (tmp_path / "bad.bvh").write_text("rubbish")
+    os.mkfifo(tmp_path / "pipe.bvh")
+    given = [tmp_path / "bad.bvh", tmp_path / "pipe.bvh", recordings / "anna" / "1.c3d"]
+    with pytest.warns(ManiportWarning, match="BVH|pipe") as warned:
+        found = small(given, tmp_path / "dataset")
+    assert len(warned) == 2
+    assert [row["state"] for row in found.table] == ["done"] * 2 + ["failed"] * 4
+    assert all("no BVH file" in row["reason"] for row in found.failed[:2])
+    assert all(list(row) == list(whole.table[0]) for row in found.table)
+    page = (tmp_path / "dataset" / "index.html").read_text(encoding="utf-8")
+    assert page.count("no BVH file") == 1  # one line for both robots
+    assert 'href="panda/1.c3d/summary.md"' in page
+    words = ["batch", str(tmp_path / "bad.bvh"), "-o", str(tmp_path / "other"), "--processes", "1", "--json"]
+    ended = CliRunner().invoke(app, [*words, "--no-collisions", "--method", "raw-copy", "--no-move"])
+    assert ended.exit_code == 1
+    assert [(one["recording"], one["robots"]) for one in json.loads(ended.stdout)["failed"]] == [("bad.bvh", ["panda"])]
+
+
+def test_columns_are_metrics_of_a_summary(whole, tmp_path, small_result):
+    """Each metric of the table is one of the summary of a run, but for what this run does not have."""
+    mp.write_results(small_result, tmp_path / "run")
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
+
+    def known(name):
+        numbers = summary
+        for key in name.split("."):
+            if not isinstance(numbers, dict) or key not in numbers:
+                return False
+            numbers = numbers[key]
+        return True
+
+    missing = {name for name in list(whole.table[0])[10:] if not known(name)}
+    assert missing == {f"motion.orientation_error_deg.{value}" for value in ("median", "p95", "max")}
+
+
+def test_a_killed_batch_continues(whole, recordings, tmp_path):
+    """Two processes that are killed in the middle, and one that continues, give the bytes of one alone."""
+
+    def done():
+        return [path for path in folder.rglob("pair.json") if "/." not in f"/{path.relative_to(folder).as_posix()}"]
+
+    def members():
+        for status in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):
+                state, _, group = status.read_text().rpartition(")")[2].split()[:3]
+                if int(group) == process.pid and state != "Z":
+                    yield status
+
+    folder, script = tmp_path / "dataset", tmp_path / "script.py"
+    script.write_text(RUN)
+    environment = {**os.environ, "PYTHONWARNINGS": "ignore"}
+    process = subprocess.Popen([sys.executable, script, recordings, folder], env=environment, start_new_session=True)
+    while process.poll() is None and len(done()) < 2:
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    while any(members()):  # workers end by themselves
+        time.sleep(0.05)
+    kept = len(done())
+    assert small([recordings], folder).kept == kept
+    assert tree(folder) == tree(whole.folder)
+
+
+class Interrupting:
+    """A progress callback that acts when so many pairs are done."""
+
+    def __init__(self, count, act):
+        self.count, self.act = count, act
+
+    def __call__(self, step, fraction, found=""):
+        """Count a pair that ends."""
+        self.count -= "→" in step
+        if self.count == 0:
+            self.act()
+
+
+def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeypatch):
+    """Exit code 130, nothing on standard output; table and page have the pairs that are done; the same continues."""
+    run = batch.batch
+
+    def interrupted(*given, progress, **more):
+        return run(*given, progress=Interrupting(1, lambda: os.kill(os.getpid(), signal.SIGINT)), **more)
+
+    words = ["batch", str(recordings / "anna"), "-o", str(tmp_path / "dataset"), "--processes", "1", "--no-move"]
+    words += ["--start", "1", "--stop", "1.5", "--method", "raw-copy", "--no-collisions", "--json"]
+    with monkeypatch.context() as patch:
+        patch.setattr(batches, "batch", interrupted)
+        ended = CliRunner().invoke(app, words)
+    assert (ended.exit_code, ended.stdout) == (130, "")
+    assert "1 of 2 pairs" in ended.stderr
+    assert len(read_table(tmp_path / "dataset")) == 1
+    assert "1 of 2 pairs" in (tmp_path / "dataset" / "index.html").read_text(encoding="utf-8")
+    again = CliRunner().invoke(app, words)
+    assert (again.exit_code, json.loads(again.stdout)["done_before"]) == (0, 1)
+
+
+def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
+    """Workers of a Dask cluster, of several threads, give what one process does; who is silent is an error."""
+    distributed = pytest.importorskip("distributed")
+    options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**options) as cluster:
+        small([recordings], tmp_path / "dataset", dask=cluster.scheduler_address)
+    assert tree(tmp_path / "dataset") == tree(whole.folder)
+    with pytest.raises(ManiportError, match="no Dask scheduler"):
+        small([recordings], tmp_path / "other", dask="127.0.0.1:1")
+
+
+def test_a_killed_process_takes_one_task_with_it():
+    """Where a worker is killed, its task is reported as lost and all others are done."""
+    tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "1 / 0"]
+    with executor_for(2, None, False) as executor:
+        found = dict(completed(executor, eval, tasks))
+    assert "killed" in str(found.pop(tasks[1]))
+    assert isinstance(found.pop("1 / 0"), ZeroDivisionError)
+    assert found == {"1 + 1": 2, "2 + 2": 4}
+
+
+def test_a_lost_cluster_ends_the_batch():
+    """Tasks that are canceled, or have no workers for a while, end in an error that says how to continue."""
+    from concurrent.futures import Future
+
+    future = Future()
+    client = SimpleNamespace(nthreads=dict, get_executor=lambda pure: SimpleNamespace(submit=lambda *_: future))
+    with pytest.raises(ManiportError, match="no workers"):
+        list(completed(dask_executor(client, 0.0), eval, ["1"], period=0.01))
+    future.cancel()
+    future.set_running_or_notify_cancel()
+    with pytest.raises(ManiportError, match="lost"):
+        list(completed(dask_executor(client, 60.0), eval, ["1"]))
+
+
+def test_names_of_recordings(tmp_path, monkeypatch, whole):
+    """Folders and patterns name recordings below themselves; no name is a folder of another, leads up, or is taken."""
+
+    def names(*given, without=tmp_path / "dataset"):
+        return [source.name for source in find_recordings(given, without)]
+
+    for name in ("a/walk.bvh", "b/walk.bvh", "b/table.csv", "c/1.c3d/2.c3d", "c/1.c3d/x.txt", "d/1.c3d/0.json"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "c" / os.fsdecode(b"3\xff.c3d")).touch()
+    a, b, c, d = (tmp_path / name for name in "abcd")
+    assert names(a, b) == names(f"{tmp_path}/**/*.bvh") == ["a/walk.bvh", "b/walk.bvh"]
+    assert names(a, tmp_path / "b" / "table.csv") == ["table.csv", "walk.bvh"]
+    assert names(f"{tmp_path}/[ab]/*", without=a) == ["b/table.csv", "b/walk.bvh"]
+    assert names(f"{d}/*", c) == ["3\\udcff.c3d", "c/1.c3d/2.c3d", "d/1.c3d"]
+    monkeypatch.chdir(d / "1.c3d")
+    for given in (["."], ["../../c/*/../../d/1.c3d"], [d / "1.c3d", "*.json"]):
+        assert names(*given) == ["1.c3d"]
+    for wrong in ("", f"{tmp_path}/*.c3d", "missing.bvh", whole.folder):
+        with pytest.raises(InvalidInputError, match="recordings"):
+            names(wrong, without=tmp_path / "new")
+
+
+def test_each_robot_has_a_folder_of_its_own():
+    """Equal robots are one; others have names of their own that are no files of the batch."""
+    panda, arms = mp.load_arm("panda"), []
+    for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
+        arms.append(panda.narrowed(panda.lower + 1e-3 * k, panda.upper))
+        arms[-1].name = name
+    found = find_robots([*arms, arms[1]], "raw-copy", {"collisions": False}, ["adapters"])
+    assert [robot.name for robot in found] == ["a-b", "a-b-2", "A-b-3", "robot", "adapters-2"]
+
+
+def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
+    """What was read is what stands in the key, or nothing is written."""
+    source = Source("1.c3d", recordings / "anna" / "1.c3d")
+    order = Order(tmp_path, PART, 10.0, {}, False, False)
+    robots = tuple(find_robots(["panda"], "raw-copy", {"collisions": False}, ()))
+    assert "changed" in work(Task(order, source, "another", robots, ("key",)))[0]["reason"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_tables_hold_no_formulas(tmp_path):
+    """A text that begins like a formula has an apostrophe before it in CSV; invalid characters are escaped."""
+    write_tables(tmp_path, [failed_row("=1+1.c3d", "panda", "bad \udcff")])
+    line = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[1]
+    assert line.startswith("'=1+1.c3d,panda,failed,bad \\udcff")
+
+
+def test_digests_tell_contents_apart(tmp_path):
+    """Equal robots and files have one digest wherever they are; other limits, numbers and kinds have others."""
+    arm = mp.load_arm("panda")
+    assert digest(arm) == digest(mp.load_arm("panda")) != digest(arm.narrowed(arm.lower + 0.1, arm.upper))
+    for name in ("1", "2"):
+        (tmp_path / name).write_text("same")
+    assert digest(tmp_path / "1") == digest(tmp_path / "2") != digest(tmp_path)
+    assert digest({"a": 1, "b": {2, 3}}) == digest({"b": {3, 2}, "a": 1})
+    things = [1, 1.0, "1", True, [1], {"1": 1}, {1}, np.array([1]), np.array([1.0]), [[1]], b"1", None]
+    assert len({digest(thing) for thing in things}) == len(things)
+
+
+@pytest.mark.parametrize(
+    ("error", "more"),
+    [
+        (OutputError, {}),
+        (InvalidInputError, {"exports": "vhs"}),
+        (InvalidInputError, {"dask": "x:1", "ray": True}),
+        (InvalidInputError, {"reading": {"speed": 3}}),
+        (InvalidInputError, {"processes": 0}),
+        (TypeError, {"speed": 3}),
+    ],
+)
+def test_wrong_arguments_are_refused_before_work(recordings, tmp_path, error, more):
+    """A folder of other things, unknown formats and settings, and two clusters."""
+    (tmp_path / "batch.json").write_text('{"mine": 1}')
+    with pytest.raises(error):
+        small([recordings], **{"output": tmp_path / "new" if more else tmp_path, **more})
+    assert [path.name for path in tmp_path.iterdir()] == ["batch.json"]

@@ -1,0 +1,117 @@
+"""Dynamic time warping of demonstrations under the affine-invariant distance."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import spd
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.learning import align
+from maniport.learning.alignment import cheapest_path
+
+
+def cheapest_of_all(costs):
+    """Least cost over all paths, by trying each."""
+
+    @cache
+    def follow(i, j):
+        if (i, j) == (0, 0):
+            return [costs[0, 0]]
+        before = [(a, b) for a, b in ((i - 1, j), (i, j - 1), (i - 1, j - 1)) if a >= 0 and b >= 0]
+        return [total + costs[i, j] for entry in before for total in follow(*entry)]
+
+    return min(follow(costs.shape[0] - 1, costs.shape[1] - 1))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (4, 1), (3, 4), (5, 5), (6, 4)])
+def test_path_is_the_cheapest_of_all(shape):
+    """The cost is the least over all paths, and the sum along a path that runs from end to end by allowed steps."""
+    rng = np.random.default_rng(sum(shape))
+    for _ in range(5):
+        costs = rng.random(shape)
+        path, cost = cheapest_path(costs)
+        assert cost == pytest.approx(cheapest_of_all(costs), rel=1e-12)
+        assert costs[tuple(path.T)].sum() == pytest.approx(cost, rel=1e-12)
+        assert_array_equal(path[[0, -1]], [[0, 0], [shape[0] - 1, shape[1] - 1]])
+        steps = np.diff(path, axis=0)
+        assert np.all((steps >= 0) & (steps <= 1))
+        assert np.all(steps.sum(axis=1) >= 1)
+
+
+def test_known_warp_is_recovered(truth):
+    """A demonstration at another pace and length comes back to the reference's times, with its own positions."""
+    time = np.linspace(0.0, 1.0, 60)
+    slow = np.linspace(0.0, 1.0, 150)
+    pace = slow**1.6
+    result = align([truth(time), truth(pace)], [2 * time, slow], reference=0)
+    assert_array_equal(result.time, 2 * time)
+    assert spd.distance(result.ellipsoids[1], truth(time)).max() < 0.06
+    assert spd.distance(truth(np.interp(time, slow, slow)), truth(time**1.6)).max() > 0.5
+    warped = result.warp([time, pace])
+    assert np.abs(warped[1] - time).max() < 0.02
+    assert_array_equal(warped[0], time)
+
+
+def test_demonstrations_that_differ_in_pace_only_have_no_distance():
+    """Repeating frames changes neither the ellipsoids at the common times nor the distance."""
+    rng = np.random.default_rng(0)
+    profile = spd.expm(spd.from_vector(rng.standard_normal((8, 6))))
+    result = align([profile, np.repeat(profile, [1, 3, 1, 2, 1, 1, 4, 1], axis=0)], reference=0)
+    assert_allclose(result.ellipsoids[1], profile, rtol=1e-12)
+    assert_allclose(result.distances, 0.0, atol=1e-7)
+
+
+def test_medoid_is_the_reference(truth, demonstrate):
+    """The demonstration with the least summed distance to the others gives the times."""
+    time = np.linspace(0.0, 1.0, 20)
+    rng = np.random.default_rng(1)
+    demos = demonstrate(rng, 4, time, 0.1)
+    demos = np.concatenate([demos[:2], truth(time)[None], 2.0 * demos[2:]])
+    assert align(demos).reference == 2
+
+
+def test_congruence_changes_nothing(demonstrate):
+    """A congruence of all ellipsoids leaves paths and distances, and moves the warped ellipsoids along."""
+    rng = np.random.default_rng(2)
+    demos = demonstrate(rng, 3, np.linspace(0, 1, 25), 0.3)
+    change = rng.standard_normal((3, 3))
+    plain, moved = align(demos), align(change @ demos @ change.T)
+    assert plain.reference == moved.reference
+    for path, other in zip(plain.paths, moved.paths, strict=True):
+        assert_array_equal(path, other)
+    assert_allclose(moved.distances, plain.distances, rtol=1e-9)
+    assert_allclose(moved.ellipsoids, change @ plain.ellipsoids @ change.T, rtol=1e-7, atol=1e-9)
+
+
+GOOD = np.broadcast_to(np.eye(3), (4, 3, 3)).copy()
+BAD = {
+    "none": (lambda: align([]), "at least one demonstration"),
+    "nan": (lambda: align([GOOD, np.where(np.eye(3) > 0, np.nan, GOOD)]), r"profiles\[1\] must be finite"),
+    "singular": (lambda: align([GOOD, GOOD * [1.0, 1.0, 0.0]]), r"profiles\[1\]\[0\] is singular"),
+    "sizes": (lambda: align([GOOD, GOOD[:, :2, :2]]), "3×3 matrices; found 2×2"),
+    "one point": (lambda: align([GOOD, GOOD[:1]]), r"profiles\[1\] must hold at least 2"),
+    "reference": (lambda: align([GOOD, GOOD], reference=2), r"reference must be a whole number in \[0, 1\]; found 2"),
+    "negative reference": (
+        lambda: align([GOOD, GOOD], reference=-1),
+        r"reference must be a whole number in \[0, 1\]; found -1",
+    ),
+    "times": (lambda: align([GOOD, GOOD], [[0, 1, 2, 3]]), "times must be 2 arrays"),
+    "length": (lambda: align([GOOD], [[0, 1, 2]]), r"times\[0\] must have shape \(4,\)"),
+    "order": (
+        lambda: align([GOOD], [[0, 2, 1, 3]]),
+        r"times\[0\] must increase strictly; found 1 s at",
+    ),
+    "signals": (lambda: align([GOOD, GOOD]).warp([[0.0]]), "signals must be 2"),
+    "signal": (lambda: align([GOOD, GOOD]).warp([np.zeros((4, 3)), np.zeros((3, 3))]), r"signals\[1\] must have shape"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named(case):
+    """Bad input raises an error that names the argument and what is allowed."""
+    call, message = BAD[case]
+    with pytest.raises(InvalidInputError, match=message) as caught:
+        call()
+    assert isinstance(caught.value, NotSPDError) == (case == "singular")

@@ -1,0 +1,97 @@
+"""What the Gaussian mixture learns: known profiles, known covariances, known numbers of components."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from sklearn.mixture import GaussianMixture
+
+from maniport import spd
+from maniport.learning import ProfileGMM
+
+
+@pytest.fixture(scope="module")
+def taught(demonstrate):
+    """Five demonstrations that agree at both ends and differ in the middle, and the model learned from them."""
+    time = np.linspace(0.0, 1.0, 80)
+    amplitude = 0.03 + 0.3 * np.exp(-0.5 * ((time - 0.5) / 0.12) ** 2)
+    demos = demonstrate(np.random.default_rng(0), 5, time, amplitude)
+    model = ProfileGMM(6, random_state=0).fit(np.tile(time, 5), demos.reshape(-1, 3, 3))
+    return time, amplitude, demos, model
+
+
+def test_mean_profile_is_recovered_within_the_noise(taught, truth):
+    """The prediction lies closer to the true profile than the demonstrations do, everywhere within their noise."""
+    time, amplitude, demos, model = taught
+    error = spd.distance(model.predict(time), truth(time))
+    assert error.mean() < 0.4 * spd.distance(demos, truth(time)).mean()
+    assert np.all(error < 2.5 * amplitude)
+
+
+def test_covariance_is_larger_where_demonstrations_differ(taught):
+    """The standard deviation follows the demonstrators', large in the middle and small at the ends."""
+    time, amplitude, _, model = taught
+    _, covariance = model.predict(time, return_covariance=True)
+    deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 6)
+    assert np.corrcoef(deviation, amplitude)[0, 1] > 0.9
+    assert deviation[40] / deviation[[0, -1]].max() > 3.0
+
+
+def test_one_component_is_a_geodesic_regression(scatter):
+    """One component of noise-free points on a geodesic predicts the geodesic, inside and outside its times."""
+    rng = np.random.default_rng(1)
+    base, slope = spd.expm(spd.from_vector(rng.standard_normal(6))), rng.standard_normal(6)
+    time = np.linspace(-1.0, 1.0, 21)
+    points = scatter(np.broadcast_to(base, (21, 3, 3)), time[:, None] * slope)
+    model = ProfileGMM(1, regularization=1e-12).fit(time, points)
+    ahead = np.array([-1.5, 0.3, 1.2])
+    wanted = scatter(np.broadcast_to(base, (3, 3, 3)), ahead[:, None] * slope)
+    assert spd.distance(model.predict(ahead), wanted).max() < 1e-6
+
+
+def test_small_spread_equals_the_euclidean_mixture():
+    """Ellipsoids close to the identity give scikit-learn's mixture of log-vectors, and its linear regression."""
+    rng = np.random.default_rng(3)
+    small = 1e-4
+    time = rng.random(400)
+    kinks = np.abs(time - 0.5)[:, None] * rng.standard_normal(6) + time[:, None] * rng.standard_normal(6)
+    vectors = kinks + 0.05 * rng.standard_normal((400, 6))
+    points = spd.expm(spd.from_vector(small * vectors))
+    ridge, options = 1e-6, {"n_components": 2, "tol": 1e-9, "max_iter": 500}
+    model = ProfileGMM(regularization=ridge * small**2, random_state=0, **options).fit(time, points)
+    scaled = np.column_stack([time, vectors])
+    flat = GaussianMixture(reg_covar=ridge, random_state=0, means_init=_in_flat(model, small), **options).fit(scaled)
+    assert_allclose(model.weights_, flat.weights_, atol=2e-3)
+    assert_allclose(_in_flat(model, small), flat.means_, atol=2e-3)
+    scale = np.r_[1.0, np.full(6, small)]
+    assert_allclose(model.covariances_ / np.outer(scale, scale), flat.covariances_, atol=2e-3)
+    assert model.score(time, points) + 6 * np.log(small) == pytest.approx(flat.score(scaled), abs=1e-4)
+    assert model.bic(time, points) - 2 * 400 * 6 * np.log(small) == pytest.approx(flat.bic(scaled), abs=0.1)
+
+
+def _in_flat(model, small):
+    return np.column_stack([model.input_means_, spd.to_vector(spd.logm(model.means_)) / small])
+
+
+def test_likelihood_rises_in_em(demonstrate):
+    """The likelihood falls in no EM step by more than curvature allows, and the best mixture is kept."""
+    time = np.linspace(0.0, 1.0, 30)
+    demos = demonstrate(np.random.default_rng(4), 3, time, 0.3)
+    inputs, points = np.tile(time, 3), demos.reshape(-1, 3, 3)
+    model = ProfileGMM(2, tol=1e-7, regularization=1e-9, random_state=0).fit(inputs, points)
+    assert model.converged_
+    assert np.diff(model.history_).min() > -1e-4
+    assert model.log_likelihood_ == model.history_.max()
+    assert model.score(inputs, points) == pytest.approx(model.log_likelihood_, abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_bic_finds_the_number_of_separate_components(count, scatter):
+    """BIC chooses the true number of well separated Gaussians."""
+    rng = np.random.default_rng(count)
+    centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
+    which = np.arange(160) % count
+    points = scatter(centers[which], 0.1 * rng.standard_normal((160, 6)))
+    model = ProfileGMM(max_components=4, random_state=0, n_init=2).fit(which + 0.1 * rng.standard_normal(160), points)
+    assert model.n_components_ == count
+    assert model.bic_curve_.argmin() == count - 1
+    assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)

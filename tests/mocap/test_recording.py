@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from maniport.mocap import Recording
+from maniport.errors import InvalidInputError
+
+
+def wave(n=101, rate=100.0, missing=()):
+    """One point on a circle, missing in some frames, and one that stands still."""
+    time = np.arange(n) / rate
+    circle = np.stack([np.cos(2 * time), np.sin(2 * time), np.zeros(n)], axis=-1)
+    for start, stop in missing:
+        circle[start:stop] = np.nan
+    return Recording(("circle", "still"), np.stack([circle, np.ones((n, 3))], axis=1), time, "z", "wave")
+
+
+def test_short_gaps_are_interpolated_and_said():
+    """A gap up to the stated length is filled close to the truth, and a note says which point."""
+    truth = wave()
+    filled = wave(missing=[(40, 50)]).fill_gaps(0.2)
+    assert np.abs(filled.positions - truth.positions).max() < 1e-3
+    assert any("circle" in note and "interpolated (10 frames)" in note for note in filled.notes)
+
+
+def test_long_gaps_and_ends_stay_missing_and_are_said():
+    """Gaps beyond the stated length, and gaps at either end, stay nan; a note gives their times."""
+    filled = wave(missing=[(0, 3), (40, 70), (99, 101)]).fill_gaps(0.2)
+    lost = np.isnan(filled.point("circle")[:, 0])
+    assert np.flatnonzero(lost).tolist() == [0, 1, 2, *range(40, 70), 99, 100]
+    assert any("0.40–0.69 s" in note for note in filled.notes)
+
+
+def test_crop_keeps_the_interval_with_its_ends():
+    """Cropping keeps start ≤ time ≤ stop."""
+    np.testing.assert_allclose(wave().crop(0.2, 0.3).time, np.arange(20, 31) / 100)
+    end = float(wave().time[-1])
+    assert wave().crop(stop=end + 0.01).doubts == ()  # until the last frame is over
+    assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).doubts[0]
+
+
+@given(st.floats(5.0, 400.0))
+def test_resampling_keeps_time_and_values(rate):
+    """At any rate a linear motion stays what it is, and the time stays within the recording."""
+    time = np.arange(51) / 50
+    recording = Recording(("p",), (time[:, None] * [1.0, 2.0, 3.0])[:, None], time)
+    again = recording.resample(rate)
+    np.testing.assert_allclose(again.positions[:, 0], again.time[:, None] * [1.0, 2.0, 3.0], atol=1e-12)
+    assert again.time[0] == 0
+    assert 1 - 1 / rate - 1e-9 <= again.time[-1] <= 1
+
+
+def test_arrays_are_read_only():
+    """A recording is a value: neither its positions nor its time can be written to."""
+    with pytest.raises(ValueError, match="read-only"):
+        wave().positions[0] = 0
+    with pytest.raises(ValueError, match="read-only"):
+        wave().time[0] = 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time": [0.0, 0.0, 1.0]}, "time must increase strictly; found 0 s at index 1 after 0 s"),
+        ({"time": [0.0, np.nan, 1.0]}, "time must be finite"),
+        ({"time": []}, "time must have shape"),
+        ({"names": ("a", "a")}, "names must differ; found more than once: 'a'"),
+        ({"positions": np.zeros((3, 1, 3))}, r"positions must have shape \(3, 2, 3\) = .*; found shape \(3, 1, 3\)"),
+        ({"positions": np.full((3, 2, 3), np.inf)}, r"positions must be finite.*index \(0, 0, 0\)"),
+        ({"positions": "no"}, "positions must be an array of numbers"),
+        ({"up": "w"}, "unknown up 'w'; there are, nearest first: '-x'"),
+    ],
+)
+def test_bad_values_are_refused(change, message):
+    """Values that cannot be a recording are refused with what was found and what is allowed."""
+    good = {"names": ("a", "b"), "positions": np.zeros((3, 2, 3)), "time": [0.0, 1.0, 2.0]}
+    with pytest.raises(InvalidInputError, match=message):
+        Recording(**(good | change))

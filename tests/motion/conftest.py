@@ -1,0 +1,34 @@
+"""The robot that most tests of tracking move, and what is known of it."""
+
+import pytest
+
+from maniport.arms import VELOCITY, load_arm
+from maniport.arms.collisions import Collisions
+from maniport.motion import Atlas, MotionLimits, Planner, StartBank, robot_model
+
+
+@pytest.fixture(scope="session")
+def panda():
+    """The Panda to its flange."""
+    return load_arm("panda", frame="panda_link8")
+
+
+@pytest.fixture(scope="session")
+def model(panda):
+    """Its Pinocchio model."""
+    return robot_model(panda)
+
+
+@pytest.fixture(scope="session")
+def bank(panda):
+    """A small bank of starts for it."""
+    return StartBank.build(panda, 4096)
+
+
+@pytest.fixture(scope="session")
+def planner(panda):
+    """A planner for it with few samples, which knows collisions."""
+    limits = MotionLimits.of(panda)
+    collisions = Collisions.of(limits.arm)
+    atlas = Atlas(limits.arm, VELOCITY, 20_000, collisions=collisions)
+    return Planner(limits, atlas, StartBank.build(limits.arm, 4096), collisions)

@@ -1,0 +1,222 @@
+"""Motions of two arms: as each alone where they do not meet, apart where they do."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose, assert_array_equal
+
+import maniport as mp
+from maniport.arms.chain import pose
+from maniport.errors import InvalidInputError
+from maniport.motion import ArmsPlanner, Atlas, Objective, Planner, StartBank, plan_arms, plan_motion
+from maniport.motion.both.together import BothTargets
+from maniport.motion.exports import export_motion
+from maniport.motion.motion_limits import MotionLimits
+
+TIME = np.linspace(0.0, 3.0, 10)
+MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
+
+
+def swung(phase=0.0, size=0.4):
+    """Postures of a Panda over time."""
+    return MIDDLE + size * np.sin(np.outer(TIME, [1.0, 0.8, 1.2, 0.9, 1.1, 1.0, 0.5]) + phase)
+
+
+def task(arms, *joints):
+    """What is asked for where each arm shall do as in these postures: ellipsoids somewhat larger, and paths."""
+    profiles = [1.2 * arm.manipulability(q) for arm, q in zip(arms.each, joints, strict=True)]
+    return {
+        "profiles": profiles,
+        "paths": [arm.forward(q)[:, :3, 3] for arm, q in zip(arms.each, joints, strict=True)],
+        "time": TIME,
+    }
+
+
+def known(arms, collisions=False):
+    """What is known of two arms, with few samples."""
+    limits, spec = MotionLimits.of(arms), mp.EllipsoidSpec()
+    apart = mp.Collisions.of(limits.arm) if collisions else None
+    planners = []
+    for arm, columns, alone in zip(
+        limits.arm.each, limits.arm.columns, apart.each if apart else (None, None), strict=True
+    ):
+        atlas = Atlas(arm, spec, 8_000, collisions=alone)
+        planners.append(Planner(limits.of_joints(arm, columns), atlas, StartBank.build(arm, 2048), alone))
+    return ArmsPlanner(limits, spec, tuple(planners), apart)
+
+
+@pytest.fixture(scope="module")
+def apart():
+    """Two Pandas that cannot meet, and what is known of them."""
+    arms = mp.load_arms("panda", bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0, 0.3)])
+    return arms, known(arms)
+
+
+@pytest.fixture(scope="module")
+def beside():
+    """Two Pandas side by side, kept apart, and what is known of them."""
+    arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    return arms, known(arms, True)
+
+
+@pytest.fixture(scope="module")
+def separate(apart):
+    """A motion of both where they do not meet."""
+    arms, planner = apart
+    return plan_arms(arms, **task(arms, swung(), swung(1.0)), planner=planner, effort="quick")
+
+
+def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
+    """Their postures are those of two single runs, but for what the common time makes of jerks."""
+    arms, planner = apart
+    asked = task(arms, swung(), swung(1.0))
+    assert not separate.together
+    for i, motion in enumerate(separate.each):
+        alone = plan_motion(
+            arms.each[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], planner=planner.each[i],
+            effort="quick",
+        )  # fmt: skip
+        assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
+        assert_allclose(motion.distance, alone.distance, atol=1e-3)
+        assert_array_equal(motion.node_floor, alone.node_floor)
+
+
+def test_a_pair_is_one_motion(apart, separate):
+    """Left, right and both are the same samples on the same times, within all limits, at rest at either end."""
+    arms, _ = apart
+    assert separate.joint_names == arms.joint_names
+    for motion, columns in zip(separate.each, arms.columns, strict=True):
+        assert_array_equal(motion.control_positions, separate.control_positions[:, columns])
+        assert_array_equal(motion.joint_positions, separate.joint_positions[:, columns])
+        assert_array_equal(motion.time, separate.time)
+    assert separate.limit_use.within
+    assert_array_equal(separate.control_velocities[[0, -1]], 0.0)
+    squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.each]) for name in
+               ("distance", "node_floor")]  # fmt: skip
+    assert_allclose(separate.certificate, np.sqrt(squares[0] / squares[1]))
+
+
+def test_arms_that_would_meet_are_kept_apart(beside):
+    """Tips that pass 19 cm from one another, where each arm alone would go through the other: they make way."""
+    arms, planner = beside
+    asked = task(arms, swung(), swung(0.3))
+    shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
+    asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
+    found = plan_arms(arms, **asked, planner=planner, tip_tolerance=0.02, effort="quick")
+    assert found.together  # only where the arms come near one another
+    assert found.room.known
+    assert found.room.share == 0.0
+    assert found.room.clearance > 0.0
+    assert found.limit_use.within
+
+
+def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
+    """Tips that leave their paths go as the paths do beside one another, and the ellipsoids get better."""
+    arms, planner = beside
+    asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
+    asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
+    placed, found = (plan_arms(arms, **asked, planner=planner, effort="quick", tips=tips)
+                     for tips in ("placed", "relative"))  # fmt: skip
+    assert_allclose(found.way, asked["paths"][1] - asked["paths"][0])
+    tips = arms.forward(found.joint_positions)[:, :, :3, 3]
+    assert_allclose(np.linalg.norm(tips[:, 1] - tips[:, 0] - found.way, axis=1), found.beside_way, atol=1e-9)
+    assert np.percentile(found.beside_way, 95) < 5e-3
+    assert placed.way is None
+    for one, other in zip(found.each, placed.each, strict=True):
+        assert one.path is None
+        assert np.linalg.norm(one.distance) < 0.95 * np.linalg.norm(other.distance)
+    assert 0.95 < found.certificate < 1.2
+    assert found.room.share == 0.0
+    assert found.limit_use.within
+
+
+def trunk(side):
+    """One of two arms with three joints each on a trunk that turns."""
+    sign = 1.0 if side == "left" else -1.0
+    joints = [
+        mp.arms.chain.Joint("turn", "revolute", np.eye(3)[2], pose((0, 0, 0.2))),
+        *(mp.arms.chain.Joint(f"{side}_{i}", "revolute", np.eye(3)[axis], pose(way)) for i, (axis, way) in enumerate(
+            [(2, (0.0, sign * 0.3, 0.0)), (1, (0.0, sign * 0.1, 0.0)), (2, (0.3, 0.0, 0.0)), (1, (0.2, 0.0, 0.05))]
+        )),
+    ]  # fmt: skip
+    chain = mp.Arm.from_dh("trunk", np.zeros((5, 4)), -1.5, 1.5).chain
+    frame = mp.arms.chain.Frame
+    return mp.Arm(replace(
+        chain, joints=tuple(joints), coordinates=tuple(joint.name for joint in joints), frame=f"{side}_tip",
+        frames={"base": frame(0, np.eye(4)), f"{side}_tip": frame(5, pose((0.2, 0.0, 0.0)))},
+    ))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def crane():
+    """Two arms on one trunk."""
+    return mp.arms.Arms(trunk("left"), trunk("right"))
+
+
+def test_slopes_in_the_joints_of_both(crane):
+    """The gradient over all joints, the shared one among them, is that of finite differences; costs add up."""
+    q = 0.5 * crane.sample(4, 0)
+    each = [
+        Objective.of(arm).targets(1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3])
+        for arm in crane.each
+    ]
+    both = BothTargets(crane, tuple(each)).weighing(20.0)
+    alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))
+    assert_allclose(both.evaluate(q)[0] ** 2, alone)
+    assert both.tip_error(q).shape == (4, 2)
+    between = BothTargets.relative(crane, tuple(each)).weighing(20.0)
+    assert_allclose(between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.tip_error(q)) ** 2)
+    for one in (both, between):
+        _, gradient, hessian = one.evaluate(q)
+        steps = 1e-6 * np.eye(crane.dof)
+        numeric = [(one.evaluate(q + h)[0] ** 2 - one.evaluate(q - h)[0] ** 2) / 4e-6 for h in steps]
+        assert_allclose(gradient, np.stack(numeric, axis=1), rtol=1e-5, atol=1e-4)
+        assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
+
+
+def test_files_name_the_joints_of_both(separate, apart, tmp_path):
+    """CSV, NPZ, ROS 2 and MuJoCo hold all joints under the pair's names; what takes one arm says so."""
+    arms, _ = apart
+    separate.save_joints_csv(tmp_path / "joints.csv")
+    with open(tmp_path / "joints.csv", encoding="utf-8", newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert rows[0][1:15] == [f"{name}_rad" for name in arms.joint_names]
+    assert_allclose(np.array(rows[1:], float)[:, 1:15], separate.control_positions, atol=1e-11)
+    separate.save_joints(tmp_path / "joints.npz")
+    with np.load(tmp_path / "joints.npz") as file:
+        assert_array_equal(file["control_positions"], separate.control_positions)
+        assert_array_equal(file["right_distance"], separate.right.distance)
+    export_motion(tmp_path / "m.yaml", separate, "ros2")
+    assert tuple(yaml.safe_load((tmp_path / "m.yaml").read_text())["joint_names"]) == arms.joint_names
+    export_motion(tmp_path / "m.npz", separate, "mujoco", arms)
+    with np.load(tmp_path / "m.npz") as file:
+        assert tuple(file["joint_names"]) == arms.joint_names
+        assert_array_equal(file["qpos"], separate.control_positions)
+    with pytest.raises(InvalidInputError, match=r"must be of one arm for the format 'parquet', such as motion\.left"):
+        export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
+
+
+def test_what_is_wrong_is_told_before_long_work(apart, panda):
+    """One arm, things that are not two, rows that are missing, a home that is none: each is named."""
+    arms, planner = apart
+    asked = task(arms, swung(), swung())
+    with pytest.raises(InvalidInputError, match=r"arms must be two, as maniport\.load_arms makes them; found Arm"):
+        plan_arms(panda, **asked)
+    with pytest.raises(InvalidInputError, match="profiles must be two, of the left and of the right arm"):
+        plan_arms(arms, planner=planner, **{**asked, "profiles": asked["profiles"][:1]})
+    with pytest.raises(InvalidInputError, match="path"):
+        plan_arms(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], asked["paths"][1][:-1]]})
+    with pytest.raises(InvalidInputError, match="paths must be of both arms or of none"):
+        plan_arms(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], None]})
+    with pytest.raises(InvalidInputError, match="unknown tips 'absolute'"):
+        plan_arms(arms, **asked, planner=planner, tips="absolute")
+    with pytest.raises(InvalidInputError, match="tips='relative' keeps the way from path to path"):
+        plan_arms(arms, asked["profiles"], time=TIME, planner=planner, tips="relative")
+    with pytest.raises(InvalidInputError, match=r"home must have shape \(\.\.\., 14\)"):
+        plan_arms(arms, **asked, planner=planner, home=np.zeros(7))
+    other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
+    with pytest.raises(InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': tip"):
+        plan_arms(other, **asked, planner=planner)

@@ -1,0 +1,149 @@
+"""What controllers, players and simulators get is the motion, with time from 0."""
+
+import json
+import sys
+from itertools import product
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport import spd
+from maniport.arms import Arm
+from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
+from maniport.motion import TrackResult
+from maniport.motion.exports import export_motion
+from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.plan.time_parameterization import retime
+
+NAMES = ("on", 'a "b": c', "wrist")
+PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0], [0, 0, 0.4, 0], [0, 0, 0.3, 0]], joint_names=NAMES)
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """A motion at 1000 Hz that begins at 2 s."""
+    limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 1.0, 21)
+    timed = retime(limits, time, 0.5 * np.sin(np.outer(time, [1.0, 2.0, 3.0])))
+    q = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
+    return TrackResult.of_motion(
+        PLANAR, 2.0 + timed.at, PLANAR.manipulability(q), 2.0 + timed.time, timed.positions,
+        path=PLANAR.forward(q)[:, :3, 3], control_velocities=timed.velocities,
+        control_accelerations=timed.accelerations,
+    )  # fmt: skip
+
+
+def require_states(motion, seconds, states):
+    """Hundred points a second from first to last, each of them a control step."""
+    steps = motion.control_time - motion.control_time[0]
+    rows = np.round(1000 * np.array(seconds)).astype(int)
+    assert_allclose(seconds, steps[rows], atol=1e-9)
+    assert rows[0] == 0
+    assert rows[-1] == len(steps) - 1
+    assert_array_equal(np.diff(rows)[:-1], 10)
+    wanted = motion.control_positions, motion.control_velocities, motion.control_accelerations
+    for values, found in zip(wanted, states, strict=True):
+        assert_allclose(found, values[rows], atol=1e-5)
+
+
+def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
+    """The file is YAML of a JointTrajectory whose points are control steps; names survive whatever they hold."""
+    export_motion(tmp_path / "m.yaml", motion, "ros2")
+    message = yaml.safe_load((tmp_path / "m.yaml").read_text())
+    assert list(message) == ["header", "joint_names", "points"]
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    assert tuple(message["joint_names"]) == NAMES
+    starts = [point["time_from_start"] for point in message["points"]]
+    states = ([p[key] for p in message["points"]] for key in ("positions", "velocities", "accelerations"))
+    require_states(motion, [start["sec"] + 1e-9 * start["nanosec"] for start in starts], states)
+
+
+def test_mcap_gets_messages(motion, tmp_path):
+    """The messages can be read back in order, with their schema."""
+    reader = pytest.importorskip("mcap.reader")
+    export_motion(tmp_path / "m.mcap", motion, "mcap")
+    with open(tmp_path / "m.mcap", "rb") as stream:
+        found = list(reader.make_reader(stream).iter_messages())
+    assert {(schema.encoding, channel.topic) for schema, channel, _ in found} == {("jsonschema", "/joint_states")}
+    texts = [json.loads(message.data) for _, _, message in found]
+    assert tuple(texts[0]["name"]) == NAMES
+    states = ([text[key] for text in texts] for key in ("position", "velocity", "acceleration"))
+    require_states(motion, [1e-9 * message.log_time for _, _, message in found], states)
+
+
+def test_parquet_has_columns_with_units(motion, tmp_path):
+    """Every control step comes back, with the tip and ellipsoids that the arm has there and their distance."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    asked = TrackResult.of_motion(
+        PLANAR, motion.time, 1.5 * motion.target, motion.control_time, motion.control_positions, path=motion.path + 0.01
+    )
+    export_motion(tmp_path / "m.parquet", asked, "parquet", PLANAR)
+    table = parquet.read_table(tmp_path / "m.parquet")
+    column = {name: table[name].to_numpy() for name in table.column_names}
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    assert table.schema.metadata[b"robot"] == b"planar"
+    assert_array_equal(column["time"], motion.control_time - motion.control_time[0])
+    for k, name in enumerate(NAMES):
+        assert_array_equal(column[f"{name}_position"], motion.control_positions[:, k])
+        assert_array_equal(column[f"{name}_acceleration"], asked.control_accelerations[:, k])
+        assert units[f"{name}_velocity"] == "rad/s"
+    tips = np.stack([column[f"tip_{axis}"] for axis in "xyz"], axis=1)
+    assert_array_equal(tips, PLANAR.forward(motion.control_positions)[:, :3, 3])
+    assert_array_equal(column["achieved_xy"], PLANAR.manipulability(motion.control_positions)[:, 0, 1])
+    assert units["achieved_xy"] == units["target_xx"] == "(m/s per rad/s)²"
+    whole = {whose: np.empty((len(column["time"]), 3, 3)) for whose in ("target", "achieved")}
+    for whose, ellipsoids in whole.items():
+        for (i, first), (j, second) in product(enumerate("xyz"), repeat=2):
+            ellipsoids[:, i, j] = column[f"{whose}_{min(first, second)}{max(first, second)}"]
+        ellipsoids += asked.damping.epsilon * np.eye(3)
+    there = np.isfinite(column["distance"])
+    wanted = spd.distance(whole["target"][there], whole["achieved"][there])
+    assert_allclose(column["distance"][there], wanted, atol=1e-9)
+    at = np.interp(asked.time, asked.control_time[there], column["distance"][there])
+    assert_allclose(at, asked.distance, atol=0.02)
+    off = np.interp(asked.time, asked.control_time[there], column["tip_error"][there])
+    assert_allclose(off, asked.position_error, atol=2e-3)
+
+
+def test_mujoco_makes_the_same_motion(motion, tmp_path):
+    """Replayed in MuJoCo, with qpos as it stands in the file, the tip is where the motion has it."""
+    export_motion(tmp_path / "m.npz", motion, "mujoco")
+    with np.load(tmp_path / "m.npz") as arrays:
+        qpos, qvel, step = arrays["qpos"], arrays["qvel"], float(arrays["timestep"])
+        assert tuple(arrays["joint_names"]) == NAMES
+    assert step == pytest.approx(1e-3)
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint axis="0 0 1"/><geom size=".01"/>
+      <body pos=".5 0 0"><joint axis="0 0 1"/><geom size=".01"/>
+      <body pos=".4 0 0"><joint axis="0 0 1"/><geom size=".01"/><site name="tip" pos=".3 0 0"/></body></body></body>
+      </worldbody></mujoco>""")
+    model.opt.timestep = step
+    data = mujoco.MjData(model)
+    tips = np.empty((len(qpos), 3))
+    for row, data.qpos[:] in enumerate(qpos):
+        mujoco.mj_kinematics(model, data)
+        tips[row] = data.site("tip").xpos
+    passed = np.round((motion.time - motion.control_time[0]) / step).astype(int)
+    assert_allclose(tips[passed], motion.path, atol=2e-3)  # at most half a step away
+    assert_allclose(np.diff(qpos, axis=0)[1:] + np.diff(qpos, axis=0)[:-1], 2 * step * qvel[1:-1], atol=1e-9)
+
+
+def test_what_cannot_be_exported_is_refused(motion, tmp_path, monkeypatch):
+    """Unknown formats, other suffixes, missing packages and folders are named."""
+    with pytest.raises(UnknownNameError, match=r"unknown format 'ros'; there are, nearest first: 'ros2'"):
+        export_motion(tmp_path / "m.yaml", motion, "ros")
+    with pytest.raises(InvalidInputError, match=r"path must end with '\.npz' for the format 'mujoco'"):
+        export_motion(tmp_path / "m.yaml", motion, "mujoco")
+    with pytest.raises(InvalidInputError, match=r"robot must be the arm that moves, with the joints .* found none"):
+        export_motion(tmp_path / "m.parquet", motion, "parquet")
+    with pytest.raises(InvalidInputError, match=r"robot must be the arm that moves, .* found 'planar'"):
+        export_motion(tmp_path / "m.parquet", motion, "parquet", "planar")
+    with pytest.raises(InvalidInputError, match=r"motion must be a motion, such as .*; found NoneType"):
+        export_motion(tmp_path / "m.yaml", None, "ros2")
+    with pytest.raises(OutputError, match="there is no folder"):
+        export_motion(tmp_path / "nowhere" / "m.yaml", motion, "ros2")
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(MissingPackageError, match=r'pip install "maniport\[mcap\]"'):
+        export_motion(tmp_path / "m.mcap", motion, "mcap")
+    assert not list(tmp_path.iterdir())

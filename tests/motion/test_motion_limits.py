@@ -1,0 +1,112 @@
+"""What joints may do, where the numbers come from, and how much of it a motion uses."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.arms import Arm
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.motion.motion_limits import MotionLimits
+
+
+@pytest.fixture(scope="module")
+def crane():
+    """A turning joint and a slide, neither with a known speed."""
+    return Arm.from_dh("crane", [[0, 0, 0.5, 0], [0, 0, 0, 0]], [-2, 0], [2, 1], kinds=["revolute", "prismatic"])
+
+
+def test_the_pandas_limits_are_those_of_its_maker(panda):
+    """Franka's numbers are found by the names of the joints, with any joints; the margin is kept."""
+    limits = MotionLimits.of(panda)
+    assert_array_equal(limits.acceleration, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0])
+    assert_array_equal(limits.jerk, [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
+    assert_array_equal(limits.velocity, panda.velocity_limits)
+    assert "Franka" in limits.sources["acceleration"]
+    assert not any(limits.assumed.values())
+    assert_allclose(limits.lower - panda.lower, 0.02 * (panda.upper - panda.lower))
+    assert_allclose(panda.upper - limits.upper, 0.02 * (panda.upper - panda.lower))
+    some = MotionLimits.of(panda.restricted(joints=panda.joint_names[1:4]), margin=0.0)
+    assert_array_equal(some.jerk, [3750.0, 5000.0, 6250.0])
+    assert_array_equal(some.lower, panda.lower[1:4])
+
+
+def test_what_nobody_knows_is_assumed_and_said(crane):
+    """Without any description the speed is assumed by the kind of joint, and what follows from it is named."""
+    limits = MotionLimits.of(crane)
+    assert_allclose(limits.velocity, [1.0, 0.25])
+    assert_allclose(limits.acceleration, [4.0, 1.0])
+    assert_allclose(limits.jerk, [100.0, 25.0])
+    assert limits.sources["velocity"] == "assumed: 1 rad/s (joint1); assumed: 0.25 m/s (joint2)"
+    assert limits.sources["jerk"] == "assumed: acceleration limit reached in 0.04 s"
+    both = ("joint1", "joint2")
+    assert limits.assumed == {"position": (), "velocity": both, "acceleration": both, "jerk": both}
+    some = MotionLimits.of(crane, {"joints": {"joint2": {"velocity": 1.0, "acceleration": 2.0}}})
+    assert some.assumed == {"position": (), "velocity": both[:1], "acceleration": both[:1], "jerk": both}
+
+
+def test_a_file_goes_before_everything_else(panda, tmp_path):
+    """Numbers of a joint, then the file's default, then the maker's; given ends of a range take no margin."""
+    file = tmp_path / "limits.yaml"
+    file.write_text("joints:\n  panda_joint1: {jerk: 1e3, lower: -1}\ndefault: {velocity: 0.5}\n")
+    limits = MotionLimits.of(panda, file)
+    assert_array_equal(limits.velocity, np.full(7, 0.5))
+    assert_array_equal(limits.jerk[:2], [1000.0, 3750.0])
+    assert limits.lower[0] == -1.0
+    assert limits.upper[0] < panda.upper[0]
+    assert limits.sources["velocity"] == f"{file} (default)"
+    assert limits.sources["jerk"].startswith(f"{file} (panda_joint1); Franka")
+    same = MotionLimits.of(
+        panda, {"joints": {"panda_joint1": {"jerk": 1e3, "lower": -1}}, "default": {"velocity": 0.5}}
+    )
+    assert_array_equal(same.jerk, limits.jerk)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"joints": {"panda_joint9": {}}}, "joints of 'panda': unknown key 'panda_joint9'; allowed are, nearest first"),
+        ({"joint": {}}, "unknown key 'joint'; allowed are, nearest first: joints, default"),
+        ({"default": {"speed": 1}}, "default: unknown key 'speed'"),
+        ({"default": {"jerk": 0}}, "default: jerk must be a number above 0; found 0"),
+        ({"default": {"jerk": "fast"}}, "default: jerk must be a number above 0; found 'fast'"),
+        ({"joints": {"panda_joint1": {"lower": -3}}}, "panda_joint1: lower must be a number in"),
+        ({"joints": {"panda_joint1": {"lower": 1, "upper": 0.5}}}, "lower must be below upper; found 1 and 0.5"),
+        ({"joints": {"panda_joint1": 3}}, "joints: panda_joint1 must be a mapping"),
+        ([1, 2], "limits must be a mapping"),
+    ],
+)
+def test_limits_that_cannot_be_are_refused(panda, tmp_path, given, message):
+    """The message says which entry, what was found and what is allowed, of mappings and of files."""
+    with pytest.raises(InvalidInputError, match=message):
+        MotionLimits.of(panda, given)
+    file = tmp_path / "limits.json"
+    file.write_text(str(given).replace("'", '"'))
+    with pytest.raises(FileFormatError, match=message.replace("limits must", "must")):
+        MotionLimits.of(panda, file)
+
+
+def test_use_is_found_where_it_is(crane):
+    """Of a motion with known derivatives, the largest shares, the joints and the times are right."""
+    limits = MotionLimits.of(crane, {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 100.0}}, margin=0.0)
+    time = np.arange(1201) / 1000.0
+    q = np.column_stack([np.sin(2.0 * time + 1.0), np.full(len(time), 0.75)])
+    use = limits.use(time, q)
+    assert use.joint_names == crane.joint_names
+    assert_allclose(use.shares[:, 0], [0.5, 1.0, 0.4, 0.08], atol=1e-4)
+    assert_allclose(use.shares[:, 1], [0.5, 0.0, 0.0, 0.0], atol=1e-12)
+    assert_allclose(use.times[1:, 0], [np.pi / 2 - 0.5, np.pi / 4 - 0.5, np.pi / 2 - 0.5], atol=2e-2)
+    joint, share, _ = use.largest["velocity"]
+    assert (joint, round(share, 3)) == ("joint1", 1.0)
+    assert use.within
+    assert not limits.use(time, 1.01 * q).within
+
+
+def test_use_asks_for_a_constant_rate_and_fitting_shapes(crane):
+    """Differences of uneven samples would mean nothing."""
+    limits = MotionLimits.of(crane)
+    with pytest.raises(InvalidInputError, match=r"time must have a constant rate; found steps of 0\.1 to 1 s"):
+        limits.use([0.0, 0.1, 1.1], np.zeros((3, 2)))
+    with pytest.raises(InvalidInputError, match=r"q must have shape \(3, 2\)"):
+        limits.use([0.0, 0.1, 0.2], np.zeros((3, 3)))
+    with pytest.raises(InvalidInputError, match="margin"):
+        MotionLimits.of(crane, margin=0.5)

@@ -1,0 +1,52 @@
+"""What following costs: derivatives by finite differences, with everything that may be asked for at once."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from maniport import spd
+from maniport.arms import EllipsoidSpec
+from maniport.spd.regularization import Regularization
+from maniport.motion import Objective
+
+
+@pytest.mark.parametrize("kind", ["velocity", "force"])
+@pytest.mark.parametrize("part", ["translation", "full"])
+@pytest.mark.parametrize("weighed", [False, True])
+def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
+    """√f, Jᵀr and JᵀJ of ellipsoid, position and two axes agree with the residual in public terms."""
+    random, n, step, spec, epsilon = np.random.default_rng(0), 4, 1e-6, EllipsoidSpec(kind, part), 0.05
+    weights, m, lift = (3.0, 0.0, 7.0), spec.size * (spec.size + 1) // 2, epsilon * np.eye(spec.size)
+    objective = replace(Objective.of(panda, spec, Regularization.absolute(epsilon), 5.0), axis_weights=weights)
+    target, positions = panda.ellipsoids(panda.sample(n, 2), spec), random.normal(size=(n, 3))
+    rotations = Rotation.random(n, random).as_matrix()
+    half = random.normal(size=(n, m, m)) if weighed else np.tile(np.eye(m), (n, 1, 1))
+    metric = np.swapaxes(half, 1, 2) @ half if weighed else None
+    targets = objective.targets(target, positions, metric, rotations)
+
+    def residual(q):
+        log = spd.to_vector(spd.logm(spd.whiten(panda.ellipsoids(q, spec) + lift, target + lift)))
+        poses = panda.forward(q)
+        axes = [weights[k] * (poses[:, :3, k] - rotations[:, :, k]) for k in (0, 2)]
+        return np.hstack([(half @ log[..., None])[..., 0], 5.0 * (poses[:, :3, 3] - positions), *axes])
+
+    q = panda.sample(n, 1)
+    length, gradient, hessian = targets.evaluate(q)
+    jacobian = np.stack([(residual(q + step * e) - residual(q - step * e)) / (2 * step) for e in np.eye(7)], axis=-1)
+    r, scale = residual(q), np.abs(jacobian).max()
+    assert length == pytest.approx(np.linalg.norm(r, axis=1), rel=1e-8)
+    assert length**2 == pytest.approx(targets.cost(q), rel=1e-8)
+    assert gradient == pytest.approx(np.einsum("nmk,nm->nk", jacobian, r), abs=1e-6 * scale * length.max())
+    assert hessian == pytest.approx(np.swapaxes(jacobian, -1, -2) @ jacobian, abs=1e-6 * scale**2)
+
+
+def test_axes_angles_are_those_between_directions(panda):
+    """The angle told is that between the axis of the tip that counts and where it shall point."""
+    objective = replace(Objective.of(panda), axis_weights=(0.0, 0.0, 1.0))
+    q, wanted = panda.sample(5, 1), Rotation.random(5, np.random.default_rng(1)).as_matrix()
+    targets = objective.targets(panda.manipulability(q), rotations=wanted)
+    cosine = np.sum(panda.forward(q)[:, :3, 2] * wanted[:, :, 2], axis=1)
+    assert targets.axis_angles(q) == pytest.approx(np.arccos(cosine))
+    assert objective.targets(panda.manipulability(q)).axis_angles(q) is None

@@ -1,0 +1,142 @@
+"""The trajectory optimizer, the graph search of a roadmap, and relaxation."""
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import solve
+
+from maniport.arms import Arm
+from maniport.motion.objective import Objective
+from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, optimize, time_weights
+from maniport.motion.plan.planner import relaxed
+from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path
+
+ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
+THREE = Arm.from_dh("three", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5]], -2, 2)
+UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
+
+
+class Wall:
+    """A collision model in which the first joint reaches a wall at 0.3 rad; the distance is the angle to it."""
+
+    within = 0.0
+
+    def watch(self, within):
+        """Watch distances below a threshold."""
+        self.within = within
+        return self
+
+    def gradient(self, q):
+        """Rows, distances and their slopes below the threshold."""
+        distance = 0.3 - q[:, 0]
+        rows = np.flatnonzero(distance < self.within)
+        return rows, distance[rows], np.tile(-np.eye(q.shape[1])[0], (len(rows), 1))
+
+    def collides(self, q):
+        """Whether the wall is touched."""
+        return q[:, 0] >= 0.3
+
+
+@pytest.fixture(scope="module")
+def terms():
+    """Smoothness that matters, limits that are exceeded, weights, and a wall with various clearances."""
+    generator = np.random.default_rng(1)
+    weights, clearance = generator.uniform(0.1, 1.0, (2, len(UNEVEN)))
+    limits = np.full(4, 0.5), np.full(4, 2.0)
+    return TrajectoryTerms(0.2, 1e-3, weights, *limits, Wall(), clearance=0.05 * clearance)
+
+
+@pytest.fixture(scope="module")
+def targets():
+    """Ellipsoids of the arm at eight waypoints, with positions that do not fit them."""
+    q, other = ARM.sample(len(UNEVEN), 3), ARM.sample(len(UNEVEN), 4)
+    return Objective.of(ARM, position_weight=5.0).targets(ARM.manipulability(q), ARM.forward(other)[:, :3, 3])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_shortest_path_is_the_best_of_all_paths(seed):
+    """Of all paths through few nodes, enumerated, none costs less, jumps included."""
+    generator = np.random.default_rng(seed)
+    first = np.concatenate([[0], np.cumsum(generator.integers(1, 5, 6))])
+    q, cost = generator.uniform(-1, 1, (first[-1], 3)), generator.uniform(0, 0.5, first[-1])
+    time, largest = np.cumsum(generator.uniform(0.2, 1, 6)), np.full((6, 3), 0.8)
+    gaps, weights = np.diff(time), time_weights(time)
+
+    def total(path):
+        change = np.abs(np.diff(q[path], axis=0))
+        jumps = 1000.0 * np.maximum((change / largest[1:]) ** 2 - 1.0, 0.0).sum()
+        return cost[path] @ weights + JOINT_MOTION_WEIGHT * np.sum(change**2 / gaps[:, None]) + jumps
+
+    found = shortest_path(Roadmap(q, cost, first), time, largest)
+    assert ((found >= first[:-1]) & (found < first[1:])).all()
+    paths = product(*(range(a, b) for a, b in pairwise(first)))
+    assert_allclose(total(found), min(total(np.array(path)) for path in paths))
+
+
+def test_gradient_is_that_of_the_cost(targets, terms):
+    """Half the gradient agrees with central differences, all terms included."""
+    cost, q, step = TrajectoryCost(ARM, targets, UNEVEN, terms), ARM.sample(len(UNEVEN), 5), 1e-6
+    gradient = cost.evaluate(q)[1][0]
+    for i, j in np.ndindex(q.shape):
+        change = np.zeros_like(q)
+        change[i, j] = step
+        slope = (cost.evaluate(q + change)[0] - cost.evaluate(q - change)[0]) / (2 * step)
+        assert slope == pytest.approx(2.0 * gradient[i, j], rel=1e-4, abs=1e-4 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("n", [2, 8])
+def test_step_solves_the_dense_equations(targets, terms, n):
+    """The banded solution is that of the whole matrix, without joints that are blocked."""
+    terms = replace(terms, weights=terms.weights[:n], clearance=terms.clearance[:n])
+    cost, q = TrajectoryCost(ARM, targets[:n], UNEVEN[:n], terms), ARM.sample(n, 6)
+    _, (gradient, hessian, band) = cost.evaluate(q)
+    blocked = np.random.default_rng(2).uniform(size=q.shape) < 0.2
+    damped = 0.1 * (np.einsum("nii->ni", hessian) + band[0])
+    whole = np.zeros((n, 4, n, 4))
+    for i in range(n):
+        whole[i, :, i] += hessian[i] + np.diag(damped[i])
+        for below in range(min(len(band), n - i)):
+            diagonal = np.diag(band[below, i])
+            whole[i + below, :, i] += diagonal
+            if below:
+                whole[i, :, i + below] += diagonal
+    free = np.flatnonzero(~blocked.ravel())
+    expected = np.zeros(4 * n)
+    expected[free] = solve(whole.reshape(4 * n, 4 * n)[np.ix_(free, free)], -gradient.ravel()[free])
+    solution = cost.solve(-gradient[..., None], hessian, band, blocked, damped)
+    assert_allclose(solution, expected.reshape(n, 4, 1), atol=1e-8)
+
+
+def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):
+    """From any start, the cost does not grow, and joints stay within their limits."""
+    q = ARM.sample(len(UNEVEN), 0)
+    for one in (terms, TrajectoryTerms(0.0, 0.0)):
+        found = optimize(targets, UNEVEN, q, one, 30.0)
+        cost = TrajectoryCost(ARM, targets.weighing(30.0), UNEVEN, one)
+        assert cost.evaluate(found)[0] <= cost.evaluate(q)[0]
+        assert ARM.within_limits(found).all()
+
+
+def near_the_wall(clearance):
+    """A trajectory of the arm with such a clearance at one waypoint, and its own targets."""
+    q = 0.4 + 0.2 * np.sin(np.outer(UNEVEN, [1, 0.7, 1.3]))
+    q[:, 0] = 0.3 - clearance - 0.2 * np.abs(UNEVEN - UNEVEN[4])
+    return q, Objective.of(THREE).targets(THREE.manipulability(q), THREE.forward(q)[:, :3, 3])
+
+
+@pytest.mark.parametrize("reason", ["clearance", "duration"])
+def test_relaxation_brings_the_end_effector_nearer(reason):
+    """Less clearance, or more time, makes the largest position error smaller; nothing touches."""
+    q, own = near_the_wall(0.005 if reason == "clearance" else 0.1)
+    speed = np.abs(np.diff(q, axis=0) / np.diff(UNEVEN)[:, None]).max(axis=0)
+    terms = TrajectoryTerms(1e-6, 1e-9, np.full(len(UNEVEN), 0.2), collisions=Wall())
+    weight = 1000.0
+    if reason == "duration":
+        terms, weight = replace(terms, collisions=None, velocity=0.8 * speed), 30.0
+    before = optimize(own, UNEVEN, q, terms, weight)
+    after = relaxed(own, UNEVEN, before, terms, weight, 1e-4)
+    assert own.tip_error(after).max() < 0.5 * own.tip_error(before).max()
+    assert (0.3 - after[:, 0]).min() > 1e-3

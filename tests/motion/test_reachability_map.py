@@ -1,0 +1,118 @@
+"""The reachability map: the axis that an arm turns about, joints without effect, and nodes on a path."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.motion.objective import Objective
+from maniport.motion.plan.reachability_map import IN_PLACE, Atlas
+from maniport.motion.plan.roadmap import shortest_path
+
+SIX_ROWS = [
+    [0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
+    [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
+]  # fmt: skip
+SIX = Arm.from_dh("six", SIX_ROWS, -3.1, 3.1)
+CRANE = Arm.from_dh(
+    "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
+    [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
+)  # fmt: skip
+SHOULDER = """<robot name="shoulder"><link name="base"/>{}</robot>"""
+JOINT = """<link name="l{0}"/><joint name="j{0}" type="revolute"><parent link="{1}"/><child link="l{0}"/>
+<origin xyz="{2}"/><axis xyz="{3}"/><limit lower="-2" upper="2" velocity="2" effort="1"/></joint>"""
+
+
+@pytest.fixture(scope="module")
+def shoulder(tmp_path_factory):
+    """An arm of four joints that hangs on a horizontal axis, beside the origin."""
+    rows = [("base", "0.1 0.2 0.3", "0 1 0"), ("l0", "0 0.1 0", "1 0 0"), ("l1", "0 0 -0.3", "0 1 0"),
+            ("l2", "0 0 -0.25", "1 0 0"), ("l3", "0.2 0 -0.1", "0 1 0")]  # fmt: skip
+    path = tmp_path_factory.mktemp("shoulder") / "shoulder.urdf"
+    path.write_text(SHOULDER.format("".join(JOINT.format(i, *row) for i, row in enumerate(rows))))
+    return load_arm(path, frame="l4")
+
+
+def targets_of(arm, count=6, spec=VELOCITY, seed=3):
+    """Ellipsoids that an arm makes, with the tip where it makes them."""
+    q = arm.sample(count, seed)
+    return Objective.of(arm, spec).targets(arm.ellipsoids(q, spec), arm.forward(q)[:, :3, 3])
+
+
+@pytest.mark.parametrize("name", ["panda", "shoulder"])
+def test_arms_turn_about_their_first_axis(panda, shoulder, name):
+    """A turn of the first joint turns the tip about the axis that is found: beside and along it nothing changes."""
+    arm = {"panda": panda, "shoulder": shoulder}[name]
+    axis = Atlas(arm, VELOCITY, 64).axis
+    assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
+    assert_allclose(axis.frame[2], [0, 1, 0] if name == "shoulder" else [0, 0, 1], atol=1e-12)
+    assert_allclose(np.linalg.det(axis.frame), 1.0)
+    q = np.tile(arm.sample(1, 5), (2, 1))
+    q[:, 0] = [-0.4, 0.9]
+    places, angles = axis.cylindrical(arm.forward(q)[:, :3, 3])
+    assert_allclose(places[0], places[1], atol=1e-12)
+    assert_allclose(np.remainder(np.diff(angles), 2 * np.pi), 1.3)
+    turn = axis.rotations(np.array([1.3]))[0]
+    first, second = arm.manipulability(q)
+    assert_allclose(second, turn @ first @ turn.T, atol=1e-12)
+
+
+def test_joints_without_effect_stay_in_the_middle(panda):
+    """The Panda's last joint moves neither its flange nor the ellipsoid there; its other ellipsoids know it."""
+    atlas = Atlas(panda, VELOCITY, 64)
+    assert_array_equal(atlas.idle, [False] * 6 + [True])
+    assert_allclose(atlas.q[:, 6], 0.5 * (panda.lower[6] + panda.upper[6]))
+    assert not Atlas(load_arm("panda", frame="panda_hand_tcp"), EllipsoidSpec(part="full"), 64).idle[:6].any()
+    assert not Atlas(SIX, VELOCITY, 64).idle[:5].any()
+
+
+@pytest.mark.parametrize("name", ["panda", "crane", "shoulder"])
+def test_nodes_have_their_tips_in_place(panda, shoulder, name):
+    """Nodes are within the limits and 0.1 mm, cost what the objective says, and are no more than were wanted."""
+    arm = {"panda": panda, "crane": CRANE, "shoulder": shoulder}[name]
+    targets = targets_of(arm)
+    nodes = Atlas(arm, VELOCITY, 10_000).nodes(targets, 40, np.random.default_rng(0))
+    counts = np.diff(nodes.first)
+    assert counts.min() >= 16
+    assert counts.max() <= 40
+    owner = np.repeat(np.arange(len(targets)), counts)
+    assert arm.within_limits(nodes.q).all()
+    assert_allclose(nodes.cost, targets[owner].cost(nodes.q))
+    away = targets[owner].tip_error(nodes.q)
+    assert np.median(away) <= IN_PLACE
+    in_place = np.bincount(owner[away <= IN_PLACE], minlength=len(targets))
+    assert ((in_place == counts) | (in_place < 16)).all()  # what is out of place stands in for what is missing
+
+
+def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
+    """Where its limits allow two turns, the shortest path along one and a half of them has no leap of a whole turn."""
+    wide = Arm.from_dh("two turns", SIX_ROWS, [-2 * np.pi, *[-3.1] * 5], [2 * np.pi, *[3.1] * 5])
+    angles = np.linspace(-1.5 * np.pi, 1.5 * np.pi, 40)
+    q = np.tile(SIX.sample(1, 2), (len(angles), 1))
+    q[:, 0] = angles
+    targets = Objective.of(wide).targets(wide.manipulability(q), wide.forward(q)[:, :3, 3])
+    nodes = Atlas(wide, VELOCITY, 10_000).nodes(targets, 60, np.random.default_rng(0))
+    way = nodes.q[shortest_path(nodes, np.arange(40.0), np.full((40, 6), 1.0))]
+    assert np.abs(np.diff(way[:, 0])).max() < 1.0
+    assert np.ptp(way[:, 0]) > 2.0 * np.pi
+
+
+def test_out_of_reach_the_nearest_are_nodes(panda):
+    """Where no tip comes to its place, those that come nearest are the nodes."""
+    far = Objective.of(panda).targets(np.eye(3)[None], np.array([[3.0, 0.0, 0.3]]))
+    nodes = Atlas(panda, VELOCITY, 5000).nodes(far, 40, np.random.default_rng(0))
+    assert len(nodes.q) == 16
+    assert far.tip_error(nodes.q).max() < 2.5
+
+
+def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():
+    """Where its limits forbid all turns to a place, the nearest are nodes; no stage of a path is without."""
+    panda = load_arm("panda")
+    lower, upper = panda.lower.copy(), panda.upper.copy()
+    lower[0], upper[0] = -0.2, 0.2
+    arm = panda.narrowed(lower, upper)
+    tip = np.array([[-0.5, 0.0, 0.4]])
+    targets = Objective.of(arm).targets(arm.manipulability(arm.sample(1, 0)), tip)
+    nodes = Atlas(arm, VELOCITY, 3000).nodes(targets, 50, np.random.default_rng(0))
+    assert len(nodes.q) >= 1
+    assert arm.within_limits(nodes.q).all()

@@ -1,0 +1,160 @@
+"""A path is passed as soon as the person did or the limits allow, from rest to rest, and from a home posture."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.arms import Arm
+from maniport.errors import InvalidInputError
+from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.plan.home_motion import with_approach
+from maniport.motion.plan.time_parameterization import retime
+
+PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
+CRANE = Arm.from_dh("crane", [[0, 0, 0, 0], [0, 0, 0.5, 0]], [0, -2], [1, 2], kinds=["prismatic", "revolute"])
+SIX = Arm.from_dh("six", [[0, 0.1, 0.3, 1.5]] * 6, -6, 6, velocity_limits=3.0)
+HARD = {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 5000.0}}
+
+
+def waves(limits, time, share=0.5, pace=0.7):
+    """A smooth path within the limits."""
+    middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
+    return middle + share * half * np.sin(pace * np.outer(time, np.arange(1, limits.arm.dof + 1)))
+
+
+def require_laws(limits, time, q, timed, rate=1000.0):
+    """What holds for every motion that is retimed."""
+    assert limits.use(timed.time, timed.positions).within
+    assert_allclose(np.diff(timed.time), 1.0 / rate)
+    assert timed.time[0] == 0.0
+    assert_allclose(timed.positions[[0, -1]], q[[0, -1]], atol=1e-9)
+    for values in (timed.positions, timed.velocities, timed.accelerations):
+        assert values.shape == (len(timed.time), limits.arm.dof)
+    assert_array_equal(np.diff(timed.positions[:4], axis=0), 0.0)  # at rest
+    assert_array_equal(np.diff(timed.positions[-4:], axis=0), 0.0)
+    assert np.all(np.diff(timed.at) >= np.diff(time) * (1.0 - 1e-9))  # never faster than the person
+    assert 0.0 <= timed.at[0] < timed.at[-1] <= timed.time[-1]
+    there = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
+    assert_allclose(np.abs(there - q).max(axis=0), timed.deviation, atol=1e-12)
+
+
+@pytest.mark.parametrize("arm", [CRANE, SIX], ids=lambda arm: arm.name)
+@pytest.mark.parametrize(("given", "pace"), [(None, 0.7), (HARD, 0.05), (HARD, 5.0)], ids=["assumed", "slow", "fast"])
+def test_samples_keep_all_limits(arm, given, pace):
+    """Slow or fast, with any number of joints, turning or sliding: no difference of samples exceeds its limit."""
+    limits, time = MotionLimits.of(arm, given), np.linspace(3.0, 9.0, 61)
+    q = waves(limits, time, pace=pace)
+    require_laws(limits, time, q, retime(limits, time, q))
+
+
+@settings(max_examples=5)
+@given(seed=st.integers(0, 1000), n=st.integers(2, 30), step=st.sampled_from([1 / 120, 1 / 30, 1.0]))
+def test_jerky_noise_is_passed_slowly(seed, n, step):
+    """Postures drawn at random over the whole range, at uneven times, are passed within all limits."""
+    generator = np.random.default_rng(seed)
+    limits, time = MotionLimits.of(CRANE, HARD), step * np.cumsum(generator.uniform(0.5, 1.5, n))
+    q = generator.uniform(limits.lower, limits.upper, (n, 2))
+    require_laws(limits, time, q, retime(limits, time, q))
+
+
+def test_a_straight_line_takes_as_long_as_it_must():
+    """One joint over 1 rad at 2 rad/s and 10 rad/s²: 0.2 s up to speed, 0.3 s at speed, 0.2 s to rest."""
+    limits = MotionLimits.of(PLANAR, HARD)
+    timed = retime(limits, [0.0, 1e-3], [[0, 0, 0], [1.0, 0, 0]])
+    assert timed.time[-1] == pytest.approx(0.7, abs=0.02)
+    use = limits.use(timed.time, timed.positions)
+    assert use.shares[1:3, 0].min() > 0.99
+
+
+@pytest.mark.parametrize(("jerk", "rate"), [(0.1, 200.0)])
+def test_little_jerk_takes_long_and_stays_on_the_path(jerk, rate):
+    """Less acceleration is used where full jerk reaches the limit late, so the moving average is short."""
+    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
+    q = waves(limits, time)
+    timed = retime(limits, time, q, rate=rate)
+    require_laws(limits, time, q, timed, rate)
+    assert timed.deviation.max() <= 0.1 * jerk * 0.3**2 / 24
+    assert timed.time[-1] > 1.0 / np.sqrt(0.1 * jerk)
+
+
+@pytest.mark.parametrize(
+    ("jerk", "rate", "message"),
+    [(1e-5, 1000.0, "samples, allowed are 3000000"), (1e-9, 1000.0, "jerk of joint1 must be at least 5.4e-06 at 1000")],
+)
+def test_too_little_jerk_is_refused(jerk, rate, message):
+    """What would take too many samples, or jerks that rounding exceeds, is refused before samples are made."""
+    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
+    with pytest.raises(InvalidInputError, match=message):
+        retime(limits, time, waves(limits, time), rate=rate)
+
+
+def test_a_path_along_its_limits_stays_within():
+    """Where a spline would swing beyond the limits the path is held back, and still passes near the postures."""
+    limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 4.0, 121)
+    q = np.clip(waves(limits, time, share=1.3), limits.lower, limits.upper)
+    timed = retime(limits, time, q)
+    require_laws(limits, time, q, timed)
+    assert timed.deviation.max() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["still", "pause", "tiny", "one step", "hurried"])
+def test_odd_motions_are_passed_too(name):
+    """Nothing moving, rests, equal postures, rounding, two postures, a person ten thousand times too fast."""
+    limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 3.0, 91)
+    q = waves(limits, time)
+    if name == "still":
+        q[:] = q[0]
+    if name == "pause":
+        q[30:60] = q[30]
+    if name == "tiny":
+        q = q[0] + 1e-7 * np.random.default_rng(0).normal(size=q.shape)
+    if name == "one step":
+        time, q = time[:2], q[[0, 40]]
+    if name == "hurried":
+        time = 1e-4 * time
+    require_laws(limits, time, q, retime(limits, time, q))
+
+
+@pytest.mark.parametrize(
+    ("time", "q", "message"),
+    [
+        ([0.0, 1.0, 0.5], np.zeros((3, 3)), "time must increase strictly"),
+        ([0.0], np.zeros((1, 3)), "time must have shape"),
+        ([0.0, 1.0], np.zeros((3, 3)), r"q must have shape \(2, 3\)"),
+        ([0.0, 1.0], np.zeros((2, 2)), "one value for each joint"),
+        ([0.0, 1.0], [[0, 0, 0], [0, 4, 0]], r"q\[1, 1\] = 4 lies outside the limits"),
+        ([0.0, 1.0], np.full((2, 3), np.nan), "q must be finite"),
+        ([0.0, 1e6], np.zeros((2, 3)), "samples, allowed are 3000000"),
+    ],
+)
+def test_what_cannot_be_retimed_is_refused(time, q, message):
+    """The message says what is wrong, before anything is searched."""
+    with pytest.raises(InvalidInputError, match=message):
+        retime(MotionLimits.of(PLANAR), time, q)
+
+
+def test_home_and_back():
+    """Approach and return are calm straight lines from rest to rest, and shift what is between them unchanged."""
+    limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 2.0, 41)
+    timed, home = retime(limits, time, waves(limits, time)), np.array([0.5, -1.0, 1.5])
+    whole = with_approach(timed, limits, home)
+    assert limits.use(whole.time, whole.positions).within
+    assert_allclose(np.diff(whole.time), 1e-3)
+    assert_allclose(whole.positions[[0, -1]], [home, home], atol=1e-9)
+    first, last = round(1e3 * whole.begin), round(1e3 * whole.end)
+    assert_array_equal(whole.positions[first : last + 1], timed.positions)
+    assert_allclose(whole.at - whole.begin, timed.at)
+    ahead = whole.positions[:first] - home
+    way = timed.positions[0] - home
+    assert_allclose(ahead, np.outer(ahead @ way / (way @ way), way), atol=1e-9)
+    use = limits.use(whole.time[:first], whole.positions[:first])
+    assert 0.25 < use.shares[1:].max() <= 0.3 + 1e-6
+    assert_array_equal(with_approach(timed, limits, home, back=False).positions[-1], timed.positions[-1])
+    for jerk in (1e-9, 1e-12):
+        with pytest.raises(InvalidInputError, match=r"samples|jerk"):
+            with_approach(timed, MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), home)
+    for wrong, message in (([0, 0, 9], "outside the limits"), ([[0, 0, 0]], "one posture"), ([0, 0], "one value")):
+        with pytest.raises(InvalidInputError, match=message):
+            with_approach(timed, limits, wrong)

@@ -1,0 +1,240 @@
+"""An arm follows wanted ellipsoids and a hand path: what it reaches, what it keeps, and what it says."""
+
+import csv
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from pink.exceptions import NoSolutionFound
+from pink.limits import Limit
+
+from maniport.arms import Arm, EllipsoidSpec, load_arm
+from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
+from maniport.files import load_ellipsoids
+from maniport.report import as_numbers, facts_of
+from maniport.motion import PositionTask, StartBank, track
+from maniport.motion.follow import follower
+from maniport.motion.follow.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+
+TIME = np.linspace(0.0, 2.0, 41)
+
+
+@pytest.fixture(scope="module")
+def motion(panda):
+    """A smooth motion of the Panda, its own ellipsoids and hand path."""
+    start = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
+    swing = np.array([0.4, 0.3, -0.3, 0.35, 0.4, -0.3, 0.2])
+    joints = start + swing * np.sin(1.2 * TIME[:, None])
+    return joints, panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
+
+
+@pytest.fixture(scope="module")
+def needles():
+    """Ellipsoids that turn and that no Panda makes: a hundred times longer than wide."""
+    turn = np.stack([np.cos(TIME), np.sin(TIME), 0 * TIME], axis=1)
+    return 0.01 * np.eye(3) + turn[:, :, None] * turn[:, None, :]
+
+
+def keeps_limits(result, arm, velocity_limits=None):
+    """Whether positions and velocities stay within their limits to 1e-9 at every control step."""
+    q, speeds = result.control_positions, arm.velocity_limits if velocity_limits is None else velocity_limits
+    inside = np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
+    velocity = np.abs(np.diff(q, axis=0) / np.diff(result.control_time)[:, None])
+    return inside and np.all(velocity <= speeds + 1e-9)
+
+
+def test_own_ellipsoids_and_path_are_followed(panda, motion):
+    """From the right start, d stays below 0.05 and the hand within 1 mm at 95 %, within limits, and all is followed."""
+    joints, profile, path = motion
+    result = track(panda, profile, time=TIME, path=path, start=joints[0])
+    assert np.percentile(result.distance, 95) < 0.05
+    assert np.percentile(result.position_error, 95) < 1e-3
+    assert set(result.status) == {FOLLOWED}
+    assert keeps_limits(result, panda)
+    assert not result.held.any()
+    assert_array_equal(result.joint_positions[0], joints[0])
+    assert_allclose(result.achieved, panda.manipulability(result.joint_positions))
+    assert_allclose(
+        result.position_error, np.linalg.norm(panda.forward(result.joint_positions)[:, :3, 3] - path, axis=1)
+    )
+    assert_allclose(result.joint_positions[:, :6], joints[:, :6], atol=0.02)  # the last joint changes nothing
+    assert_allclose(result.joint_velocities[5:-5, :6], np.gradient(joints, TIME, axis=0)[5:-5, :6], atol=0.1)
+
+
+def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
+    """Beyond its reach, the stretched hand stays short by the least there is, without swinging."""
+    _, profile, path = motion
+    far = 3.0 * path
+    result = track(panda, profile, time=TIME, path=far, bank=bank)
+    assert keeps_limits(result, panda)
+    assert PATH in result.status
+    assert FOLLOWED not in result.status
+    shoulder, reach = np.array([0, 0, 0.333]), 0.858
+    least = np.linalg.norm(far - shoulder, axis=1) - reach
+    assert np.all(result.position_error[5:] < least[5:] + 0.02)
+    assert np.abs(result.jerk[len(result.jerk) // 4 :]).max() < 1000
+
+
+def test_joint_and_velocity_limits_are_named(panda):
+    """Where a joint stands at its stop, or is too slow, the status and the counts of hits say so."""
+    start = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
+    joints = np.repeat(start[None], len(TIME), axis=0)
+    joints[:, 0] = np.linspace(2.0, 3.4, len(TIME))  # beyond the first joint's limit, 2.8973
+    wanted = {"time": TIME, "path": panda.forward(joints)[:, :3, 3], "start": joints[0]}
+    stopped = track(panda, panda.manipulability(joints), **wanted)
+    assert stopped.status[-1] == JOINT_LIMIT
+    assert stopped.position_limit_hits["panda_joint1"] > 0
+    assert keeps_limits(stopped, panda)
+    joints[:, 0] = np.linspace(0, 1.5, len(TIME))
+    wanted = {"time": TIME, "path": panda.forward(joints)[:, :3, 3], "start": joints[0]}
+    slow = track(panda, panda.manipulability(joints), velocity_limits=0.3, **wanted)
+    assert slow.status[-1] == VELOCITY_LIMIT
+    assert slow.velocity_limit_hits["panda_joint1"] > 100
+    assert keeps_limits(slow, panda, 0.3)
+
+
+def test_acceleration_limits_are_kept(panda, needles, motion):
+    """With limits of acceleration, no joint exceeds them at any control step, even on its way to a joint limit."""
+    result = track(panda, needles, time=TIME, start=motion[0][0], acceleration_limits=5.0, velocity_limits=1.0)
+    step = np.diff(result.control_time)[0]
+    assert np.abs(np.diff(result.control_positions, 2, axis=0)).max() <= 5.0 * step**2 + 1e-12
+    assert keeps_limits(result, panda, 1.0)
+    assert not result.held.any()
+
+
+def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
+    """Where the QP fails, the arm stays where it is, the step is reported, and it goes on afterwards."""
+    joints, profile, path = motion
+    solve, count = follower.pink.build_ik, iter(range(10_000))
+
+    def sometimes(*arguments, **options):
+        if 100 <= next(count) < 110:
+            raise NoSolutionFound(None, None)
+        return solve(*arguments, **options)
+
+    monkeypatch.setattr(follower.pink, "build_ik", sometimes)
+    result = track(panda, profile, time=TIME, path=path, start=joints[0], lm_damping=10.0)
+    assert_array_equal(np.flatnonzero(result.held), np.arange(101, 111))
+    assert_array_equal(result.control_positions[101:111], np.repeat(result.control_positions[[100]], 10, axis=0))
+    assert {i for i, word in enumerate(result.status) if word == HELD} == {21, 22}
+    assert_allclose(result.control_time[result.held], 0.01 * np.arange(101, 111))
+    assert result.distance[-1] < 0.05
+    assert result.position_error[-1] < 1e-3
+
+
+def test_other_parts_weights_and_clocks(panda, motion):
+    """Rotation and full ellipsoids, joint weights, weights of the error and uneven times are followed too."""
+    joints = motion[0]
+    uneven = np.cumsum(np.concatenate([[0.5], np.linspace(0.02, 0.08, 40)]))
+    for spec in (EllipsoidSpec(part="rotation"), EllipsoidSpec(part="full", joint_weights="velocity-limits")):
+        profile = panda.ellipsoids(joints, spec)
+        result = track(panda, profile, time=uneven, start=joints[0], rate=50, spec=spec)
+        assert np.percentile(result.distance, 95) < 0.05, spec
+        assert result.spec == spec
+    weights = np.repeat(np.diag([1.0, 1, 1, 0, 0, 0])[None], len(TIME), axis=0)
+    result = track(panda, motion[1], time=TIME, start=joints[0], weights=weights)
+    assert np.all(np.isfinite(result.distance))
+    linear = track(panda, motion[1], time=TIME, path=motion[2], start=joints[0], interpolation="linear")
+    assert np.percentile(linear.distance, 95) < 0.05
+
+
+def test_results_are_written_and_read_back(panda, motion, tmp_path):
+    """CSV and npz files hold the joints that the result has, and the summary is ready for JSON."""
+    joints, profile, path = motion
+    result = track(panda, profile, time=TIME, path=path, start=joints[0])
+    result.save_joints_csv(tmp_path / "joints.csv")
+    with open(tmp_path / "joints.csv", newline="") as stream:
+        header, *rows = csv.reader(stream)
+    assert header == ["time_s", *(f"panda_joint{i}_rad{per}" for per in ("", "/s", "/s2") for i in range(1, 8))]
+    steps = result.control_time, result.control_positions, result.control_velocities, result.control_accelerations
+    assert_allclose(np.array(rows, dtype=float), np.column_stack(steps), atol=1e-6)
+    result.save_joints(tmp_path / "joints.npz")
+    with np.load(tmp_path / "joints.npz") as arrays:
+        assert tuple(arrays["joint_names"]) == panda.joint_names
+        assert_array_equal(arrays["joint_positions"], result.joint_positions)
+        assert_array_equal(arrays["control_positions"], result.control_positions)
+        assert_array_equal(arrays["control_velocities"], result.control_velocities)
+        assert tuple(arrays["status"]) == result.status
+    assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.achieved)
+    summary = as_numbers(facts_of(result))["motion"]
+    assert summary["status"] == {FOLLOWED: len(TIME)}
+    assert summary["tip_error_mm"]["p95"] < 1
+    assert summary["joints_without_known_velocity_limit"] == []
+    with pytest.raises(OutputError):
+        result.save_joints(tmp_path / "nowhere" / "joints.npz")
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
+        ({"time": TIME[:-1]}, InvalidInputError, "profile must have shape"),
+        ({"path": np.full((41, 3), np.nan)}, InvalidInputError, "path must be finite"),
+        ({"profile": -np.repeat(np.eye(3)[None], 41, axis=0)}, NotSPDError, "profile with damping"),
+        ({"start": np.full(7, 9.0)}, InvalidInputError, "start.*outside the limits"),
+        ({"damping": None}, InvalidInputError, "damping must be above 0"),
+        ({"rate": -1}, InvalidInputError, "rate"),
+        ({"gain": 0.0}, InvalidInputError, "gain"),
+        ({"spec": EllipsoidSpec("force")}, InvalidInputError, "spec must be of velocity"),
+        ({"position_cost": -1.0}, InvalidInputError, "position_cost"),
+        ({"tasks": [3]}, InvalidInputError, r"tasks\[0\] must be a pink"),
+        ({"limits": "fast"}, InvalidInputError, r"limits\[0\] must be a pink"),
+        ({"interpolation": "none"}, InvalidInputError, "interpolation"),
+        ({"velocity_limits": [1.0, 2.0]}, InvalidInputError, "velocity_limits"),
+        ({"acceleration_limits": 0.0}, InvalidInputError, "acceleration_limits"),
+        ({"weights": np.repeat(-np.eye(6)[None], 41, axis=0)}, NotSPDError, "weights"),
+    ],
+)
+def test_bad_input_is_told(panda, motion, change, error, words):
+    """Every wrong argument raises an error that names it, before anything moves."""
+    joints, profile, path = motion
+    arguments = {"profile": profile, "time": TIME, "path": path, "start": joints[0], **change}
+    with pytest.raises(error, match=words):
+        track(panda, arguments.pop("profile"), **arguments)
+
+
+def test_arms_that_cannot_be_tracked_are_told(motion):
+    """Too few joints, coupled joints, and a bank of another arm raise errors that say so."""
+    profile = np.repeat(np.eye(3)[None], 3, axis=0)
+    planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
+    with pytest.raises(InvalidInputError, match="2 joints"):
+        track(planar, profile, time=[0, 1, 2])
+    with pytest.raises(InvalidInputError, match="coupled"):
+        track(load_arm("myoarm"), profile, time=[0, 1, 2])
+    other = load_arm("panda", frame="panda_link8")
+    with pytest.raises(ManiportError, match="bank"):
+        track(load_arm("panda"), profile, time=[0, 1, 2], bank=StartBank.build(other, 64))
+
+
+class StillJoint(Limit):
+    """A limit of one's own: one joint stays where it is."""
+
+    def __init__(self, nv, joint):
+        self.sides = np.zeros((2, nv))
+        self.sides[:, joint] = 1.0, -1.0
+
+    def compute_qp_inequalities(self, configuration, dt):
+        """No displacement either way."""
+        return self.sides, np.zeros(2)
+
+
+def test_a_limit_of_ones_own_joins_the_others(panda, motion):
+    """A joint that a user's limit stops does not move, the others do."""
+    joints, profile, path = motion
+    result = track(panda, profile, time=TIME, path=path, start=joints[0], limits=[StillJoint(7, 1)])
+    assert np.ptp(result.control_positions[:, 1]) < 1e-4
+    assert np.ptp(result.control_positions[:, 0]) > 0.1
+    assert keeps_limits(result, panda)
+
+
+def test_tasks_and_limits_of_another_model_are_told_before_anything_moves(panda, motion):
+    """What cannot be computed for the arm, or is for another number of joints, is an error with the object's name."""
+    profile, start = motion[1], motion[0][0]
+    lost = PositionTask("panda_link99")
+    lost.set_target(np.zeros(3))
+    with pytest.raises(InvalidInputError, match=r"PositionTask.*cannot be computed for 'panda': UnknownNameError"):
+        track(panda, profile, time=TIME, start=start, tasks=[lost])
+    with pytest.raises(InvalidInputError, match="no target position set"):
+        track(panda, profile, time=TIME, start=start, tasks=[PositionTask(panda.frame)])
+    with pytest.raises(InvalidInputError, match=r"is for 6 joints; robot_model\(arm\) has 7"):
+        track(panda, profile, time=TIME, start=start, limits=[StillJoint(6, 1)])

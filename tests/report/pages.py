@@ -1,0 +1,35 @@
+"""A page with one section, for tests of how things are shown."""
+
+from maniport.report.metrics import Metric, Report, Section, Table, warnings_of
+from maniport.report.page import Cloud, DomainMap, as_html, write_page
+from maniport.report.series import map_of
+
+
+def told(*parts, warnings=("mind",), title="a title"):
+    """A report with one section of metrics and tables, and what is shown in it."""
+    metrics = tuple(part for part in parts if isinstance(part, Metric))
+    tables = tuple(part for part in parts if isinstance(part, Table))
+    shown = [part for part in parts if not isinstance(part, Metric | Table)]
+    section = Section("a section", (*warnings_of("some", warnings), *metrics), tables, text="one\ntwo")
+    return Report(title, "a lead", (section,)), {"a section": shown}
+
+
+def page_of(*parts, **options):
+    """The page of parts, as text."""
+    return as_html(*told(*parts, **options))
+
+
+def written(path, *parts, **options):
+    """Write the page of parts."""
+    write_page(path, *told(*parts, **options))
+    return path
+
+
+def map_with(domains, profiles):
+    """A map of ellipsoids by role."""
+    chart = map_of([*domains.values(), *profiles.values()])
+    clouds, lines = (
+        tuple(Cloud(role, role, chart.transform(points), points) for role, points in sets.items())
+        for sets in (domains, profiles)
+    )
+    return DomainMap(clouds, lines)

@@ -1,0 +1,115 @@
+"""Figures: what they draw, how they are saved, and those of a saved result."""
+
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import maniport as mp
+from maniport.errors import FileFormatError, InvalidInputError, ManiportError, MissingPackageError, OutputError
+from maniport.optional import matplotlib
+from maniport.spd.ellipsoid import lengths
+from maniport.report import figures
+from maniport.report.write import FIGURES
+
+
+@pytest.mark.parametrize(("d", "views"), [(2, 1), (3, 2)])
+def test_every_view_has_a_row_of_ellipses_for_each_profile(motion, d, views):
+    """The shadow of an ellipsoid on a plane has the extent of the ellipsoid there; rows do not overlap."""
+    time, profile = motion(d)
+    figure = figures.ellipsoids(time, {"person": profile, "robot": 2 * profile})
+    assert len(figure.axes) == views
+    for panel in figure.axes:
+        assert len(panel.patches) == 18
+        assert len({round(patch.center[1], 6) for patch in panel.patches}) == 2
+    extents = [path.get_extents() for path in (p.get_path().transformed(p.get_patch_transform())
+                                               for p in figure.axes[0].patches[:9])]  # fmt: skip
+    assert 0.5 * extents[0].width == pytest.approx(np.sqrt(profile[0, 0, 0]), rel=1e-2)
+    assert all(one.x1 < other.x0 for one, other in pairwise(extents))
+
+
+def test_curves_are_the_numbers_of_the_profile(motion):
+    """The first panel has the semi-axes, broken at the gap; flat ellipsoids can be drawn."""
+    time, profile = motion()
+    figure = figures.curves(time, {"person": profile, "robot": 2 * profile}, unit="N")
+    values = figure.axes[0].lines[0].get_ydata()
+    np.testing.assert_allclose(values[np.isfinite(values)], lengths(profile)[:, -1])
+    assert np.isnan(values).sum() == 1
+    assert figure.axes[0].get_ylabel() == "[N]"
+    profile[:, :, 0] = profile[:, 0, :] = 0.0
+    figures.curves(time, {"p": profile})
+
+
+def test_arms_have_one_scale_and_share_a_panel(motion):
+    """Skeletons are drawn where they are, in panels of equal extent; arms within one name share a panel."""
+    _, profile = motion(count=8)
+    line = np.cumsum(np.full((8, 4, 3), 0.1), axis=1)
+    skeletons = {"left": line, "right": -line, "other": 0.5 * line}
+    figure = figures.arms(skeletons, dict.fromkeys(skeletons, profile), count=2, within={"left": "x", "right": "x"})
+    assert [panel.get_title() for panel in figure.axes] == ["x", "other"]
+    assert [len(panel.lines) for panel in figure.axes] == [4, 2]
+    assert len({round(float(np.ptp(panel.get_xlim())), 9) for panel in figure.axes}) == 1
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda time, p: figures.ellipsoids(time, {"p": p[1:]}),
+        lambda time, p: figures.ellipsoids(time, {"p": 0 * p}),
+        lambda time, p: figures.ellipsoids(time, {}),
+        lambda time, p: figures.curves(time, {"p": np.stack([np.eye(4)] * len(p))}),
+        lambda time, p: figures.curves(time, {"a": p, "b": p[:, :2, :2]}),
+        lambda time, p: figures.curves(time, {"a": p}, roles={"a": "robot"}),
+        lambda time, p: figures.ellipsoid_views(p, p[1:], p),
+        lambda time, p: figures.ellipsoid_views(p, p, p, names=("a", "a", "b")),
+        lambda time, p: figures.diffusion_map({"a": p, "b": p[:, :2, :2]}, {}),
+        lambda time, p: figures.arms({"a": np.zeros((7, 3))}, {"a": p}),
+        lambda time, p: figures.arms({"a": np.zeros((60, 3, 3))}, {}),
+        lambda time, p: figures.save(Figure(), "a.jpg"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(motion, draw):
+    """Wrong shapes, names, roles and endings."""
+    with pytest.raises(InvalidInputError):
+        draw(*motion())
+
+
+def test_figures_are_saved_whole_and_alike(tmp_path):
+    """PNG and SVG without an ending; the same bytes each time; nothing in a folder that is missing."""
+    figure = Figure(figsize=(1.0, 1.0))
+    figure.subplots().plot([0, 1], [0, 1])
+    first, again = (figures.save(figure, tmp_path / name) for name in ("a", "b"))
+    assert [file.suffix for file in first] == [".png", ".svg"]
+    assert [file.read_bytes() for file in first] == [file.read_bytes() for file in again]
+    with pytest.raises(OutputError):
+        figures.save(figure, tmp_path / "missing" / "a.png")
+
+
+def test_the_figures_of_a_saved_result(small_result, tmp_path):
+    """They are drawn from the page of the result, into its folder, which may be replaced as before."""
+    mp.write_results(small_result, tmp_path / "out")
+    assert not list((tmp_path / "out").glob("*.png"))
+    files = mp.write_figures(tmp_path / "out")
+    assert {file.stem for file in files} == set(FIGURES)
+    assert all(file.stat().st_size > 10_000 for file in files)
+    with pytest.raises(OutputError):
+        mp.write_results(small_result, tmp_path / "out")
+    mp.write_results(small_result, tmp_path / "out", overwrite=True)
+
+
+def test_a_folder_without_a_page_is_refused(tmp_path):
+    """No page, or one of something else."""
+    with pytest.raises(ManiportError):
+        mp.write_figures(tmp_path)
+    (tmp_path / "report.html").write_text("<html></html>")
+    with pytest.raises(FileFormatError):
+        mp.write_figures(tmp_path)
+
+
+def test_missing_matplotlib_is_named(monkeypatch):
+    """Where matplotlib is missing, the error says what to install."""
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingPackageError, match="figures"):
+        matplotlib()

@@ -1,0 +1,117 @@
+"""What a notebook and a prompt show of objects: small, escaped tables of facts, and short lines."""
+
+import warnings
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+import maniport as mp
+from maniport.report import Metric, Report, Section, Table, as_html
+from maniport.transfer import Search
+
+TIME = np.linspace(0.0, 1.0, 11)
+
+
+class Reader(HTMLParser):
+    """Collects text, tags and attributes, and sees to it that every tag is closed."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.open, self.tags, self.styles, self.text = [], set(), set(), []
+        self.feed(html)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        """Note what opens."""
+        self.open.append(tag)
+        self.tags.add(tag)
+        assert {name for name, _ in attrs} <= {"style"}
+        self.styles |= {value for _, value in attrs}
+
+    def handle_endtag(self, tag):
+        """Compare with what is open."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        """Note a text."""
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def objects(small_result):
+    """One of everything that is shown, by name."""
+    panda, person = mp.load_arm("panda"), mp.load_arm("myoarm")
+    teacher, student = mp.sample_domain(person, 64, 0), mp.sample_domain(panda, 96, 1)
+    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
+    profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mp.errors.ManiportWarning)
+        icp = mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(n_starts=2)).fit(
+            teacher, student
+        )
+    bank = mp.StartBank.build(panda, 1024, 0)
+    return {
+        "Arm": panda,
+        "Recording": small_result.recording,
+        "ArmFit": small_result.fit,
+        "ParallelTransport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
+        "RiemannianICP": icp,
+        "NearestNeighbor": mp.NearestNeighbor(floor=1e-3).fit(teacher, student),
+        "Identifiability": icp.identifiability_,
+        "StartBank": bank,
+        "PlacedPath": small_result.execution.placement,
+        "PlannedMotion": small_result.execution.plan,
+        "TrackResult": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
+        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
+        "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
+        "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
+        "Execution": small_result.execution,
+        "TransferResult": small_result,
+        "Evaluation": small_result.evaluation,
+    }
+
+
+NAMES = (
+    "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
+    "StartBank", "PlacedPath", "PlannedMotion", "TrackResult", "FeasibleEllipsoids", "Alignment",
+    "ProfileGMM", "Execution", "TransferResult", "Evaluation",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_html_is_small_whole_and_colourless(objects, name):
+    """Less than 12 kB, a run 28; tags closed, nothing loaded, no colours: readable on every ground."""
+    html = objects[name]._repr_html_()
+    reader = Reader(html)
+    assert len(html) < (28_000 if name == "TransferResult" else 12_000)
+    assert reader.tags <= {"div", "b", "table", "thead", "tbody", "tr", "th", "td"}
+    assert not any("color" in style or "background" in style for style in reader.styles)
+    assert reader.text[0] == name
+    assert "nan" not in reader.text
+
+
+def test_everything_is_escaped():
+    """Names from files cannot smuggle tags into a page."""
+    recording = mp.Recording(
+        ("<script>alert(1)</script>",), np.zeros((2, 1, 3)), np.arange(2.0), source="<img>", notes=("a & b",)
+    )
+    html = recording._repr_html_()
+    assert "<script" not in html
+    assert "<img" not in html
+    assert "A &amp; b." in html
+    evil = "<i>"
+    section = Section(evil, (Metric(evil, evil, evil),), (Table((evil,), ((evil,),), evil),))
+    assert "<i>" not in as_html(Report(evil, evil, (section,)))
+
+
+def test_the_prompt_of_an_adapter_makes_it_again(objects):
+    """What is not a comment is code for the unfitted adapter, as scikit-learn has it."""
+    icp = objects["RiemannianICP"]
+    again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP, "Search": Search})
+    assert again.get_params() == icp.get_params()
+    assert repr(again) == repr(clone(icp))
+    assert "#" not in repr(again)
+    assert "not fitted" in again._repr_html_()

@@ -1,0 +1,172 @@
+"""The report as a file: structure, safety, size, and that its data are the arrays given."""
+
+import base64
+import hashlib
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from pages import map_with, page_of
+from scipy.spatial.transform import Rotation
+
+from maniport.errors import InvalidInputError
+from maniport.report.figures import _decoded
+from maniport.report.metrics import Metric, Table
+from maniport.report.page import LARGEST, Body, Cloud, DomainMap, Line, Motion, Panel, Picture
+from maniport.report.page.motions import ellipsoid_panels
+
+NAMES = {"person": "person", "target": "target", "achieved": "achieved"}
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
+VOID = {"meta", "link", "img", "br", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Elements of a page, the texts of its scripts, and whether every element is closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.elements, self.scripts, self.styles = [], [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        """Keep an element."""
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        """Require that it closes what was opened last."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        """Keep scripts and styles."""
+        if self.open[-1:] == ["script"]:
+            self.scripts.append((self.elements[-1][1], data))
+        if self.open[-1:] == ["style"]:
+            self.styles.append(data)
+
+
+@pytest.fixture(scope="module")
+def shown(motion):
+    """An arm of three joints, curves and a map."""
+    time, teacher = motion(3, 40)
+    skeleton = np.cumsum(np.ones((40, 4, 3)) * np.linspace(0.1, 0.2, 40)[:, None, None], axis=1)
+    panels = {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": 2 * teacher}, NAMES, "m/s")}
+    clouds = map_with({"person": teacher}, {"target": 2 * teacher})
+    return Motion(time, (Body("person", skeleton, {"person": teacher}),), panels, clouds, unit="m/s")
+
+
+def read(text):
+    """The data of the first motion of a page, with its arrays."""
+    return _decoded(
+        json.loads(next(data for attributes, data in Page(text).scripts if attributes.get("id") == "motion-0"))
+    )
+
+
+def test_page_asks_no_network(shown):
+    """The page is well-formed; it has no address with http and no link out, and a policy forbids all but its parts."""
+    text = page_of(shown, Metric("n", "1", "what"), Table(("a",), (("b",),), "caption"), Picture(PNG, "x"))
+    page = Page(text)
+    assert page.open == []
+    assert ("html", {"lang": "en"}) in page.elements
+    assert {"title", "h1", "main", "footer", "table", "dl", "img", "noscript"} <= {tag for tag, _ in page.elements}
+    for tag, attributes in page.elements:
+        for name in ("src", "href", "action", "srcset", "poster", "data"):
+            assert attributes.get(name, "data:").startswith(("data:", "#")), (tag, attributes)
+    rest = text.replace("http://www.w3.org/2000/svg", "")  # a name, not an address
+    assert not re.search(r"https?://|//[a-z]+\.|@import|fetch\(|XMLHttpRequest|WebSocket|import\(|url\(", rest)
+    policy = next(a["content"] for _, a in page.elements if a.get("http-equiv") == "Content-Security-Policy")
+    assert "default-src 'none'" in policy
+    assert "connect" not in policy
+    assert "unsafe" not in policy
+    script = next(data for attributes, data in page.scripts if not attributes)
+    for part in (script, page.styles[0]):
+        assert base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() in policy
+
+
+def test_data_are_the_arrays_given(shown):
+    """Times, skeletons, ellipsoids, curves and the map come back in single precision."""
+    data = read(page_of(shown))
+    assert data["start"] == shown.time[0]
+    np.testing.assert_array_equal((data["time"]), (shown.time - shown.time[0]).astype(np.float32))
+    np.testing.assert_array_equal((data["bodies"][0]["skeleton"]), shown.bodies[0].skeleton.astype(np.float32))
+    six = data["bodies"][0]["ellipsoids"]["person"]
+    np.testing.assert_array_equal(
+        six, shown.bodies[0].ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].astype(np.float32)
+    )
+    for panel, drawn in zip(shown.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True):
+        for line, values in zip(panel.lines, drawn["lines"], strict=True):
+            np.testing.assert_array_equal((values["values"]), line.values.astype(np.float32))
+    np.testing.assert_array_equal(
+        (data["map"]["profiles"][0]["coordinates"]), shown.map.profiles[0].coordinates.astype(np.float32)
+    )
+
+
+def test_longest_motion_stays_small(motion):
+    """Twenty thousand frames with two arms of eight corners and fifty lines stay below six megabytes."""
+    count = 20_000
+    time, values = np.arange(count) / 100.0, np.random.default_rng(0).normal(size=count)
+    skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
+    shells = np.broadcast_to(np.eye(3), (count, 3, 3))
+    bodies = tuple(
+        Body(name, skeleton, dict.fromkeys(("person", "target", "achieved"), shells), skeleton[:, -1])
+        for name in ("a", "b")
+    )
+    panels = {"all": tuple(Panel(str(k), "", (Line("x", values),)) for k in range(50))}
+    cloud = Cloud("c", "person", np.zeros((count, 2)), shells)
+    chart = DomainMap((), (cloud, cloud, cloud))
+    text = page_of(Motion(time, bodies, panels, chart))
+    assert len(text.encode()) < LARGEST
+    data = read(text)
+    assert data["time"][0] == 0.0
+    assert data["time"][-1] == np.float32(time[-1])
+    assert len(data["time"]) == len(data["map"]["profiles"][0]["coordinates"]) <= 1500
+    with pytest.raises(InvalidInputError, match="below 6 MB"):
+        page_of(Metric("n", "x" * LARGEST))
+
+
+def test_texts_cannot_become_elements(shown):
+    """Names with angle brackets stay text, in the page and in its data."""
+    evil = "</script><script>alert(1)</script>"
+    body = Body(evil, shown.bodies[0].skeleton)
+    text = page_of(Motion(shown.time, (body,)), Metric(evil, evil, evil), warnings=(evil,), title=evil)
+    assert "<script>alert" not in text
+    assert read(text)["bodies"][0]["name"] == evil
+    assert len(Page(text).scripts) == 2
+
+
+def test_panels_are_the_numbers_of_the_ellipsoids():
+    """A known ellipsoid has its semi-axes, and its axes are turned by as much as the target's are not."""
+    points = np.stack([np.diag([4.0, 1.0, 9.0]), np.diag([4.0, 0.0, 9.0])])
+    turn = Rotation.from_euler("x", 30.0, degrees=True).as_matrix()  # y and z: shortest and longest
+    panels = {
+        one.title: one for one in ellipsoid_panels({"target": points, "achieved": turn @ points @ turn.T}, NAMES, "m/s")
+    }
+    axes = np.stack([panels[f"{word} semi-axis"].lines[0].values for word in ("Longest", "Middle", "Shortest")], axis=1)
+    np.testing.assert_allclose(axes, [[3, 2, 1], [3, 2, 0]], atol=1e-12)
+    assert [line.wide for line in panels["Longest semi-axis"].lines] == [True, False]
+    for line in panels["Angle between the axes"].lines:
+        np.testing.assert_allclose(line.values, 30.0)
+    flat = ellipsoid_panels({"person": points[:, :2, :2]}, NAMES, "m/s")
+    assert [panel.title for panel in flat] == ["Longest semi-axis", "Shortest semi-axis"]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Body("a", np.zeros((3, 2, 3)), {"robot": np.eye(3)[None]}),
+        lambda: Line("a", np.zeros(2), "robot"),
+        lambda: Panel("a", "", ()),
+        lambda: Table(("a", "b"), (("c",),)),
+        lambda: Motion(np.zeros(2), ()),
+        lambda: Motion(np.arange(3.0), (Body("a", np.zeros((2, 2, 3))),)),
+        lambda: Motion(np.arange(3.0), (), {"g": (Panel("a", "", (Line("l", np.zeros(2)),)),)}),
+    ],
+)
+def test_bad_content_is_refused(make):
+    """Wrong roles, lengths and places are refused when the content is made, not drawn as nonsense."""
+    with pytest.raises(InvalidInputError):
+        make()

@@ -1,0 +1,126 @@
+"""Facts: said once, and the same in terminal, Markdown, JSON, notebook and page."""
+
+import dataclasses
+import html
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import IdentifiabilityWarning
+from maniport.evaluation import RMSE
+from maniport.studies.paper.outcome import Experiment, Outcome
+from maniport.studies.paper.report import Reproduction
+from maniport.studies.paper.tables import PaperRow
+from maniport.report import as_html, as_markdown, as_numbers, facts_of
+from maniport.report.console import Console
+from maniport.report.metrics import Metric, Report, Section, statistics
+from maniport.report.page import as_html as as_page
+from maniport.report.write import EXECUTION_FILES, RUN_FILES
+
+
+@pytest.fixture(scope="module")
+def warned(small_result):
+    """A run with warnings of its motion, its targets and a step."""
+    execution = small_result.execution
+    missed = dataclasses.replace(execution.motion, status=("ellipsoid missed",) * len(execution.motion.time))
+    far = dataclasses.replace(execution, gap=execution.gap + 1.0, motion=missed)
+    return dataclasses.replace(small_result, warnings=("mind <the> step & the gap",), execution=far)
+
+
+def test_warnings_are_the_same_everywhere(warned):
+    """Terminal, Markdown, JSON, notebook and page have the same warnings in the same order, the motion first."""
+    facts, screen = facts_of(warned), Console()
+    screen._out.file = io.StringIO()
+    screen.tell(facts)
+    words = "waypoints are missed", "infeasible", "does not determine", "Mind <the>"
+    places = [next(i for i, text in enumerate(facts.warnings) if word in text) for word in words]
+    assert places == sorted(places)
+    texts = [screen._out.file.getvalue(), as_markdown(facts), as_html(warned), as_page(facts)]
+    for shown in (re.sub(r"\\(?=[^\w\s])", "", html.unescape(re.sub(r"</?a\b.*?>", "", text))) for text in texts):
+        at = [shown.find(text) for text in facts.warnings]
+        assert min(at) >= 0
+        assert at == sorted(at)
+    assert [one["text"] for one in as_numbers(facts)["warnings"]] == list(facts.warnings)
+    assert all(one["key"] for one in as_numbers(facts)["warnings"])
+
+
+def test_numbers_of_a_run(small_result):
+    """JSON has maxima with their times and units in the names; nothing in it is infinite."""
+    facts, motion = facts_of(small_result), small_result.execution.motion
+    numbers = as_numbers(facts)
+    assert numbers["motion"]["distance"]["max"] == motion.distance.max()
+    assert numbers["motion"]["distance"]["max_at_s"] == small_result.time[np.argmax(motion.distance)]
+    assert numbers["motion"]["tip_error_mm"]["max"] == pytest.approx(1e3 * motion.position_error.max())
+    assert numbers["run"]["mounting"] == np.eye(3).tolist()
+    assert "/root" not in json.dumps(numbers, allow_nan=False)
+    assert re.search(r"\(median\).*\(95th percentile\).*\(max at [\d.]+ s\)", facts.metric("distance").text)
+
+
+def test_a_large_position_error_is_warned_of(small_result):
+    """An error of more than three times the tolerance at any time is a warning, however good the median is."""
+    execution = small_result.execution
+    for factor, found in ((3.1, True), (2.9, False)):
+        error = np.zeros(len(small_result.time))
+        error[3] = factor * execution.motion.tip_tolerance
+        motion = dataclasses.replace(execution.motion, position_error=error)
+        facts = facts_of(dataclasses.replace(execution, motion=motion))
+        assert ("position-error" in facts.warning_keys) == found
+
+
+def test_results_are_data_and_are_described_in_a_folder(small_result, tmp_path):
+    """`save` writes data alone; `write_results` also what people read, and returns the report."""
+    small_result.save(tmp_path / "data")
+    saved = {entry.name for entry in (tmp_path / "data").iterdir()}
+    assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
+    assert saved < set(RUN_FILES)
+    small_result.execution.save(tmp_path / "motion")
+    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
+    facts = mp.write_results(small_result.execution, tmp_path / "motion", overwrite=True)
+    summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
+    assert summary["status"] == facts.summary.status
+    assert [one["text"] for one in summary["warnings"]] == list(facts.warnings)
+
+
+def test_a_spread_names_median_percentile_and_largest():
+    """Of four values at four times; without times the number of the largest is told."""
+    fact = statistics("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
+    assert fact.text == "2.50 mm (median), 3.85 mm (95th percentile), 4.00 mm (max at 0.5 s)"
+    assert fact.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
+    assert statistics("Error", "error", [1.0, 4.0]).value["max_at"] == 1
+
+
+def test_facts_without_text_stand_in_json_alone():
+    """A number that nobody reads has a key, a sentence that no machine reads has none."""
+    facts = Report(
+        "t", "", (Section("s", (Metric("", "", key="hidden", value=1, unit="°"), Metric("a", "b")), key="k"),)
+    )
+    assert as_numbers(facts)["k"] == {"hidden_deg": 1}
+    assert "hidden" not in as_markdown(facts) + as_html(facts) + as_page(facts).split("<body>")[1].split("<script>")[0]
+    assert "- A: b." in as_markdown(facts)
+
+
+def outcome(settings, per_dispersion, warned):
+    """An outcome of an experiment on two evaluation sets, with an error for each draw."""
+    row = PaperRow("I", 1, "toy", 10, "PT", {"E": 0.5, "F": 0.5}, "identity", None, None, None)
+    errors = tuple(RMSE(1.0, error, 1.0) for error in per_dispersion)
+    fit = (1.0, 0.1, len(errors), 0, warned, (IdentifiabilityWarning,) * warned)  # iterations, seconds, draws, seed
+    return Outcome(row, "toy", "10", "PT", settings, "A()", {"E": errors, "F": errors}, *fit)
+
+
+def test_paper_stands_beside_what_came_out():
+    """A row for the paper and for each setting and form of the error, a column for each evaluation set."""
+    both = (outcome("paper's", (0.125, 0.375), 0), outcome("ours", (1e-6,), 1))
+    experiment = Experiment("toy", "Table I", ("How.",), both, {"width": 2.0})
+    facts = facts_of(Reproduction((experiment,), 3, 12.0))
+    table = facts.sections[0].tables[0]
+    assert table.columns[-3:] == ("numbers of", "E", "F")
+    rows = {"paper": "0.500", "paper's ÷ c": "0.250 ± 0.125", "paper's ÷ c²": "1.000 ± 0.000"}
+    rows |= {"ours ÷ c": "1e-06", "ours ÷ c²": "1.000"}
+    assert table.rows == tuple(("toy", "10", "PT", name, cell, cell) for name, cell in rows.items())
+    assert "in 1 of 1 fits that the domains do not determine the rotation" in facts.warnings[0]
+    assert as_numbers(facts)["toy"]["rows"][2]["per_dispersion"] == 1e-6
+    assert "IROS 2022" in as_page(facts)

@@ -1,0 +1,114 @@
+"""What is told of a robot: the chain that is taken, what is missing, and how the command line takes it."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from crane import CRANE
+from maniport.arms import load_arm
+from maniport.arms.readers.packages import PACKAGES
+from maniport.cli import app
+from maniport.cli.robots import Chain
+from maniport.report.robot import command_line_of
+from real_robots import NEEDS_ROBOTS
+
+
+@pytest.fixture
+def crane(tmp_path):
+    """A crane with an eye beside its hook."""
+    path = tmp_path / "crane.urdf"
+    path.write_text(CRANE)
+    return path
+
+
+def info(*words: str) -> str:
+    """What `maniport info` prints, with exit code 0."""
+    result = CliRunner().invoke(app, ["info", *words])
+    assert result.exit_code == 0, result.exception
+    return result.stdout
+
+
+def test_info_tells_the_chain_what_is_missing_and_other_ends(crane):
+    """Base, tip, joints with limits, held ones, what the file lacks, and the ends that one may name instead."""
+    text = info(str(crane), "--lock", "up=0.25")
+    for said in (
+        "Base: base.", "End effector: hook.", "Fixed joints: up at 0.25 m.",
+        "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s |",
+        "| eye | 2 | turn … look | post |",
+    ):  # fmt: skip
+        assert said in text, text
+    found = json.loads(info(str(crane), "--base", "post", "--json"))
+    assert (found["base"], list(found["joints"]), list(found["ends"])) == ("post", ["up", "nod"], ["eye"])
+
+
+def test_info_warns_of_what_is_assumed_and_unchecked(crane, tmp_path):
+    """Limits that the file lacks are warnings with their values, and so are shapes that it lacks."""
+    found = {one["key"]: one["text"] for one in json.loads(info(str(crane), "--json"))["warnings"]}
+    assert set(found) == {*(f"assumed-{one}-limits" for one in ("position", "velocity", "acceleration", "jerk")),
+                          "unchecked-collisions"}  # fmt: skip
+    assert "-3.14 to 3.14 rad for turn" in found["assumed-position-limits"]
+    assert "1 rad/s for turn" in found["assumed-velocity-limits"]
+    assert "4 rad/s² for turn" in found["assumed-acceleration-limits"]
+    assert "100 rad/s³ for turn" in found["assumed-jerk-limits"]
+    assert all(text in info(str(crane)).split("## Warnings")[1] for text in found.values())
+    assert json.loads(info("panda", "--json"))["warnings"] == []
+    assert json.loads(info("myoarm", "--json"))["warnings"] == []
+    shape = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual><collision><geometry><box size="1 1 1"/>'
+    (tmp_path / "boxes.urdf").write_text(
+        CRANE.replace('<link name="lift"/>', f'<link name="lift">{shape}</geometry></collision></link>')
+    )
+    found = {one["key"]: one["text"] for one in json.loads(info(str(tmp_path / "boxes.urdf"), "--json"))["warnings"]}
+    assert "lift" in found["missing-meshes"]
+
+
+@NEEDS_ROBOTS
+def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
+    """The two links of such a pair are named under the key of links that are not checked."""
+    found = {one["key"]: one["text"] for one in json.loads(info("human_left_arm", "--json"))["warnings"]}
+    assert "left_lowerarm against left_hand" in found["unchecked-links"].lower()
+
+
+def test_what_the_command_line_is_told_is_the_same_arm(crane):
+    """An arm as it would be typed, read by the options of the verbs, has the same Jacobians to 1e-6."""
+    arm = load_arm(crane, base="post", lock={"nod": -0.3})
+    robot, *words = shlex.split(command_line_of(arm))
+    options = dict(zip(words[::2], words[1::2], strict=True))
+    again = Chain(options["--frame"], None, options["--base"], [options["--lock"]]).load(robot)
+    q = arm.sample(4, random_state=0)
+    np.testing.assert_allclose(again.jacobian(q), arm.jacobian(q), atol=1e-6)
+    assert command_line_of(load_arm("panda")) == "panda"
+
+
+def test_a_robot_with_two_arms_lists_its_ends():
+    """Without a choice nothing fails: the ends are listed, and the names of the arms."""
+    if not PACKAGES["example-robot-data"].found():
+        pytest.skip("example-robot-data is not installed")
+    text = info("talos")
+    assert "choose one with --frame, or name talos_left_arm or talos_right_arm." in text
+    assert "| gripper_left_base_link | 9 | torso_1_joint … arm_left_7_joint | torso_2_link |" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("panda", "--lock", "panda_joint4=10"), "--lock: panda_joint4 is 10°; allowed are -176.00° to -4.00°"),
+        (
+            ("panda", "--lock", "panda_joint1=3", "--lock", "panda_joint1=4"),
+            "panda_joint1 is held twice; found 3 and 4",
+        ),
+        (("panda", "--joints", " ,"), "--joints must be names with commas between them; found ' ,'"),
+        (("panda", "--unit", "mm"), "--unit is for recordings; 'panda' is none"),
+        (("freeform", "--lock", "up=1"), "--lock chooses a part of a robot; 'freeform' is a recording"),
+        (("panda", "--lock", "panda_joint4"), "--lock must be a joint and its position, such as lift=0.2; found"),
+        (("panda", "--joints", "panda_joint2,panda_joint9"), "unknown joint 'panda_joint9'"),
+        (("panda", "--base", "panda_link"), "unknown base 'panda_link'.*'panda_link0'"),
+    ],
+)
+def test_options_that_cannot_be_are_named(words, message):
+    """Degrees beyond the limits, unknown joints and frames end with one sentence."""
+    result = CliRunner().invoke(app, ["info", *words])
+    with pytest.raises(ValueError, match=message):
+        raise result.exception

@@ -1,0 +1,237 @@
+"""The state of the live view, of one arm and of both, without any page."""
+
+import threading
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from maniport import ParallelTransport
+from maniport.arms import load_arm, load_arms
+from maniport.arms.human import human_arm
+from maniport.mocap import fit_arm, read_recording
+from maniport.domain import sample_domain
+from maniport.errors import InvalidInputError, ManiportError
+from maniport.motion import StartBank
+from maniport.viewer import prepare
+from maniport.viewer.maps import GIVEN, Methods, Refitting
+from maniport.viewer.recording import Playback, Recorder
+from maniport.viewer.shapes import find_surfaces
+from maniport.viewer.state import Command, Side, ViewState
+from real_robots import NEEDS_ROBOTS
+from sizes import few_places
+
+FRAME = 1.0 / 30.0
+POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])
+METHOD = "parallel-transport"
+BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
+
+
+def command(method="icp", joints=POSE, mounting=None, tip_follows=False):
+    """A command, at the identity unless told otherwise."""
+    return Command(joints, method, np.eye(3) if mounting is None else mounting, tip_follows)
+
+
+def advance(state, *given, seconds=FRAME, **more):
+    """The frame of one arm after some time."""
+    return state.frames(command(*given, **more), seconds)[0]
+
+
+def test_every_method_can_be_chosen(make_state):
+    """Each has its own target, and the robot keeps its limits; a mounting turns them after new fits."""
+    state, targets = make_state(), {}
+    for name in state.methods:
+        frame = advance(state, name)
+        targets[name] = frame.target_ellipsoid
+        assert state.robot.within_limits(frame.student_joints)
+        assert np.isfinite(frame.distance)
+        assert frame.position_error is None
+    assert targets["raw-copy"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
+    names = ("raw-copy", METHOD, "nearest-neighbor")
+    for one, other in zip(names, names[1:] + names[:1], strict=True):
+        assert np.abs(targets[one] - targets[other]).max() > 0.01
+    turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
+    advance(state, METHOD, mounting=turn)
+    assert state.sides[0].refitting.settle()
+    assert np.abs(advance(state, METHOD, mounting=turn).target_ellipsoid - targets[METHOD]).max() > 1e-3
+
+
+def test_the_robot_comes_nearer_within_its_speed(make_state):
+    """Without jumps, even after a long stop; the best configuration found is no worse."""
+    state = make_state()
+    before = advance(state, "raw-copy", seconds=0.0).student_joints
+    for seconds in (FRAME, 10.0):
+        after = advance(state, "raw-copy", POSE + 0.4, seconds=seconds).student_joints
+        assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
+        before = after
+    distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]
+    assert distances[-1] < min(distances[0], 0.7)
+    state.jump()
+    assert advance(state, joints=POSE + 0.4, seconds=0.0).distance <= distances[-1] + 1e-6
+
+
+def test_the_end_effector_follows_on_request(make_state, place):
+    """Within a millimeter or two, once a placement is found."""
+    state = make_state()
+    state.sides[0].place = None
+    frame = advance(state, tip_follows=True)
+    assert frame.target_tip is None
+    assert "placement" in frame.note
+    state.sides[0].place = place
+    for _ in range(60):
+        frame = advance(state, tip_follows=True)
+    assert frame.position_error < 2e-3
+    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target_tip) == pytest.approx(frame.position_error)
+
+
+@pytest.mark.parametrize("more", [{"joints": np.full(7, np.nan)}, {"joints": np.zeros(3)}, {"method": "magic"}])
+def test_invalid_commands_are_refused(make_state, more):
+    """Nan, a wrong number of joints, and unknown methods."""
+    with pytest.raises(InvalidInputError, match=next(iter(more))):
+        make_state().frames(command(**more), FRAME)
+
+
+def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, arms):
+    """An adapter without damping cannot map the flat ellipsoid of a stretched arm."""
+    domains = [sample_domain(arm, 256, i) for i, arm in enumerate(arms)]
+
+    class Given(Methods):
+        """The adapter alone."""
+
+        def __init__(self):
+            super().__init__(*domains, given=ParallelTransport().fit(*domains))
+            self.names = (GIVEN,)
+
+    state = make_state(Given())
+    good = advance(state, GIVEN)
+    flat = advance(state, GIVEN, np.zeros(7))
+    assert flat.note.startswith("no image")
+    assert flat.target_ellipsoid == pytest.approx(good.target_ellipsoid)
+    assert state.sides[0].gaps(flat.demonstrated_ellipsoid)[GIVEN] is None
+    assert advance(state, GIVEN).note == ""
+
+
+def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
+    """Until the length field is fitted parallel transport is shown, and a note says so."""
+    gate, fit = threading.Event(), Methods.fit
+    monkeypatch.setattr(Methods, "fit", lambda *given: (given[1] == METHOD or gate.wait(60.0)) and fit(*given))
+    for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
+        monkeypatch.setattr(prepare, name, size)
+    with few_places():
+        state, method, turn = prepare.prepare("rhuman", "panda")
+        refitting = state.sides[0].refitting
+        try:
+            assert method == "lengths-field"
+            refitting.begin()
+            frame = advance(state, method, mounting=turn, tip_follows=True)
+            assert "lengths-field is being fitted; the target is that of parallel-transport" in frame.note
+        finally:
+            gate.set()
+            refitting._todo.clear()
+            refitting.close()
+    assert state.sides[0].place is not None
+
+
+def test_a_recording_plays_in_a_loop():
+    """Seeking stays within the ends, and joints lie on straight lines."""
+    player = Playback([1.0, 2.0, 4.0], [[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]])
+    assert player.duration == 3.0
+    player.advance(2.0)
+    assert player.joints() == pytest.approx([2.0, 0.0])
+    player.advance(1.5)
+    assert player.position == pytest.approx(0.5)
+    player.seek(99.0)
+    assert player.joints() == pytest.approx([3.0, -1.0])
+    for times, path in (([0.0], [[0.0]]), ([0.0, 0.0], [[0.0], [1.0]]), ([0.0, 1.0], [[0.0]])):
+        with pytest.raises(InvalidInputError):
+            Playback(times, path)
+
+
+def test_a_played_motion_is_a_recording(arms, tmp_path):
+    """Written when the switch is turned off; the person's joints can be fitted to it."""
+    teacher = arms[0]
+    middle, ranges = 0.5 * (teacher.lower + teacher.upper), teacher.upper - teacher.lower
+    path = middle + np.linspace(-0.3, 0.3, 40)[:, None] * ranges
+    recorder = Recorder(teacher, tmp_path)
+    for joints in path:
+        recorder.take(True, joints, 0.05)
+    message = recorder.take(False, path[-1], 0.05)
+    (file,) = tmp_path.iterdir()
+    assert file.name in message
+    fit = fit_arm(read_recording(file), "rhuman")
+    assert fit.time[-1] == pytest.approx(39 * 0.05)
+    assert np.abs(fit.joint_angles - path).max() < np.radians(2.0)
+    recorder = Recorder(teacher, tmp_path / "gone")
+    for count in (1, 20):
+        for _ in range(count):
+            recorder.take(True, np.zeros(7), 0.1)
+        assert "nothing was written" in recorder.take(False, np.zeros(7), 0.1)
+
+
+@pytest.fixture(scope="module")
+def pandas():
+    """Two robots side by side."""
+    return load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+
+
+def sides_of(robot):
+    """The person's arms and a robot's, on small domains."""
+    for side, arm, base in zip(("left", "right"), robot.each, BASES, strict=True):
+        person = human_arm("rhuman", side)
+        methods = Methods(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
+        yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), StartBank.build(arm, 512, 0), base=base)
+
+
+def test_both_arms_move_as_each_alone(pandas):
+    """Where they share nothing; with a placement hands keep their relation, scaled."""
+    pair = ViewState(pandas, list(sides_of(pandas)))
+    alone = [ViewState(side.student, [side]) for side in sides_of(pandas)]
+    for joints in (POSE, POSE + 0.1):
+        both = pair.frames(command(METHOD, np.tile(joints, 2)), 1.0 / 60.0)
+        for frame, state in zip(both, alone, strict=True):
+            expected = advance(state, METHOD, joints, seconds=1.0 / 60.0)
+            np.testing.assert_array_equal(frame.target_ellipsoid, expected.target_ellipsoid)
+            np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
+    with few_places():
+        pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
+    left, right = pair.frames(command(METHOD, np.tile(POSE, 2), tip_follows=True), FRAME)
+    hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
+    scale = pair.sides[0].place.scale
+    distance = np.linalg.norm(right.target_tip - left.target_tip)
+    assert distance == pytest.approx(scale * np.linalg.norm(hands[1] - hands[0]))
+    assert pair.sides[1].place.scale == scale
+
+
+@NEEDS_ROBOTS
+def test_a_shared_torso_is_in_one_place():
+    """Frames agree on shared joints, which keep their limits; the surfaces of the trunk are the left arm's."""
+    humanoid = load_arms("talos")
+    pair = ViewState(humanoid, list(sides_of(humanoid)))
+    both = command(METHOD, np.tile(POSE, 2))
+    first = pair.frames(both, 0.0)
+    for _ in range(12):
+        later = pair.frames(both, 0.1)
+    q = humanoid.joined(*(frame.student_joints for frame in later))
+    humanoid.require_within_limits(q, "q")
+    assert sum(frame.distance for frame in later) < sum(frame.distance for frame in first)
+    (left, right), reason = find_surfaces(humanoid)
+    if not reason:
+        assert 0 < len(right) < len(humanoid.right.surfaces())
+        assert min(surface.joint for surface in right) >= humanoid.trunk
+        assert len(left) == len(humanoid.left.surfaces())
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"side": "both", "robot": "panda"}, "tip"),
+        ({"side": "both", "robot": load_arm("panda")}, "maniport.load_arms"),
+        ({"side": "left"}, "two arms"),
+        ({"side": "both", "adapter": "mine.npz"}, "adapter"),
+        ({"side": "both", "recording": "ladder"}, "both"),
+    ],
+)
+def test_what_makes_no_pair_is_refused(options, word, pandas):
+    """Before anything is sampled."""
+    with pytest.raises(ManiportError, match=word):
+        prepare.prepare(**{"robot": pandas} | options)

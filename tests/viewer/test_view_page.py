@@ -1,0 +1,228 @@
+"""The pages: what the controls say, what the server does, and how a browser shows it."""
+
+import contextlib
+import socket
+import sys
+import time
+import urllib.error
+import urllib.request
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from receiver import receive
+from scipy.spatial.transform import Rotation
+
+from maniport.arms import Arm
+from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
+from maniport.live import Moment
+from maniport.viewer.panel import OWN
+from maniport.viewer.scene import ROBOT_AT, camera_for
+from maniport.viewer.server import LiveView, Onlooker, require_free
+
+pytest.importorskip("viser")
+RING = 0.65 * 0.3
+"""Radius of the arcs about the robot's base [m]: the page draws them at 0.65 of the handle's size."""
+
+
+@pytest.fixture
+def make_view(make_state):
+    """Make pages that stop with the test."""
+    with contextlib.ExitStack() as stack:
+
+        def make(**options):
+            view = LiveView(make_state(**options), "parallel-transport", np.eye(3))
+            stack.callback(view.stop)
+            return view
+
+        yield make
+
+
+def test_the_page_is_served_on_this_machine_only(make_view, capsys):
+    """Each page at a port of its own, without anything printed, or shared with strangers."""
+    view = make_view()
+    assert view.url.startswith("http://127.0.0.1:")
+    with urllib.request.urlopen(view.url, timeout=60) as answer:
+        assert answer.status == 200
+    assert view._server._websock_server._host == "127.0.0.1"
+    assert view._server.request_share_url() is None
+    assert make_view().url != view.url
+    assert capsys.readouterr().out == ""
+
+
+def test_impossible_addresses_and_missing_packages_are_reported(make_state, monkeypatch):
+    """A port that is taken, hosts and ports that there are not, no viser."""
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = other.getsockname()[1]
+        for host, port in (("127.0.0.1", taken), ("127.0.0.1", -1), ("127.0.0.1", 70000), ("no.such.host.invalid", 0)):
+            with pytest.raises(InvalidInputError):
+                LiveView(make_state(), "icp", np.eye(3), host, port)
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(MissingPackageError, match=r"maniport\[view\]"):
+        LiveView(make_state(), "icp", np.eye(3))
+
+
+def test_controls_become_commands(make_view):
+    """Method, switch and sliders, which are in degrees; all numbers are shown."""
+    view = make_view()
+    panel = view._panel
+    panel._method.value, panel._follows.value = "nearest-neighbor", True
+    panel._sliders[3].value = 45.0
+    command = panel.read(0.02)
+    assert (command.method, command.tip_follows) == ("nearest-neighbor", True)
+    assert command.joints[3] == pytest.approx(np.pi / 4)
+    assert panel.surface
+    text = panel._head.content + panel._ellipsoids.content + panel._methods.content
+    for word in ("distance", "person", "target", "achieved", "condition", *view.state.methods):
+        assert word in text
+    assert "nan" not in text
+    (lookup,) = [line for line in panel._methods.content.splitlines() if line.startswith("| nearest-neighbor")]
+    assert "| — |" in lookup, "the gap of achieved samples would be zero"
+
+
+def test_sliders_rings_and_list_show_one_mounting(make_view):
+    """Each changes the others."""
+    panel = make_view()._panel
+    for slider, value in zip(panel._angles, (30.0, -20.0, 75.0), strict=True):
+        slider.value = value
+    wanted = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
+    assert panel.read(0.0).mounting == pytest.approx(wanted)
+    x, y, z, w = Rotation.from_matrix(wanted.T).as_quat()
+    assert np.abs(np.dot(panel.gizmo.wxyz, [w, x, y, z])) == pytest.approx(1.0)
+    panel.gizmo.wxyz = (np.cos(0.5), 0.0, 0.0, np.sin(0.5))  # the robot's base is turned by 1 rad about the vertical
+    turned = panel.read(0.0).mounting
+    assert turned == pytest.approx(Rotation.from_euler("z", -1.0).as_matrix())
+    assert panel._angles[2].value == pytest.approx(-57.5)
+    assert panel.read(0.0).mounting == pytest.approx(turned), "the rounding of the sliders must not turn it"
+    assert panel._preset.value == OWN
+    for name, base in (
+        ("on a wall", (1, 0, 0)), ("from the ceiling", (0, 0, -1)), ("at the person's right side", (0, -1, 0)),
+        ("as the person", (0, 0, 1)),
+    ):  # fmt: skip
+        panel._preset.value = name
+        assert pytest.approx(base) == panel.read(0.0).mounting.T @ [0, 0, 1]
+    assert [slider.value for slider in panel._angles] == [0.0, 0.0, 0.0]
+
+
+def test_errors_before_the_page_is_complete(make_view, make_state, monkeypatch):
+    """A robot without a surface is a skeleton; Ctrl-C leaves no server behind."""
+
+    def fail(error):
+        def surfaces(self):
+            raise error
+
+        monkeypatch.setattr(Arm, "surfaces", surfaces)
+
+    fail(FileFormatError("a mesh is missing: 'hand.dae'"))
+    view = make_view()
+    assert view.no_surface == "a mesh is missing: 'hand.dae'"
+    assert view._panel._surface.handle.hint == view.no_surface
+    assert not view._panel.surface
+    fail(KeyboardInterrupt())
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with pytest.raises(KeyboardInterrupt):
+        LiveView(make_state(), "icp", np.eye(3), port=port)
+    require_free("127.0.0.1", port)
+
+
+def test_frames_arrive_whole_and_meshes_once(make_view, running):
+    """Robot, person and ellipsoids move in one message; shapes are sent when a page comes and never again."""
+
+    def moving(windows):
+        return [window for window in windows if ("/robot/surface/7", "SetPositionMessage") in window]
+
+    view = make_view(recorded=True)
+    with running(view):
+        windows = receive(view.url, lambda windows: len(moving(windows)) > 20)
+    moves = "/person/arm/hand", "/robot/surface/7", "/person/ellipsoid", "/robot/target", "/robot/achieved"
+    shapes = [name for window in windows for name, kind in window if kind == "MeshMessage"]
+    assert len(shapes) == len(set(shapes)) == len(view.state.robot.surfaces())
+    for frame in moving(windows)[1:]:
+        assert {(name, "SetPositionMessage") for name in moves} <= set(frame)
+
+
+def test_a_browser_shows_the_page(make_view, running, browser):
+    """It draws without errors or requests of the network; controls become commands; the camera is kept."""
+    view = make_view()
+    panel = view._panel
+
+    def cameras():
+        return [client.camera for client in view._server.get_clients().values()]
+
+    with running(view):
+        browser.dress(1400, 900)
+        browser.go(view.url)
+        browser.wait("!!document.body && document.body.innerText.includes('distance')")
+        browser.wait(lambda: view.rate > 0)
+        browser.wait(lambda: np.allclose(cameras()[0].position, camera_for(cameras()[0].aspect)[0], atol=1e-3))
+        browser.wait("document.querySelectorAll('[role=slider]').length > 8")
+        thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
+        browser.wait(f"{thumb}.x > 900")
+        before = panel.read(0.0).joints
+
+        def moved():
+            """Drag once more: a drag while the page is being laid out takes hold of nothing."""
+            x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
+            browser.drag((x, y), (x - 40, y))
+            return panel.read(0.0).joints[0] < before[0] - 0.1
+
+        def turned():
+            point = np.array(ROBOT_AT) + RING * np.sqrt(0.5) * np.array([1.0, 1.0, 0.0])
+            x, y = on_screen(cameras()[0], point)
+            browser.drag((x, y), (x - 30, y + 10))
+            return abs(panel._angles[2].value) > 5.0
+
+        home = np.array(cameras()[0].position)
+
+        def looks_from_elsewhere():
+            browser.drag((450, 100), (380, 120))
+            return np.abs(cameras()[0].position - home).max() > 0.3
+
+        browser.wait(moved)
+        browser.wait(turned)
+        browser.wait(looks_from_elsewhere)
+        assert not [url for url in browser.requests if not url.startswith((view.url, "data:", "blob:", "about:"))]
+        assert not browser.errors
+        time.sleep(1.0)  # until the camera has come to rest
+        position = np.array(cameras()[0].position)
+        browser.go("about:blank")
+        browser.wait(lambda: view.rate == 0)
+        browser.go(view.url)
+        browser.wait(lambda: view.rate > 0 and np.allclose(cameras()[0].position, position, atol=0.05))
+        browser.go("about:blank")
+
+
+def on_screen(camera, point):
+    """Where a camera shows a point [pixels]."""
+    x, y, z = (point - camera.position) @ Rotation.from_quat(camera.wxyz, scalar_first=True).as_matrix()
+    scale = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
+    return 0.5 * camera.image_width + scale * x / z, 0.5 * camera.image_height + scale * y / z
+
+
+def test_moments_of_live_are_drawn(arms):
+    """Nothing before the person is seen; then the robot is in the given configuration; the token is needed."""
+    person, robot = (arm.sample(1, 0)[0] for arm in arms)
+    own, other = (arm.manipulability(q) for arm, q in zip(arms, (person, robot), strict=True))
+    tip = arms[1].forward(robot)[:3, 3]
+    moment = Moment(1.0, "following", robot, np.zeros(7), other, tip, person, own, own, 0.5, 0.01)
+    page = Onlooker(*arms)
+    try:
+        page.show(replace(moment, person=None, target=None, demonstrated=None, distance=None))
+        assert page._scene is None
+        moved = replace(moment, joint_positions=arms[1].sample(1, 1)[0])
+        for shown in (moment, moved):
+            page.show(shown)
+        assert "**following**" in page._text.content
+        surface = arms[1].surfaces()[-1]
+        pose = arms[1].link_poses(moved.joint_positions)[surface.joint]
+        np.testing.assert_allclose(page._scene.sides[0].student._meshes[-1].position, pose[:3, 3], atol=1e-6)
+        with pytest.raises(urllib.error.HTTPError):
+            urllib.request.urlopen(page.url.rsplit("/", 2)[0], timeout=60)
+        with pytest.raises(InvalidInputError, match="3×3"):
+            page.show(replace(moment, achieved=np.eye(6)))
+    finally:
+        page.stop()
