@@ -24,11 +24,11 @@ import numpy as np
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.pipeline.follow import follow
 from maniport.motion import PlanControl
 from maniport.motion.effort import EFFORTS, FULL, QUICK
 from maniport.motion.placement import placement_search
 from maniport.motion.plan import planner
+from maniport.pipeline.follow import follow
 
 from .inputs import DAMPING
 from .tracking_motions import motions
@@ -97,7 +97,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
             adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)
             target, tolerance = adapter.transform(profile), 0.012 if name == "ladder" else 0.005
-            options = {"damping": adapter.student_regularization, "planner": samples, "tip_tolerance": tolerance}
+            options = {"damping": adapter.student_regularization, "planner": samples, "position_tolerance": tolerance}
             for seed, variant in ((seed, variant) for seed in range(seeds) for variant in variants):
                 if (variant, robot, name, seed) in done:
                     continue

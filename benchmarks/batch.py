@@ -16,9 +16,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import maniport as mp
+from maniport.arms.human import human_arm
 from maniport.batch.pair import ADAPTERS, PAIR
 from maniport.batch.table import COMPUTING, PAGE, TABLES
-from maniport.arms.human import human_arm
 from maniport.mocap import performed, shipped_recording
 
 from .measure import BATCH_PLOT, ROOT, Row, duration, failed, fresh_process

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 import maniport as mp
-from maniport.mocap import shipped_recording
 from maniport.errors import ManiportWarning
-from maniport.pipeline.execution import Execution
+from maniport.mocap import shipped_recording
 from maniport.motion import TrackResult
 from maniport.motion.motion_limits import DERIVATIVES
 from maniport.motion.plan.planned_motion import Room
+from maniport.pipeline.execution import Execution
 
 from .inputs import Array
 from .measure import Row, duration

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import maniport as mp
-from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from .inputs import DAMPING, Array, load
 from .measure import Row, duration, race, within
@@ -21,7 +21,7 @@ def rows(quick: bool) -> Iterator[Row]:
     teacher = mp.sample_domain(load("rhuman"), TEACHER_SAMPLES, 0)
     student = mp.sample_domain(load("panda"), STUDENT_SAMPLES, 1)
     projector, seconds = mp.FeasibleProjector(load("panda")), 0.3 if quick else 3.0
-    plain, turning = (mp.LengthsField(DAMPING, None, np.eye(3), projector, turn) for turn in (False, True))
+    plain, turning = (mp.LengthField(DAMPING, None, np.eye(3), projector, turn) for turn in (False, True))
     for adapter, what in zip((plain, turning), ONE, strict=True):
         took = min(_fit(adapter, teacher, student) for _ in range(1 if quick else FITS))
         note = f"processor time; {adapter.cost_:.3f} from what the Panda can make"
@@ -35,7 +35,7 @@ def rows(quick: bool) -> Iterator[Row]:
     yield within(f"{n:,} 3×3 by lengths alone", took, MILLION * n / 1_000_000, duration, "on all cores")
 
 
-def _fit(adapter: mp.LengthsField, teacher: Array, student: Array) -> float:
+def _fit(adapter: mp.LengthField, teacher: Array, student: Array) -> float:
     """Processor time [s]."""
     begin = time.process_time()
     adapter.fit(teacher, student)

@@ -18,9 +18,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import maniport as mp
-from maniport.mocap import shipped_recording
 from maniport.live.serving import serve
 from maniport.live.transport import Datagrams
+from maniport.mocap import shipped_recording
 from maniport.motion import place_path
 
 from .inputs import DAMPING

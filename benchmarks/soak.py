@@ -93,7 +93,7 @@ def fits(share: float) -> dict[str, object]:
     methods: dict[str, Callable[[int], mp.DomainAdapter]] = {
         "parallel transport": lambda seed: mp.ParallelTransport(damping=DAMPING),
         "ICP": lambda seed: mp.RiemannianICP(damping=DAMPING, random_state=seed),
-        "field of lengths": lambda seed: mp.LengthsField(damping=DAMPING, n_samples=SAMPLES),
+        "field of lengths": lambda seed: mp.LengthField(damping=DAMPING, n_samples=SAMPLES),
     }
     human, panda = load("rhuman"), load("panda")
 

@@ -7,10 +7,10 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import maniport as mp
-from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.errors import ManiportWarning
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.transfer import DomainAdapter
+from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from . import tracking_checks, tracking_plan, tracking_speed
 from .measure import Row

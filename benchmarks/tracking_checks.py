@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from maniport.motion import SeedBank, nearest_feasible
 from maniport.studies.paper.trajectories import robot_arm
-from maniport.motion import StartBank, nearest_feasible
 
 from .inputs import Array
 from .measure import Row, within
@@ -26,7 +26,7 @@ def _bank_starts(count: int) -> Row:
     """Whether descents from the best few of a bank reach ellipsoid and hand position of random configurations."""
     robot = robot_arm()
     truth = robot.sample(count, 7, "uniform")
-    bank, tips = StartBank.build(robot, BANK, 0), robot.forward(truth)[:, :3, 3]
+    bank, tips = SeedBank.build(robot, BANK, 0), robot.forward(truth)[:, :3, 3]
     profile = robot.manipulability(truth)
     found = nearest_feasible(robot, profile, damping=bank.damping, positions=tips, n_starts=BEST, bank=bank)
     share = float(np.mean((found.distance < REACHED) & (found.position_error < ON_PLACE)))

@@ -110,7 +110,7 @@ def adapters() -> dict[str, DomainAdapter]:
     return {
         ADAPTED: mp.ParallelTransport(**known),
         "raw copy": mp.RawCopy(**known),
-        "recentred": mp.Recentring(**known),
+        "recentred": mp.MeanTransport(**known),
         # by default it keeps its start here, which is mean and dispersion
         "ICP, refined": mp.RiemannianICP(
             **known, n_resamples=0, random_state=0, search=Search(margin=0.0, compete=False)

@@ -13,15 +13,11 @@ from joblib import Parallel, delayed
 import maniport as mp
 from maniport.arms import VELOCITY
 from maniport.arms.chain import rotation_about
-from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.errors import ManiportWarning
 from maniport.feasibility import knowing
-from maniport.spd.kernels import congruence
-from maniport.studies.paper.trajectories import robot_arm
-from maniport.subsample import evenly_spaced
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import (
-    PlacedPath,
+    Placement,
     PlanControl,
     PlannedMotion,
     Planner,
@@ -30,14 +26,18 @@ from maniport.motion import (
     plan_motion,
     track,
 )
+from maniport.spd.kernels import congruence
+from maniport.studies.paper.trajectories import robot_arm
 from maniport.transfer import method_of
+from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.subsample import evenly_spaced
 
 from .inputs import DAMPING, Array
 from .measure import Row, duration
 from .tracking_runs import RATE, Outcome, spread
 
 FLANGE, TCP = "panda_link8", "panda_hand_tcp"
-RIGID, LENGTHS = "parallel-transport", "lengths-field"
+RIGID, LENGTHS = "parallel-transport", "length-field"
 PLACE = (0.5957287745080231, 0.8210714629120759, (0.24048688894631762, 0.2749901927125456, 0.4524298103356931))
 """Scale, turn about the vertical [rad] and middle [m] of the ladder's path: one place before the flange for good."""
 POINTS = 250
@@ -109,7 +109,7 @@ class Case:
     seed: int = 0
 
 
-SLOW: dict[str, Any] = {"tempo": 0.25, "tip_tolerance": EXACT}
+SLOW: dict[str, Any] = {"tempo": 0.25, "position_tolerance": EXACT}
 LEAN: dict[str, Any] = {"tilt": "free"}
 CASES = (
     Case("ladder, flange, fixed place, 1/4 of the pace", "ladder", FLANGE,
@@ -117,12 +117,12 @@ CASES = (
     Case("ladder, flange, free place, 1/4 of the pace", "ladder", FLANGE,
          Asked((0.92, 1.95), 1.13, (1e-3, 1e-3)), control=SLOW),
     Case("ladder, flange, as a whole", "ladder", FLANGE,
-         Asked((0.95, 1.95), None, (12e-3, 40e-3), 46.0), control={"tip_tolerance": 12e-3}),
+         Asked((0.95, 1.95), None, (12e-3, 40e-3), 46.0), control={"position_tolerance": 12e-3}),
     Case("ladder, hand, 1/4 of the pace", "ladder", TCP,
          Asked((0.60, 1.70), 0.83, (1e-3, 1e-3)), control=SLOW),
     Case("ladder, hand, leaning base, 1/4 of the pace", "ladder", TCP, Asked(None, 0.82), LEAN, control=SLOW),
     Case("ladder, hand, as a whole", "ladder", TCP,
-         Asked((0.65, 1.75), None, (12e-3, None), 45.0), control={"tip_tolerance": 12e-3}),
+         Asked((0.65, 1.75), None, (12e-3, None), 45.0), control={"position_tolerance": 12e-3}),
     Case("ladder, hand, as the demo does it", "ladder", TCP, Asked(seconds=ASKED_SECONDS, tip=(5e-3, None))),
     Case("freeform, flange, 1/4 of the pace", "freeform", FLANGE,
          Asked((0.40, 1.30), 0.65, (EXACT, None)), control=SLOW),
@@ -172,7 +172,7 @@ def found(case: Case) -> Found:
     return replace(best, seconds=(made, *np.sum([one.seconds for one in every], axis=0)))
 
 
-def _where(placed: PlacedPath | None) -> str:
+def _where(placed: Placement | None) -> str:
     """Where a path was placed, in words."""
     assert placed is not None
     return f"scale {placed.scale:.2f}, tilt {np.degrees(placed.tilt):.0f}°"
@@ -300,7 +300,7 @@ def _planned(outcome: Outcome) -> tuple[PlannedMotion, TrackResult]:
     placed, first = outcome.placed, outcome.tracked
     planner = PlanControl().planner(robot_arm(), VELOCITY, 0)
     same = {"time": first.time, "path": placed.path, "damping": first.damping}
-    plan = plan_motion(robot_arm(), placed.profile, planner=planner, tip_tolerance=1e-3, **same)
+    plan = plan_motion(robot_arm(), placed.profile, planner=planner, position_tolerance=1e-3, **same)
     return plan, track(planner.limits.arm, placed.profile, bank=planner.bank, rate=RATE, **same)
 
 

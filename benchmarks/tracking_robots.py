@@ -12,9 +12,9 @@ from joblib import Parallel, delayed
 
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
-from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.errors import ManiportError
 from maniport.motion import PlanControl, place_path, plan_motion, track
+from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from .inputs import DAMPING, Array
 from .measure import Row, duration, failed
@@ -101,7 +101,7 @@ def chain(name: str, motion: Motion) -> Chain:
         damping=damping,
     )
     plan = plan_motion(
-        robot, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, tip_tolerance=1e-3
+        robot, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
     )
     seconds = clock.process_time() - begin
     # with the same margin of the joints' limits: beyond it lie postures that are nearer, which the plan may not take

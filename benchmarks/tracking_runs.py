@@ -14,11 +14,11 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import Arm
 from maniport.arms.chain import rotation_about
 from maniport.evaluation import structure
+from maniport.motion import Placement, PositionTask, SeedBank, TrackResult, place_path, robot_model, track
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import READY, robot_arm
-from maniport.motion import PlacedPath, PositionTask, StartBank, TrackResult, place_path, robot_model, track
 
 from .inputs import Array
 
@@ -52,7 +52,7 @@ class Outcome:
     Attributes
     ----------
     motion, placement : str
-    placed : PlacedPath
+    placed : Placement
     tracked : TrackResult
         Mean and dispersion, from a start of the tracker's choice.
     hand_only : TrackResult
@@ -63,21 +63,21 @@ class Outcome:
 
     motion: str
     placement: str
-    placed: PlacedPath
+    placed: Placement
     tracked: TrackResult
     hand_only: TrackResult
     methods: dict[str, Followed]
 
 
 @cache
-def bank() -> StartBank:
+def bank() -> SeedBank:
     """Return the starts that all searches share."""
-    return StartBank.build(robot_arm(), 16_384, 0)
+    return SeedBank.build(robot_arm(), 16_384, 0)
 
 
 def place_and_track(
     time: Array, hand: Array, profile: Array, damping: Regularization, given: dict[str, float]
-) -> tuple[PlacedPath, TrackResult]:
+) -> tuple[Placement, TrackResult]:
     """Find the place for an adapted profile, with `given` held, and follow it there."""
     placed = place_path(hand, profile, robot_arm(), damping=damping, bank=bank(), **given)
     return placed, _tracked(placed, placed.profile, time, damping)
@@ -118,7 +118,7 @@ def run(
     return Outcome(motion, placement, placed, tracked, hand_only, methods)
 
 
-def _tracked(placed: PlacedPath, profile: Array, time: Array, damping: Regularization) -> TrackResult:
+def _tracked(placed: Placement, profile: Array, time: Array, damping: Regularization) -> TrackResult:
     return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), damping=damping, rate=RATE)
 
 
@@ -128,7 +128,7 @@ def _followed(result: TrackResult, adapted: Array, damping: Regularization, pers
     return Followed(result.distance, distance(achieved, adapted + lift), structure(achieved, person).spearman)
 
 
-def without_ellipsoids(arm: Arm, placed: PlacedPath, time: Array, damping: Regularization) -> TrackResult:
+def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regularization) -> TrackResult:
     """Follow a path by Pink with tasks of position and posture only, from the hand's place nearest to home."""
     home = np.array(READY)
     model = robot_model(arm)

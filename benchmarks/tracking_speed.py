@@ -9,13 +9,13 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from maniport.arms.collisions import Collisions
-from maniport.spd.regularization import Regularization
-from maniport.studies.paper.trajectories import robot_arm
 from maniport.motion import Objective, nearest_feasible
 from maniport.motion.follow import follower
 from maniport.motion.follow.follower import Stepper
 from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.motion.schedule import Schedule
+from maniport.spd.regularization import Regularization
+from maniport.studies.paper.trajectories import robot_arm
 
 from .inputs import Array
 from .measure import Row, duration, within

@@ -15,8 +15,8 @@ import numpy as np
 
 import maniport as mp
 from maniport.mocap import shipped_recording
-from maniport.files import save_ellipsoids
 from maniport.report import figures
+from maniport.util.files import save_ellipsoids
 
 
 def uncertainty(fit, profile):

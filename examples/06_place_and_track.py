@@ -43,7 +43,7 @@ def main(folder):
 
     # 4. The motion: the tip on its path, the ellipsoids as near as that lets them, within the Panda's limits.
     motion = plan_motion(
-        robot, placed.profile, time=person.time, path=placed.path, damping=damping, tip_tolerance=TOLERANCE
+        robot, placed.profile, time=person.time, path=placed.path, damping=damping, position_tolerance=TOLERANCE
     )
     print(f"{motion.control_time[-1]:.1f} s, {motion.certificate:.2f} times the node floor")
     for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):

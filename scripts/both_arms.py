@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import maniport as mp
-from maniport.arms import Arms
+from maniport.arms import ArmGroup
 from maniport.mocap import ArmFits, fit_arms, read_recording
 from maniport.motion import PlannedArms, PlannedMotion, place_paths, plan_arms, plan_motion
 
@@ -44,7 +44,7 @@ class Task:
     """Processor time [s]."""
 
 
-def task_of(fits: ArmFits, arms: Arms, effort: str) -> Task:
+def task_of(fits: ArmFits, arms: ArmGroup, effort: str) -> Task:
     """Both hands' paths in one place, with target ellipsoids by parallel transport."""
     profiles = []
     for fit, arm in zip(fits.each, arms.each, strict=True):
@@ -58,7 +58,7 @@ def task_of(fits: ArmFits, arms: Arms, effort: str) -> Task:
     return Task(tuple(one.profile for one in placed), tuple(one.path for one in placed), fits.time, spent)
 
 
-def alone(arms: Arms, task: Task, effort: str) -> tuple[list[PlannedMotion], float]:
+def alone(arms: ArmGroup, task: Task, effort: str) -> tuple[list[PlannedMotion], float]:
     """Each arm by itself, and the mean processor time [s]."""
     began = clock.process_time()
     motions = [
@@ -68,7 +68,7 @@ def alone(arms: Arms, task: Task, effort: str) -> tuple[list[PlannedMotion], flo
     return motions, 0.5 * (clock.process_time() - began)
 
 
-def together(arms: Arms, task: Task, effort: str, tips: str) -> tuple[PlannedArms, float]:
+def together(arms: ArmGroup, task: Task, effort: str, tips: str) -> tuple[PlannedArms, float]:
     """Both, and the processor time [s]."""
     began = clock.process_time()
     found = plan_arms(arms, task.profiles, time=task.time, paths=task.paths, effort=effort, tips=tips)
@@ -87,7 +87,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def told(name: str, fits: ArmFits, arms: Arms, effort: str, tips: str) -> list[str]:
+def told(name: str, fits: ArmFits, arms: ArmGroup, effort: str, tips: str) -> list[str]:
     """Lines about one robot."""
     task = task_of(fits, arms, effort)
     (single, one), (both, two) = alone(arms, task, effort), together(arms, task, effort, tips)

@@ -28,15 +28,15 @@ from benchmarks.tracking_motions import Motion, motions
 
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
-from maniport.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.studies.paper.trajectories import robot_arm
 from maniport.motion import PlanControl, PlannedMotion, Planner, place_path, plan_motion
 from maniport.motion.objective import EXACT_WEIGHT, Objective, Targets
 from maniport.motion.plan.optimizer import time_weights
 from maniport.motion.plan.planned_motion import over_floor
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path
 from maniport.motion.search.pointwise import pointwise_best
-from maniport.validation import Array
+from maniport.studies.paper.trajectories import robot_arm
+from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.validation import Array
 
 STAGES, NODES, MOST_NODES, ROUNDS, AROUND = 1200, 800, 2000, 4, 0.2
 """Points at most, more than a shipped recording has; nodes at each, and at most where points are few; how often nodes
@@ -89,7 +89,7 @@ def _planned(arm: Arm, motion: Motion, margin: bool) -> PlannedMotion:
     else:
         placed = place_path(motion.hand, target, arm, damping=damping, bank=tracking_runs.bank())
     return plan_motion(
-        arm, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, tip_tolerance=1e-3
+        arm, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
     )
 
 

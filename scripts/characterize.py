@@ -67,7 +67,7 @@ def demo(whole: bool) -> Iterator[Row]:
 
 def ladder(whole: bool) -> Iterator[Row]:
     """Ladder recording on the Panda with a position tolerance of 12 mm."""
-    return transfers("ladder", 5 if whole else 1, tip_tolerance=0.012)
+    return transfers("ladder", 5 if whole else 1, position_tolerance=0.012)
 
 
 def short_motions(whole: bool) -> Iterator[Row]:
@@ -103,7 +103,7 @@ def length_field(whole: bool) -> Iterator[Row]:
             continue
         for draw in range(5 if whole else 1):
             projector = mp.FeasibleProjector(case.arm, VELOCITY)
-            adapter = mp.LengthsField(damping=DAMPING, mounting=np.eye(3), projector=projector)
+            adapter = mp.LengthField(damping=DAMPING, mounting=np.eye(3), projector=projector)
             values = measured(adapter, case, 100 + draw, VELOCITY)
             yield (
                 f"{case.robot}, {case.person}, draw {draw}",

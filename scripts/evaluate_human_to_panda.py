@@ -14,14 +14,14 @@ from pathlib import Path
 
 import maniport as mp
 from maniport.arms import load_arm
-from maniport.defaults import AUTO, DAMPING, ROBOT
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
-from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study
 from maniport.report.metrics import Report, facts_of
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import COLUMNS, evaluation_section
+from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study
 from maniport.transfer import METHODS
+from maniport.util.defaults import AUTO, DAMPING, ROBOT
 
 PAGE = Path(__file__).parent.parent / "docs" / "evaluation.md"
 KEPT = "Which method is taken", "What robots make of it"

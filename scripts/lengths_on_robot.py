@@ -18,20 +18,20 @@ import numpy as np
 import maniport as mp
 from lengths_table import FILES, ROBOTS
 from maniport.arms import VELOCITY, Arm
-from maniport.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.feasibility import knowing
+from maniport.mocap import fit_arm, read_recording, shipped_recording
+from maniport.motion import PlanControl, Planner, nearest_feasible, place_path, plan_motion
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
-from maniport.subsample import evenly_spaced
-from maniport.motion import PlanControl, Planner, nearest_feasible, place_path, plan_motion
 from maniport.transfer import method_of
+from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.subsample import evenly_spaced
 
 EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""
 POINTS, SLOWER = 150, 4.0
 """Points that a recording is thinned to, and how many times the person's time the robot takes at least."""
-RIGID, LENGTHS = "parallel-transport", "lengths-field"
+RIGID, LENGTHS = "parallel-transport", "length-field"
 PATHS = {True: "hand path", False: "no path"}
 
 

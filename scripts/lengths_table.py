@@ -23,10 +23,10 @@ import maniport as mp
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import identity_test, smoothness, structure
-from maniport.studies.human_to_panda import Motion, motions
 from maniport.motion import FeasibleProjector, nearest_feasible
-from maniport.transfer import DomainAdapter, LengthsField, ParallelTransport
-from maniport.transfer.lengths.inverse import FOLDED
+from maniport.studies.human_to_panda import Motion, motions
+from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
+from maniport.transfer.length_field.inverse import FOLDED
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
@@ -133,7 +133,7 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
     kept = structure(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
     other = [mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2)]
-    squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthsField) else (np.nan,) * 3
+    squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthField) else (np.nan,) * 3
     step, report = max(steps, default=np.nan), getattr(adapter, "report_", None)
     checks = (report.reversing, report.contrary, report.moved_axes) if report else (np.nan,) * 3
     return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
@@ -146,7 +146,7 @@ def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpe
     return nearest_feasible(arm, images, spec=spec, damping=adapter.student_regularization, n_starts=STARTS).distance
 
 
-def inverse(adapter: LengthsField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
+def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
     """Smallest singular value, share that folds, and largest error of the inverse where it must be exact."""
     squeezed = adapter.singular_values(fresh)
     sure, worst = squeezed >= INVERTIBLE, 0.0
@@ -178,7 +178,7 @@ def main() -> None:
         rows = []
         for draw in range(given.draws):
             options = {"damping": DAMPING, "mounting": np.eye(3)}
-            adapter = ParallelTransport(**options) if given.rigid else LengthsField(**options, projector=projector)
+            adapter = ParallelTransport(**options) if given.rigid else LengthField(**options, projector=projector)
             rows.append(measured(adapter, case, 100 + draw, spec))
             print(told(f"  draw {draw}", rows[-1]), flush=True)
         worst = [choose(column) for choose, column in zip(WORST, zip(*rows, strict=True), strict=True)]

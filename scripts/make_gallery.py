@@ -21,9 +21,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import maniport as mp
+from maniport.motion import PlannedMotion
 from maniport.report.figures.curves import TEXT, column_figure, laid_out
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
-from maniport.motion import PlannedMotion
 
 HOME = Path(__file__).parents[1]
 WIDTH = 700

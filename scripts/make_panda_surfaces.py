@@ -13,10 +13,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.looks.meshes import reduced, welded
-from maniport.arms.readers.model import read_shapes
-from maniport.arms.readers.urdf import Urdf
-from maniport.validation import Array
+from maniport.arms.loaders.model import read_shapes
+from maniport.arms.loaders.urdf import Urdf
+from maniport.arms.meshes.visual import reduced, welded
+from maniport.util.validation import Array
 
 TARGET = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
 SOURCE = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"

@@ -39,7 +39,7 @@ Base = tuple[float, float, float, float]
 
 
 def pandas(tips: dict[str, str], bases: dict[str, Base], shapes: dict[str, tuple[Array, Any]]) -> mujoco.MjModel:
-    """Arms with the surfaces of their links, by what stands before their names, in the order of their joints."""
+    """ArmGroup with the surfaces of their links, by what stands before their names, in the order of their joints."""
     spec = mujoco.MjSpec()
     for prefix, tip in tips.items():
         _stand(spec, prefix, tip, bases[prefix], shapes)

@@ -17,9 +17,7 @@ from maniport.mocap import Recording, performed
 UPPER_ARM, FOREARM, HAND = 0.30, 0.26, 0.08
 BONES = (("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND))
 
-_DATA = yaml.safe_load(
-    (Path(__file__).parent / "mocap" / "data" / "programs.yaml").read_text(encoding="utf-8")
-)
+_DATA = yaml.safe_load((Path(__file__).parent / "mocap" / "data" / "programs.yaml").read_text(encoding="utf-8"))
 REST, SPINE, POINTS = _DATA["rest"], _DATA["parents"], _DATA["points"]
 BESIDE = ("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar")
 """Points beside the joints of an arm."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from maniport.arms.readers.packages import PACKAGES
+from maniport.arms.loaders.packages import PACKAGES
 
 HERE = bool(PACKAGES["example-robot-data"].found())
 MISSING = "example-robot-data is not installed"

@@ -9,9 +9,10 @@ import sys
 
 import pytest
 
-from maniport import atomic_io, cli
-from maniport.atomic_io import folder_written_whole, require_room, written_whole
+from maniport import cli
 from maniport.errors import OutputError
+from maniport.util import atomic_io
+from maniport.util.atomic_io import folder_written_whole, require_room, written_whole
 
 NAMES = ("a.json", "b.json")
 CHANGES = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree")  # audit events of changes

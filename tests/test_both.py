@@ -8,8 +8,8 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport.cli import app
-from maniport.mocap import shipped_recording
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
+from maniport.mocap import shipped_recording
 from maniport.pipeline import transfer_both
 from maniport.report.metrics import facts_of
 from sizes import SMALL

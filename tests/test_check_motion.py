@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.arms import load_arm
-from maniport.files import save_ellipsoids, save_path
 from maniport.motion import TrackResult
+from maniport.util.files import save_ellipsoids, save_path
 
 SCRIPT = Path(__file__).parents[1] / "scripts/check_motion.py"
 FIRST = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.0])

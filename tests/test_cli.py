@@ -9,10 +9,10 @@ import pytest
 import maniport
 from maniport import cli, load_arm
 from maniport.mocap import shipped_recording
-from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
+from maniport.motion.exports import FORMATS
 from maniport.pipeline import follow, transfer_recording
 from maniport.report import write
-from maniport.motion.exports import FORMATS
+from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 
 
 @pytest.fixture
@@ -187,7 +187,7 @@ def test_every_command_has_help_with_an_example(run):
         if command == "track":
             text = " ".join(out.replace("│", "").split())
             assert all(f"{name} ({file})" in text for name, file in zip(FORMATS, write.EXPORTS, strict=True))
-            assert out.index(" How the robot moves ") < out.index("--tip-tolerance")
+            assert out.index(" How the robot moves ") < out.index("--position-tolerance")
 
 
 class AskedError(Exception):
@@ -217,10 +217,10 @@ def track(run, monkeypatch, tmp_path):
 def test_units_of_the_command_line_are_converted(track):
     """Millimeters, degrees and per cent become meters, radians and shares."""
     panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
-    words = ("--tip-tolerance", 12, "--tempo", 0.5, "--margin", 5, "--home", home, "--table", 0)
+    words = ("--position-tolerance", 12, "--tempo", 0.5, "--margin", 5, "--home", home, "--table", 0)
     code, err, asked = track(*words, "--orientation", "0,0,-1")
     assert (code, err) == (0, "")
-    assert asked["tip_tolerance"] == pytest.approx(0.012)
+    assert asked["position_tolerance"] == pytest.approx(0.012)
     assert asked["tempo"] == 0.5
     assert asked["direction"] == [0.0, 0.0, -1.0]
     np.testing.assert_allclose(asked["home"], np.radians([float(word) for word in home.split(",")]))
@@ -237,7 +237,7 @@ def test_units_of_the_command_line_are_converted(track):
         (("--home", "0,60,0,-160,0,5,0"), "home: in this posture panda_link0 and panda_link6"),
         (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
         (("--margin", 50), "--margin [%] must be a number in [0, 40]; found 50"),
-        (("--tip-tolerance", 0), "--tip-tolerance [mm] must be a number above 0; found 0"),
+        (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found 0"),
         (("--export", "ros"), "unknown export 'ros'; there are, nearest first: 'ros2'"),
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),

@@ -13,7 +13,7 @@ import pytest
 from maniport import load_arm, sample_domain
 from maniport.cli import app
 from maniport.mocap import shipped_recording
-from maniport.files import save_ellipsoids, save_path
+from maniport.util.files import save_ellipsoids, save_path
 
 RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""

@@ -125,7 +125,7 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     assert f"distance of {distance} from their targets" in page
     assert f"the tip {error} mm beside its path, and the motion takes {duration} where the person took {person}" in page
     _, method, raw, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
-    assert method == "lengths-field"
+    assert method == "length-field"
     row = cells("README.md", "Target ellipsoids of the ladder")
     assert row[1:] == [field, f"raw copy {raw}, parallel transport {transport}"]
 

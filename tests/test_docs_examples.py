@@ -19,10 +19,10 @@ from typer.testing import CliRunner
 
 import maniport
 import ros_stand_in
-from maniport.defaults import AUTO
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_both, transfer_recording
 from maniport.pipeline.job import checked
+from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL
 

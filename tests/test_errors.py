@@ -45,7 +45,7 @@ def test_unknown_names_are_answered_with_those_there_are():
     [
         ("unit", None, "unit=", "--unit"),
         ("side", "left", "side='left'", "--arm left"),
-        ("tip_tolerance", 5, "tip_tolerance=5", "--tip-tolerance 5"),
+        ("position_tolerance", 5, "position_tolerance=5", "--position-tolerance 5"),
         ("markers", {"a": ["A"]}, "markers={'a': ['A']}", '--markers markers.json, a file that holds {"a": ["A"]}'),
     ],
 )

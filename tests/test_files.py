@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
-from maniport.files import (
+from maniport.util.files import (
     load_ellipsoids,
     load_path,
     read_settings,
@@ -14,7 +14,7 @@ from maniport.files import (
     save_ellipsoids,
     save_path,
 )
-from maniport.input_limits import SETTINGS_BYTES
+from maniport.util.input_limits import SETTINGS_BYTES
 
 POINTS = np.stack([np.diag([1.0, 2.0, 3.0]), np.diag([0.0, 1.0, 4.0]), np.eye(3)])
 TIMES = np.array([0.0, 0.5, 1.0])

@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from maniport import files
 from maniport.arms import load_arm
-from maniport.arms.looks.mesh_files import load_mesh
+from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.cli.recorded import Recorded
-from maniport.mocap import read_recording
 from maniport.errors import FileFormatError, ManiportError
-from maniport.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
 from maniport.learning import ProfileGMM
-from maniport.motion import StartBank
+from maniport.mocap import read_recording
+from maniport.motion import SeedBank
 from maniport.transfer import RawCopy, load_adapter
+from maniport.util import files
+from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
 
 READERS = {
     "r.bvh": read_recording,
@@ -79,8 +79,8 @@ WRITERS = {
         ProfileGMM.load,
     ),
     "start bank": (
-        lambda path: StartBank.build(load_arm("panda"), 64, random_state=0).save(path),
-        lambda path: StartBank.load(path, load_arm("panda")),
+        lambda path: SeedBank.build(load_arm("panda"), 64, random_state=0).save(path),
+        lambda path: SeedBank.load(path, load_arm("panda")),
     ),
 }
 

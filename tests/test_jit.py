@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from numba.core.caching import IndexDataCacheFile
 
-from maniport import jit
+from maniport.util import jit
 
-CALLED = "from maniport.jit import part\n@part\ndef scale():\n    return {}\n"
-CALLER = "from maniport.jit import kernel\nfrom called import scale\n@kernel\ndef scaled(x):\n    return scale() * x\n"
+CALLED = "from maniport.util.jit import part\n@part\ndef scale():\n    return {}\n"
+CALLER = (
+    "from maniport.util.jit import kernel\nfrom called import scale\n@kernel\ndef scaled(x):\n    return scale() * x\n"
+)
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from numpy.testing import assert_allclose
 import maniport as mp
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.arms.human import human_arm
-from maniport.mocap import performed, shipped_recording
 from maniport.errors import InvalidInputError
-from maniport.files import load_ellipsoids, load_path
+from maniport.mocap import performed, shipped_recording
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import files_of
 from maniport.report.write import LEARNED_FILES
+from maniport.util.files import load_ellipsoids, load_path
 from sizes import SMALL, few_places
 
 REACHES = [(1.4, 2.1), (2.5, 3.2), (6.8, 7.7)]

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from maniport import optional
 from maniport.errors import MissingPackageError
+from maniport.util import optional
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "maniport"

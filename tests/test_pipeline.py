@@ -10,11 +10,11 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
-from maniport.files import load_ellipsoids, load_path
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.follow import follow
 from maniport.report import as_numbers, facts_of
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
+from maniport.util.files import load_ellipsoids, load_path
 
 SMALL = {"n_teacher": 64, "n_student": 128, "effort": "quick"}
 STILL = SMALL | {"move": False}
@@ -37,9 +37,9 @@ def test_a_method_is_chosen_or_named(clip, result):
     choice, numbers = result.choice, as_numbers(facts_of(result))
     assert result.adapter is choice.adapter
     assert numbers["evaluation"]["choice"] == {"method": result.method, "failures": list(choice.failures)}
-    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "recentring", "parallel-transport", "lengths-field"}
-    named = transfer_recording(clip, method="recentring", **STILL)
-    assert (named.method, named.choice) == ("recentring", None)
+    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "mean-transport", "parallel-transport", "length-field"}
+    named = transfer_recording(clip, method="mean-transport", **STILL)
+    assert (named.method, named.choice) == ("mean-transport", None)
 
 
 def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
@@ -61,7 +61,7 @@ def test_the_robot_follows_to_the_end(result):
     assert robot.within_limits(motion.control_positions).all()
     np.testing.assert_allclose(motion.target, result.execution.placement.profile, atol=1e-12)
     np.testing.assert_allclose(motion.achieved, robot.manipulability(motion.joint_positions))
-    assert np.percentile(motion.position_error, 95) < result.execution.plan.tip_tolerance
+    assert np.percentile(motion.position_error, 95) < result.execution.plan.position_tolerance
     assert motion.limit_use is not None
     assert result.execution.room.share == 0.0
 
@@ -218,7 +218,7 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
     motion = execution.motion
     assert np.median(motion.distance) < 0.05
     assert np.percentile(motion.distance, 95) < 0.1
-    assert np.percentile(motion.position_error, 95) < execution.plan.tip_tolerance
+    assert np.percentile(motion.position_error, 95) < execution.plan.position_tolerance
     assert execution.placement is None
     mp.write_results(execution, tmp_path / "out")
     assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= set(EXECUTION_FILES)
@@ -239,7 +239,7 @@ def test_tempo_and_placement(panda, own):
     np.testing.assert_array_equal(slow.plan.demonstrated_time, time)
     np.testing.assert_allclose(slow.motion.path, slow.placement.path, atol=1e-12)
     np.testing.assert_allclose(slow.motion.target, slow.placement.profile, atol=1e-12)
-    assert np.percentile(slow.motion.position_error, 95) < slow.plan.tip_tolerance
+    assert np.percentile(slow.motion.position_error, 95) < slow.plan.position_tolerance
     assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.placement.scale
 
 

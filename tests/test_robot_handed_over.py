@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport.cli import app
-from maniport.files import save_ellipsoids
+from maniport.util.files import save_ellipsoids
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def test_the_command_line_fits_with_and_without_a_robot(panda, tmp_path):
     save_ellipsoids(files[1], mp.sample_domain(panda, 64, 1))
     asked = {}
     for options in ([], ["--robot", "panda"]):
-        command = ["fit", *files[:2], "-o", files[2], "--method", "lengths-field", "--quiet", *options]
+        command = ["fit", *files[:2], "-o", files[2], "--method", "length-field", "--quiet", *options]
         found = CliRunner().invoke(app, command)
         assert found.exit_code == 0, found.output
         asked[len(options)] = mp.load_adapter(files[2])

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from maniport.files import load_ellipsoids
+from maniport.util.files import load_ellipsoids
 
 COMMAND = [sys.executable, "-m", "maniport"]
 INTERRUPTED_WHEN_STARTED = """

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.mean import as_weights
-from maniport.validation import (
+from maniport.util.validation import (
     as_choice,
     as_count,
     as_finite,

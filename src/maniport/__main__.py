@@ -77,7 +77,7 @@ def _occupy_closed_descriptors() -> None:
 def _end(signum: int, frame: Any) -> None:
     """End at once, with nothing half written: an exception would be lost in an import or compiled code."""
     done = None
-    atomic_io: Any = sys.modules.get("maniport.atomic_io")
+    atomic_io: Any = sys.modules.get("maniport.util.atomic_io")
     if hasattr(atomic_io, "last_result"):  # loaded; before that, nothing was written
         atomic_io.discard()
         done = atomic_io.last_result()

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from maniport.arms import VELOCITY, Arm, Arms, EllipsoidSpec
-from maniport.arms.arms import CooperativeArm
-from maniport.validation import Array
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
+from maniport.arms.arm_group import CooperativeArm
+from maniport.util.validation import Array
 
 
 def sample_domain(
@@ -44,7 +44,7 @@ def sample_domain(
 
 
 def sample_domains(
-    arms: Arms,
+    arms: ArmGroup,
     n: int,
     random_state: Any = None,
     sequence: str = "sobol",
@@ -55,7 +55,7 @@ def sample_domains(
 
     Parameters
     ----------
-    arms : Arms
+    arms : ArmGroup
     n, random_state, sequence, spec, collisions
         As for `sample_domain`, of the pair: joint weights are one for each of its joints, and collisions those of
         ``Collisions.of(arms)``, with one another, too.
@@ -69,7 +69,7 @@ def sample_domains(
     return each[:, 0], each[:, 1]
 
 
-def _postures(arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
+def _postures(arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
     """Samples of the joint space, free of collisions where they are given."""
     if collisions is None:
         return arm.sample(n, random_state, sequence)

@@ -4,7 +4,7 @@ import copy
 from typing import Any
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.motion import FeasibleProjector, StartBank
+from maniport.motion import FeasibleProjector, SeedBank
 from maniport.transfer import DomainAdapter
 
 
@@ -12,7 +12,7 @@ def knowing(
     adapter: DomainAdapter,
     robot: Arm | None,
     spec: EllipsoidSpec = VELOCITY,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     random_state: Any = 0,
 ) -> DomainAdapter:
     """Return an adapter that asks for what a robot can make, where its method does that and nobody was named to ask."""

@@ -25,7 +25,7 @@ from maniport.spd.matrix_functions import congruence
 from maniport.transfer import load_adapter
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import rotation_from_vector
-from maniport.validation import Array, as_spd
+from maniport.util.validation import Array, as_spd
 
 REGULARIZATIONS: tuple[dict[str, float], ...] = ({}, {"damping": 0.01}, {"floor": 1e-3})
 ROUNDING = 1e-9

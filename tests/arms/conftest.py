@@ -1,4 +1,4 @@
-"""Arms and robot files that several tests use."""
+"""ArmGroup and robot files that several tests use."""
 
 from pathlib import Path
 

@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from maniport.arms.looks.mesh_files import load_mesh
+from maniport.arms.meshes.mesh_files import load_mesh
 
 OVERLAPPING = 0.9
 """Meshes that meet in a larger share of the samples, and at rest, overlap as they are drawn."""

@@ -1,4 +1,4 @@
-"""Arms of robot packages, and MuJoCo as their reference, which shares no code with what reads them here."""
+"""ArmGroup of robot packages, and MuJoCo as their reference, which shares no code with what reads them here."""
 
 import re
 from xml.etree import ElementTree

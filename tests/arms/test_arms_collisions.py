@@ -8,7 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.arms.chain import Frame, Joint, Shape, pose
-from maniport.arms.looks.meshes import box
+from maniport.arms.meshes.visual import box
 from maniport.errors import InvalidInputError
 
 
@@ -40,7 +40,7 @@ def limb(side):
 def pair(request):
     """One robot with a trunk, or two robots; and what they collide with."""
     if request.param == "crane":
-        arms = mp.Arms(limb("left"), limb("right"))
+        arms = mp.ArmGroup(limb("left"), limb("right"))
     else:
         arms = mp.load_arms("panda", ("panda_link8", "panda_link8"), bases=((0, 0.25, 0), (0.1, -0.25, 0, 0.4)))
     return arms, mp.Collisions.of(arms)

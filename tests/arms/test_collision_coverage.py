@@ -10,7 +10,7 @@ from exact_meshes import ExactMeshes
 
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
-from maniport.arms.readers.packages import PACKAGES, find_named
+from maniport.arms.loaders.packages import PACKAGES, find_named
 from real_robots import NEEDS_ROBOTS
 
 NIGHTLY = bool(os.environ.get("MANIPORT_NIGHTLY"))

@@ -10,9 +10,9 @@ from scipy.spatial import ConvexHull
 
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_postures
+from maniport.motion.plan.planned_motion import Room
 from maniport.report.metrics import WARNING
 from maniport.report.motion import collision_metrics
-from maniport.motion.plan.planned_motion import Room
 
 CUBE = 0.2
 

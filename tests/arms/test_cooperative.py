@@ -5,7 +5,7 @@ import pytest
 from robot_packages import model_of
 
 import maniport as mp
-from maniport.arms.readers.packages import PACKAGES
+from maniport.arms.loaders.packages import PACKAGES
 from real_robots import HERE, MISSING
 
 KINDS = ("relative", "absolute")

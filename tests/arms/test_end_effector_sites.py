@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from maniport import load_arm
-from maniport.arms.readers import robot_limbs
+from maniport.arms.loaders import robot_limbs
 
 FINGERS = (
     '<body name="right_finger" pos="0 .02 .05"><geom size=".01"/><joint type="slide" name="right"/></body>'

@@ -46,7 +46,7 @@ DOUBLING = "".join(
 def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, told):
     """Macros that double, a name of 10 GB, devices and pipes among included files and settings end with a message."""
     pytest.importorskip("xacrodoc")
-    monkeypatch.setattr("maniport.arms.readers.document.LONGEST_XACRO", 2.0 if "2 s" in told else 30.0)
+    monkeypatch.setattr("maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in told else 30.0)
     os.mkfifo(tmp_path / "pipe.xacro")
     (tmp_path / "a.xacro").write_text(XACRO.format(content))
     with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{told}"):

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, SHOWN, dae, gltf, stl
 from maniport.arms import load_arm
-from maniport.arms.looks.mesh_files import load_mesh
+from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.cli import app
 from maniport.errors import FileFormatError
 

@@ -30,7 +30,7 @@ def _differences(arm: Arm, q: np.ndarray, **options) -> np.ndarray:
 
 @pytest.fixture(params=ARMS)
 def arm(request) -> Arm:
-    """Arms with plain, coupled, many and sliding joints."""
+    """ArmGroup with plain, coupled, many and sliding joints."""
     return ARMS[request.param]()
 
 

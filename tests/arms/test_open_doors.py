@@ -1,4 +1,4 @@
-"""Arms from outside: a new source of robots and a new model of a person are one entry of a table each."""
+"""ArmGroup from outside: a new source of robots and a new model of a person are one entry of a table each."""
 
 from dataclasses import replace
 

@@ -7,8 +7,8 @@ import pytest
 from robot_packages import farthest, model_of
 
 from maniport.arms import load_arm
-from maniport.arms.readers import robot_limbs
-from maniport.arms.readers.packages import PACKAGES, find_named
+from maniport.arms.loaders import robot_limbs
+from maniport.arms.loaders.packages import PACKAGES, find_named
 from maniport.errors import InvalidInputError, MissingPackageError, UnknownNameError
 
 GOLDEN = {

@@ -21,7 +21,7 @@ def pandas():
 @pytest.fixture(scope="module")
 def crane():
     """Two arms with four joints each on a trunk that turns and rises."""
-    return mp.arms.Arms(limb("left"), limb("right"))
+    return mp.arms.ArmGroup(limb("left"), limb("right"))
 
 
 def limb(side, **changes):

@@ -24,8 +24,8 @@ from maniport.batch.inputs import Source, find_recordings, find_robots
 from maniport.batch.pair import Order, Task, work
 from maniport.batch.table import failed_row, write_tables
 from maniport.cli import app
-from maniport.mocap import shipped_recording
 from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError
+from maniport.mocap import shipped_recording
 
 SMALL = {"method": "parallel-transport", "n_teacher": 32, "n_student": 64, "move": False, "collisions": False}
 PART = {"start": 1.0, "stop": 1.5}
@@ -35,13 +35,13 @@ NAMES = ("anna/1.c3d", "anna/2.c3d", "ben/1.c3d", "ben/2.c3d")
 RUN = f"""
 import sys, maniport as mp
 if __name__ == "__main__":
-    mp.batch([sys.argv[1]], {ROBOTS!r}, sys.argv[2], processes=2, reading={PART!r}, **{SMALL!r})
+    mp.transfer_batch([sys.argv[1]], {ROBOTS!r}, sys.argv[2], processes=2, reading={PART!r}, **{SMALL!r})
 """
 
 
 def small(recordings, output, **more):
     """A batch that takes a moment."""
-    return mp.batch(recordings, ROBOTS, output, **{"processes": 1, "reading": PART} | SMALL | more)
+    return mp.transfer_batch(recordings, ROBOTS, output, **{"processes": 1, "reading": PART} | SMALL | more)
 
 
 def read_table(folder):
@@ -207,7 +207,7 @@ class Interrupting:
 
 def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeypatch):
     """Exit code 130, nothing on standard output; table and page have the pairs that are done; the same continues."""
-    run = batch.batch
+    run = batch.transfer_batch
 
     def interrupted(*given, progress, **more):
         return run(*given, progress=Interrupting(1, lambda: os.kill(os.getpid(), signal.SIGINT)), **more)
@@ -215,7 +215,7 @@ def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeyp
     words = ["batch", str(recordings / "anna"), "-o", str(tmp_path / "dataset"), "--processes", "1", "--no-move"]
     words += ["--start", "1", "--stop", "1.5", "--method", "raw-copy", "--no-collisions", "--json"]
     with monkeypatch.context() as patch:
-        patch.setattr(batches, "batch", interrupted)
+        patch.setattr(batch, "transfer_batch", interrupted)
         ended = CliRunner().invoke(app, words)
     assert (ended.exit_code, ended.stdout) == (130, "")
     assert "1 of 2 pairs" in ended.stderr

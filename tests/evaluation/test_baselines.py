@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
+from maniport import MeanTransport, NearestNeighbor, ParallelTransport, RawCopy, RiemannianICP, spd
 from maniport.errors import InvalidInputError
 from maniport.evaluation.baselines import TRANSPORT, Procrustes, baselines_for
 
@@ -27,7 +27,7 @@ def test_raw_copy_changes_the_frame_only(domains, turn_about, regularization):
 def test_mean_transport_matches_the_means_and_nothing_else(domains, turn_about):
     """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ (R_b T̄ R_bᵀ)^-½ R_b."""
     turn, points = turn_about(35.0, axis=1), domains[0]
-    adapter = Recentring(mounting=turn).fit(*domains)
+    adapter = MeanTransport(mounting=turn).fit(*domains)
     teacher, student = (spd.mean(cloud) for cloud in domains)
     factor = spd.sqrtm(student) @ spd.invsqrtm(turn @ teacher @ turn.T) @ turn
     images = adapter.transform(points)

@@ -5,10 +5,10 @@ from functools import partial
 import pytest
 
 from maniport.errors import InvalidInputError
+from maniport.report import as_markdown, facts_of
 from maniport.studies import human_to_panda
 from maniport.studies.methods import compare_methods, in_short
 from maniport.studies.paper import known_truth, run
-from maniport.report import as_markdown, facts_of
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from maniport import NearestNeighbor, ParallelTransport, RawCopy, Recentring, RiemannianICP, spd
+from maniport import MeanTransport, NearestNeighbor, ParallelTransport, RawCopy, RiemannianICP, spd
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import identity_test, rmse, smoothness, stability, structure
 
@@ -81,9 +81,9 @@ def test_identity_test_of_equal_samples_is_passed_exactly(make_cloud, rng, turn_
 def test_mean_transport_moves_by_the_distance_of_the_means(make_cloud, rng):
     """Students that differ by exp(δ) move everything by √3 δ: in the identity test and in the stability."""
     points, delta = make_cloud(rng, 40), 0.2
-    assert identity_test(Recentring(), points, np.exp(delta) * points) == pytest.approx(np.sqrt(3.0) * delta)
+    assert identity_test(MeanTransport(), points, np.exp(delta) * points) == pytest.approx(np.sqrt(3.0) * delta)
     draws = [np.exp(sign * delta) * points for sign in (-1.0, 1.0)]
-    found = stability(Recentring(), [points, points], draws, points[:5])
+    found = stability(MeanTransport(), [points, points], draws, points[:5])
     assert found.map_spread == pytest.approx(np.sqrt(3.0) * delta)
     assert found.rotation_largest == pytest.approx(0.0, abs=1e-9)
 

@@ -9,11 +9,11 @@ from scipy.linalg import expm, logm, sqrtm
 
 from maniport.arms import load_arm
 from maniport.evaluation import RMSE
+from maniport.report import as_numbers, facts_of
 from maniport.studies.paper.human_robot import AuthorsBaseline
 from maniport.studies.paper.outcome import Experiment, Outcome
 from maniport.studies.paper.report import Reproduction
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER, paper_table
-from maniport.report import as_numbers, facts_of
 
 FLOOR = 1e-4
 

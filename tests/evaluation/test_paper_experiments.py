@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 
 from maniport.errors import InvalidInputError, OutputError
+from maniport.report import as_numbers, facts_of
 from maniport.studies.paper import known_truth, run
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER, TRAJECTORIES, paper_table
-from maniport.report import as_numbers, facts_of
 
 
 def lines_of(result):

@@ -9,7 +9,7 @@ import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import choose
 from maniport.report import as_markdown, as_numbers, facts_of
-from maniport.transfer.lengths.report import FieldReport
+from maniport.transfer.length_field.report import FieldReport
 
 
 def wrist_arm(path):
@@ -80,7 +80,7 @@ def test_a_bad_length_field_is_not_chosen(chosen):
     """What is chosen reverses no orientation, shortens no image and moves few axes, measured by finite differences."""
     name, found, _ = chosen
     reversing, contrary, moved = own_measures(found.adapter, mp.sample_domain(mp.load_arm("rhuman"), 300, 7))
-    assert found.method == ("lengths-field" if name == "panda" else "parallel-transport")
+    assert found.method == ("length-field" if name == "panda" else "parallel-transport")
     assert bool(found.failures) is (name != "panda")
     assert reversing <= 0.1
     assert contrary <= 0.03
@@ -92,9 +92,9 @@ def test_choice_and_reason_are_among_the_metrics(chosen):
     _, found, _ = chosen
     table, facts = found.evaluation, facts_of(found)
     assert table.adapter.name == found.method
-    assert {row.name for row in table.rows} == {"raw-copy", "recentring", "parallel-transport", "lengths-field"}
+    assert {row.name for row in table.rows} == {"raw-copy", "mean-transport", "parallel-transport", "length-field"}
     assert table.row(found.method).feasibility_gap is not None
-    assert (table.row("lengths-field").feasibility_gap is None) is bool(found.failures)
+    assert (table.row("length-field").feasibility_gap is None) is bool(found.failures)
     assert as_numbers(facts)["evaluation"]["choice"] == {"method": found.method, "failures": list(found.failures)}
     assert f"{found.method} was chosen" in as_markdown(facts)
     assert 0.0 <= table.row(found.method).structure.major_moved <= 1.0

@@ -19,18 +19,18 @@ from maniport.arms import Arm, load_arm
 from maniport.arms.collisions import read_boxes
 from maniport.arms.collisions.obstacles import disabled_pairs
 from maniport.arms.human import JOINTS
-from maniport.arms.looks.mesh_files import load_mesh
+from maniport.arms.meshes.mesh_files import load_mesh
+from maniport.errors import FileFormatError
+from maniport.learning import ProfileGMM
+from maniport.live.frames import read_frame
 from maniport.mocap import read_recording, shipped_recording
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.c3d import DEC, MIPS
 from maniport.mocap.readers.mot import RAJAGOPAL
-from maniport.errors import FileFormatError
-from maniport.files import load_ellipsoids, load_path, save_ellipsoids, save_path
-from maniport.live.frames import read_frame
-from maniport.learning import ProfileGMM
-from maniport.motion import StartBank
+from maniport.motion import SeedBank
 from maniport.motion.motion_limits import MotionLimits
 from maniport.transfer import load_adapter
+from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 
 
 @dataclass(frozen=True)
@@ -216,8 +216,8 @@ TARGETS = {
     "recording": Target(".npz", _recordings, _read_metres),
     "adapter": Target(".npz", _adapters, _read_adapter),
     "profile model": Target(".npz", _models, lambda path: ProfileGMM.load(path).predict([[0.5]])),
-    "start bank": Target(".npz", lambda: [_saved(StartBank.build(panda(), 8, random_state=0).save)],
-                         lambda path: StartBank.load(path, panda())),
+    "start bank": Target(".npz", lambda: [_saved(SeedBank.build(panda(), 8, random_state=0).save)],
+                         lambda path: SeedBank.load(path, panda())),
     "limits": Target(".yaml", lambda: [
         b"default: {velocity: 1.5, jerk: 1e3}\njoints:\n  panda_joint1: {jerk: 300, lower: -1, upper: 1.5}\n"
         b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"

@@ -12,10 +12,10 @@ from unittest import mock
 
 from maniport import __main__ as entry_point
 from maniport import cli, load_arm, sample_domain
-from maniport.atomic_io import folder_written_whole
 from maniport.mocap import shipped_recording
-from maniport.files import save_ellipsoids
 from maniport.pipeline import transfer_recording
+from maniport.util.atomic_io import folder_written_whole
+from maniport.util.files import save_ellipsoids
 
 HALF, MISSING = "half", "missing"
 NAMES = ("motion", "ellipsoids", "fit", "folder")

@@ -3,7 +3,7 @@
 import pytest
 
 from maniport.arms import load_arm
-from maniport.motion import StartBank
+from maniport.motion import SeedBank
 
 
 @pytest.fixture(scope="session")
@@ -15,4 +15,4 @@ def panda():
 @pytest.fixture(scope="session")
 def bank(panda):
     """A few starts for it."""
-    return StartBank.build(panda, 512)
+    return SeedBank.build(panda, 512)

@@ -14,14 +14,14 @@ from maniport.errors import NotInvertibleError
 from maniport.transfer import METHODS, Search, load_adapter, method_of, name_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
-QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10), "n_resamples": 0}, "lengths-field": {"n_rounds": 2}}
+QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10), "n_resamples": 0}, "length-field": {"n_rounds": 2}}
 """Parameters with which methods take less time and keep the same laws."""
 METHOD_NAMES = tuple(METHODS)
 CLASSES = [f"transfer.{kind.__name__}" for kind in METHODS.values()]
 methods = pytest.mark.parametrize("name", METHOD_NAMES)
 ELONGATED = ("too ill-conditioned", "too far apart", "is singular", "is indefinite")
 """Words of the errors that refuse what is too elongated."""
-RIGID = ("recentring", "parallel-transport", "icp")
+RIGID = ("mean-transport", "parallel-transport", "icp")
 SMALL = (2, 3, 4, 5, 6)
 forms = st.sampled_from(sorted(FORMS | ROUNDED))
 
@@ -128,7 +128,7 @@ def test_rigid_maps_take_the_mean_to_the_mean(name, case):
     assert_same_images(adapter.transform(middle), end, 1e-5)
     grown = adapter.dispersion_ratio_ * spd.distance(middle, teacher)
     assert_allclose(spd.distance(end, adapter.transform(teacher)), grown, atol=1e-5)
-    if name != "recentring":
+    if name != "mean-transport":
         assert_allclose(adapter.dispersion_ratio_, spd.dispersion(student) / spd.dispersion(teacher), rtol=1e-6)
 
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from toy import NAMES, Toy, serving
 
 from maniport.errors import InvalidInputError
-from maniport.input_limits import FRAME_BYTES
 from maniport.live.frames import as_frame, encoded, read_frame
 from maniport.live.transport import Datagrams
+from maniport.util.input_limits import FRAME_BYTES
 
 POSITION = st.none() | st.lists(st.floats(-1e3, 1e3) | st.integers(-9, 9), min_size=3, max_size=3)
 

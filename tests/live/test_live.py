@@ -7,9 +7,9 @@ from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 import maniport as mp
-from maniport.mocap import shipped_recording
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
+from maniport.mocap import shipped_recording
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, frames):
         ({"clock": 5}, "clock"),
         ({"spec": "velocity"}, "spec must be of type EllipsoidSpec"),
         ({"random_state": -1}, "random_state"),
-        ({"path": np.zeros((3, 3))}, "PlacedPath"),
+        ({"path": np.zeros((3, 3))}, "Placement"),
         ({"reference": np.zeros(7)}, "reference"),
         ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
     ],

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport.arms.human import human_arm
+from maniport.live.person import Person
 from maniport.mocap import frame_kernel, performed
 from maniport.mocap.directions import Directions
-from maniport.live.person import Person
 
 
 def moving(side, rate=120.0):

@@ -17,9 +17,9 @@ from toy import NAMES, Ends, Toy, serving, wait
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError
-from maniport.input_limits import FRAME_BYTES
 from maniport.live.serving import serve
 from maniport.live.transport import Datagrams, Line, Pipe
+from maniport.util.input_limits import FRAME_BYTES
 
 
 def frame(t, x=0.0):

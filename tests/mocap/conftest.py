@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from maniport import arms
+from maniport import arms
 from maniport.mocap import performed
 
 SIDES = ("elbow_medial", "elbow_lateral", "wrist_ulnar", "wrist_radial")
@@ -46,7 +47,7 @@ def record():
 @pytest.fixture(params=["myoarm", "rhuman"])
 def arm(request):
     """Both human arms, with a person's lengths."""
-    return getattr(bodies, request.param)(upper_arm=0.31, forearm=0.26, hand=0.06)
+    return getattr(arms, request.param)(upper_arm=0.31, forearm=0.26, hand=0.06)
 
 
 BVH = """HIERARCHY

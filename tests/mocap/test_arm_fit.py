@@ -6,9 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from maniport import arms
+from maniport.errors import ManiportWarning
 from maniport.mocap import Recording, fit_arm, read_recording
 from maniport.mocap.directions import AXES, SEGMENTS, Directions
-from maniport.errors import ManiportWarning
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import pytest
 import maniport as mp
 from maniport.arms import load_arm
 from maniport.arms.human import middle_of
-from maniport.mocap import Recording, fit_arms, performed, read_recording
 from maniport.errors import ManiportWarning, RecordingError
+from maniport.mocap import Recording, fit_arms, performed, read_recording
 
 SIDES = ("left", "right")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fuzz.c3d_writer import LABELS, Writer
+from maniport.errors import FileFormatError
 from maniport.mocap import read_recording, shipped_recording
 from maniport.mocap.readers.c3d import DEC, MIPS
-from maniport.errors import FileFormatError
 
 KINDS = [(processor, integer, analog) for processor in (84, DEC, MIPS) for integer in (False, True)
          for analog in (0, 3)]  # fmt: skip

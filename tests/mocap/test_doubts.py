@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion
+from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.roles import assign_roles
-from maniport.errors import InvalidInputError, RecordingError
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from maniport import arms, spd
-from maniport.mocap import Recording, fit_arm, performed, read_recording
 from maniport.errors import UnknownNameError
+from maniport.mocap import Recording, fit_arm, performed, read_recording
 
 POSES = np.radians([[20, 60, 0, 70, 0, 5, 0], [40, 35, 30, 40, 20, 8, 20]])
 """A posture, and by how much joints wander beside it."""

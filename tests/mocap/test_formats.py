@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from format_files import DOWN, HIPS, SAUL, amass, landmarks, write_csv, write_json, write_mot, write_mvnx, write_trc
+from maniport.errors import FileFormatError
 from maniport.mocap import fit_arm, read_recording
 from maniport.mocap.marker_sets import load_names
-from maniport.errors import FileFormatError
 
 TRUNK = {"trunk_low": "pelvis", "trunk_high": "neck", "trunk_right": "shoulder_r", "trunk_left": "shoulder_l"}
 JOINTS = {"shoulder": "shoulder_r", "elbow": "elbow_r", "wrist": "wrist_r"}

@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
+from maniport.errors import FileFormatError, InvalidInputError
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.readers import mvnx, npz
-from maniport.errors import FileFormatError, InvalidInputError
 
 QUALISYS = "NO_OF_FRAMES\t2\n{}MARKER_NAMES\tA\n1\t2\t3\n1\t2\t4\n"
 

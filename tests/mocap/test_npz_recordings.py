@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from maniport.mocap import performed, read_recording
 from maniport.errors import FileFormatError
+from maniport.mocap import performed, read_recording
 
 
 @pytest.fixture

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from maniport.errors import FileFormatError, UnknownNameError
 from maniport.mocap import read_recording, shipped_recording
 from maniport.mocap.import_options import UNITS
-from maniport.errors import FileFormatError, UnknownNameError
 
 ARM = ("RSHO", "RELB", "C7", "T10")
 PLACES = np.array([[0, -200, 1400], [0, -200, 1100], [0, 0, 1450], [0, 0, 1200]], dtype=float)

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maniport.mocap import Recording
 from maniport.errors import InvalidInputError
+from maniport.mocap import Recording
 
 
 def wave(n=101, rate=100.0, missing=()):

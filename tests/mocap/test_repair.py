@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from maniport import arms
+from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap import read_recording
 from maniport.mocap.cleaning import exchanged_back, in_one_unit, in_order, without_leaps, without_zeros
 from maniport.mocap.roles import assign_roles
 from maniport.mocap.smoothing import smoothed
-from maniport.errors import InvalidInputError, RecordingError
 
 
 @pytest.fixture

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion
+from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.roles import assign_roles, role_position, trunk_rotation
-from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
 
 
 def named(*names, frames=2):

@@ -7,9 +7,9 @@ import pytest
 
 from maniport.arms import load_arm
 from maniport.arms.human import FRACTIONS, hand_rotations
+from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap import Recording, fit_arm, performed, read_recording
 from maniport.mocap.roles import find_side
-from maniport.errors import InvalidInputError, RecordingError
 from mirror_images import in_a_mirror
 
 S = np.diag([1.0, -1.0, 1.0])

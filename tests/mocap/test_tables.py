@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 
 from dialect_files import POINTS, SKELETONS, mirrored, motion, write_bvh
 from format_files import SAUL, write_csv, write_mot, write_motive, write_nexus, write_qualisys, write_trc
-from maniport.mocap import read_recording
 from maniport.errors import FileFormatError
+from maniport.mocap import read_recording
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import pytest
 
 from maniport.arms import VELOCITY, load_arm
 from maniport.arms.collisions import Collisions
-from maniport.motion import Atlas, MotionLimits, Planner, StartBank, robot_model
+from maniport.motion import Atlas, MotionLimits, Planner, SeedBank, robot_model
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +22,7 @@ def model(panda):
 @pytest.fixture(scope="session")
 def bank(panda):
     """A small bank of starts for it."""
-    return StartBank.build(panda, 4096)
+    return SeedBank.build(panda, 4096)
 
 
 @pytest.fixture(scope="session")
@@ -31,4 +31,4 @@ def planner(panda):
     limits = MotionLimits.of(panda)
     collisions = Collisions.of(limits.arm)
     atlas = Atlas(limits.arm, VELOCITY, 20_000, collisions=collisions)
-    return Planner(limits, atlas, StartBank.build(limits.arm, 4096), collisions)
+    return Planner(limits, atlas, SeedBank.build(limits.arm, 4096), collisions)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from maniport.arms.chain import pose
 from maniport.errors import InvalidInputError
-from maniport.motion import ArmsPlanner, Atlas, Objective, Planner, StartBank, plan_arms, plan_motion
+from maniport.motion import ArmsPlanner, Atlas, Objective, Planner, SeedBank, plan_arms, plan_motion
 from maniport.motion.both.together import BothTargets
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
@@ -44,7 +44,7 @@ def known(arms, collisions=False):
         limits.arm.each, limits.arm.columns, apart.each if apart else (None, None), strict=True
     ):
         atlas = Atlas(arm, spec, 8_000, collisions=alone)
-        planners.append(Planner(limits.of_joints(arm, columns), atlas, StartBank.build(arm, 2048), alone))
+        planners.append(Planner(limits.of_joints(arm, columns), atlas, SeedBank.build(arm, 2048), alone))
     return ArmsPlanner(limits, spec, tuple(planners), apart)
 
 
@@ -105,7 +105,7 @@ def test_arms_that_would_meet_are_kept_apart(beside):
     asked = task(arms, swung(), swung(0.3))
     shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
     asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
-    found = plan_arms(arms, **asked, planner=planner, tip_tolerance=0.02, effort="quick")
+    found = plan_arms(arms, **asked, planner=planner, position_tolerance=0.02, effort="quick")
     assert found.together  # only where the arms come near one another
     assert found.room.known
     assert found.room.share == 0.0
@@ -153,7 +153,7 @@ def trunk(side):
 @pytest.fixture(scope="module")
 def crane():
     """Two arms on one trunk."""
-    return mp.arms.Arms(trunk("left"), trunk("right"))
+    return mp.arms.ArmGroup(trunk("left"), trunk("right"))
 
 
 def test_slopes_in_the_joints_of_both(crane):

@@ -11,8 +11,8 @@ from pink.exceptions import TargetNotSet
 from maniport import spd
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
-from maniport.spd.regularization import Regularization
 from maniport.motion import ManipulabilityEllipsoidTask, robot_model
+from maniport.spd.regularization import Regularization
 
 EPSILON = 0.003
 DAMPING = Regularization.absolute(EPSILON)

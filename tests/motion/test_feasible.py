@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.regularization import Regularization
 from maniport.motion import feasibility_gap, nearest_feasible
 from maniport.motion.kernels import step_within_limits
+from maniport.spd.regularization import Regularization
 
 EPSILON = 0.003
 DAMPING = Regularization.absolute(EPSILON)

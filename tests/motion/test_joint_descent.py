@@ -9,7 +9,7 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.motion.objective import Objective
 from maniport.motion.placement.arguments import as_workspace, given_place
 from maniport.motion.placement.joint_descent import JointProblem, descend_jointly
-from maniport.motion.placement.problem import SCALE, TILT, ArmGroup, PlacementProblem
+from maniport.motion.placement.problem import SCALE, TILT, PlacementGroup, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, descend
 
 ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)
@@ -31,7 +31,7 @@ def problem_of(spec=None, **given):
 def test_slopes_are_those_of_the_cost(kind):
     """Half the gradient in place and joints agrees with central differences, of two arms and with a base that leans."""
     problem, q, step = problem_of(EllipsoidSpec(kind), tilt="free"), ARM.sample(COUNT, 3), 1e-6
-    group = ArmGroup((problem, replace(problem, path=problem.path[::-1])), ())
+    group = PlacementGroup((problem, replace(problem, path=problem.path[::-1])), ())
     both = JointProblem(group, group, [TERMS, TERMS])
     _, slopes = both.evaluate((PLACE, (q, q)))
     h, square = sum(one.h for one in slopes), sum(one.square for one in slopes)
@@ -46,7 +46,7 @@ def test_place_and_motion_get_better_and_what_is_given_stays(given):
     """The cost falls to less than what the joints alone reach; bounds, limits and given numbers are kept."""
     problem = problem_of(**given)
     place, q = np.where(problem.free, PLACE, problem.given), ARM.sample(COUNT, 3)
-    group = ArmGroup((problem,), ())
+    group = PlacementGroup((problem,), ())
     moved, (found,) = descend_jointly(group, group, place, (q,), [TERMS])
     alone = TrajectoryCost(ARM, problem.targets(place), problem.time, TERMS)
     there = TrajectoryCost(ARM, problem.targets(moved), problem.time, TERMS)

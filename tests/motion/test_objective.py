@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from maniport import spd
 from maniport.arms import EllipsoidSpec
-from maniport.spd.regularization import Regularization
 from maniport.motion import Objective
+from maniport.spd.regularization import Regularization
 
 
 @pytest.mark.parametrize("kind", ["velocity", "force"])

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.pipeline.turns import facing
 from maniport.motion import OrientationTask, plan_motion, robot_model, track
 from maniport.motion.objective import POINTING, WHOLE, Objective, axis_weights
+from maniport.pipeline.turns import facing
 
 TIME = np.linspace(0.0, 2.0, 12)
 

@@ -11,12 +11,12 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.spd.kernels import congruence
-from maniport.spd.regularization import Regularization
-from maniport.report import facts_of
-from maniport.motion import StartBank
+from maniport.motion import SeedBank
 from maniport.motion.placement.placement import place_path, place_paths
 from maniport.motion.plan.reachability_map import Atlas
+from maniport.report import facts_of
+from maniport.spd.kernels import congruence
+from maniport.spd.regularization import Regularization
 
 DAMPING = Regularization.absolute(0.003)
 TIME = np.linspace(0.0, 2.0, 12)
@@ -53,7 +53,7 @@ def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion
     One place is right for both: the paths keep their relation.
     """
     aside = moved(panda, [0.1, 0.6, 0.0])
-    atlases, banks = (known["atlas"], Atlas(aside, VELOCITY, 20_000)), (known["bank"], StartBank.build(aside, 4096))
+    atlases, banks = (known["atlas"], Atlas(aside, VELOCITY, 20_000)), (known["bank"], SeedBank.build(aside, 4096))
     both = {"damping": DAMPING, "atlases": atlases, "banks": banks, "effort": "quick"}
     path, profile = motion
     tips, turn = (path, path[::-1] + np.array([0.1, 0.6, 0.0])), rotation_about(2, 0.7)
@@ -129,7 +129,7 @@ def test_other_parts_turn_too(panda, motion, part):
     start = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
     joints = start + 0.2 * np.sin(np.outer(TIME[:6], np.ones(7)))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints, part=part)
-    bank = StartBank.build(panda, 4096, spec=EllipsoidSpec(part=part))
+    bank = SeedBank.build(panda, 4096, spec=EllipsoidSpec(part=part))
     atlas = Atlas(panda, EllipsoidSpec(part=part), 4096)
     turn = rotation_about(2, -0.5)
     blocks = block_diag(turn, turn) if part == "full" else turn

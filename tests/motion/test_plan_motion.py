@@ -120,7 +120,7 @@ def test_any_arm_follows_itself(panda, planner, name):
     plan = plan_motion(arm, **wanted_of(arm), rate=500.0, planner=planner if name == "panda" else None)
     require_laws(plan)
     assert np.median(plan.distance) < 0.1
-    assert np.percentile(plan.position_error, 95) <= plan.tip_tolerance
+    assert np.percentile(plan.position_error, 95) <= plan.position_tolerance
     assert plan.room.share == 0.0
     assert plan.room.known == (name == "panda")
     assert ("shapes of links" in plan.room.why) != plan.room.known
@@ -140,10 +140,10 @@ def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
 
 def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planned):
     """Of two tolerances each is kept, and what is allowed brings the ellipsoids nearer."""
-    near = plan_motion(panda, **wanted, planner=planner, tip_tolerance=2e-4)
+    near = plan_motion(panda, **wanted, planner=planner, position_tolerance=2e-4)
     assert np.percentile(near.position_error, 95) <= 2e-4 < np.percentile(planned.position_error, 95) <= 5e-3
     assert np.mean(planned.distance**2) < np.mean(near.distance**2)
-    assert near.tip_tolerance == 2e-4
+    assert near.position_tolerance == 2e-4
 
 
 def test_tempo_is_the_largest_speed(panda, planner):
@@ -219,7 +219,7 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
 def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
     """An option that the tracker alone has lets it follow the plan; with others the plan is the motion."""
     options = part_of(wanted) | {"place": False, "planner": planner, "effort": "quick"}
-    plain = follow(panda, **options, tip_tolerance=0.01)
+    plain = follow(panda, **options, position_tolerance=0.01)
     assert plain.motion is plain.plan
     tracked = follow(panda, **options, gain=0.5)
     assert tracked.motion is not tracked.plan
@@ -235,7 +235,7 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
         ({"time": TIME[::-1]}, InvalidInputError, "time must increase"),
         ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
         ({"speed": 2.0}, TypeError, "speed"),
-        ({"tip_tolerance": 0.0}, InvalidInputError, "tip_tolerance"),
+        ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
         ({"effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
         ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),

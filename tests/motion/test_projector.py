@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.motion import FeasibleProjector, StartBank, nearest_feasible
+from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_asking_again_comes_no_less_near(projector, points):
 def test_ways_are_derivatives_of_the_logarithm(panda, kind):
     """Each way is the change of log(A^-½ M A^-½) along a joint, by central differences; zero at a limit."""
     spec = EllipsoidSpec(kind)
-    projector = FeasibleProjector(panda, spec, bank=StartBank.build(panda, 512, spec=spec))
+    projector = FeasibleProjector(panda, spec, bank=SeedBank.build(panda, 512, spec=spec))
     objective = projector.objective
     points = objective.damped(1.1 * panda.ellipsoids(panda.sample(6, 1), spec))
     search = projector.search(objective.damping.epsilon)

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import EllipsoidSpec, load_arm
 from maniport.errors import FileFormatError, InvalidInputError, NotSPDError
-from maniport.files import save_arrays
+from maniport.motion import SeedBank
 from maniport.spd.regularization import Regularization
-from maniport.motion import StartBank
+from maniport.util.files import save_arrays
 
 
 def test_samples_are_found_again(panda, bank):
@@ -29,9 +29,9 @@ def test_samples_are_found_again(panda, bank):
 )
 def test_files_keep_the_bank(panda, tmp_path, options):
     """What is read from a file answers like what was written to it."""
-    written = StartBank.build(panda, 256, **options)
+    written = SeedBank.build(panda, 256, **options)
     written.save(tmp_path / "bank.npz")
-    read = StartBank.load(tmp_path / "bank.npz", panda)
+    read = SeedBank.load(tmp_path / "bank.npz", panda)
     assert read.damping.epsilon == written.damping.epsilon
     assert read.spec == written.spec
     assert_allclose(read.ellipsoids, written.ellipsoids, rtol=1e-12)
@@ -47,28 +47,28 @@ def test_files_of_another_arm_are_refused(panda, bank, tmp_path):
         (load_arm("panda", frame="panda_link4"), "it is of 7 joints"),
         (panda.narrowed(0.1 * panda.lower, panda.upper), "samples beyond the limits of panda_joint1"),
     ):
-        with pytest.raises(InvalidInputError, match=rf"built for the arm 'panda'.*{words}.*StartBank.build"):
-            StartBank.load(tmp_path / "bank.npz", other)
+        with pytest.raises(InvalidInputError, match=rf"built for the arm 'panda'.*{words}.*SeedBank.build"):
+            SeedBank.load(tmp_path / "bank.npz", other)
 
 
 def test_other_files_are_refused(panda, tmp_path):
     """What is no start bank is named."""
     save_arrays(tmp_path / "other.npz", {"manipulability": np.eye(3)})
     with pytest.raises(FileFormatError, match=r"no start bank|not a start bank"):
-        StartBank.load(tmp_path / "other.npz", panda)
+        SeedBank.load(tmp_path / "other.npz", panda)
     with pytest.raises(FileFormatError, match="there is no such file"):
-        StartBank.load(tmp_path / "none.npz", panda)
+        SeedBank.load(tmp_path / "none.npz", panda)
 
 
 def test_wrong_banks_are_named(panda, bank):
     """Wrong numbers of samples and dampings are errors, as are ellipsoids that the damping does not make positive."""
     with pytest.raises(InvalidInputError, match="n must be a whole number of at least 1"):
-        StartBank.build(panda, 0)
+        SeedBank.build(panda, 0)
     with pytest.raises(InvalidInputError, match="damping must be a number above 0"):
-        StartBank.build(panda, 16, damping=0.0)
+        SeedBank.build(panda, 16, damping=0.0)
     with pytest.raises(InvalidInputError, match="damping must be above 0"):
-        StartBank.build(panda, 16, damping=None)
+        SeedBank.build(panda, 16, damping=None)
     with pytest.raises(InvalidInputError, match="found a floor"):
-        StartBank.build(panda, 16, damping=Regularization(floor=1e-4))
+        SeedBank.build(panda, 16, damping=Regularization(floor=1e-4))
     with pytest.raises(NotSPDError, match="indefinite"):
         bank.query(np.diag([-1.0, 1.0, 1.0])[None])

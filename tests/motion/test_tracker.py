@@ -10,11 +10,11 @@ from pink.limits import Limit
 
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
-from maniport.files import load_ellipsoids
-from maniport.report import as_numbers, facts_of
-from maniport.motion import PositionTask, StartBank, track
+from maniport.motion import PositionTask, SeedBank, track
 from maniport.motion.follow import follower
 from maniport.motion.follow.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.report import as_numbers, facts_of
+from maniport.util.files import load_ellipsoids
 
 TIME = np.linspace(0.0, 2.0, 41)
 
@@ -203,7 +203,7 @@ def test_arms_that_cannot_be_tracked_are_told(motion):
         track(load_arm("myoarm"), profile, time=[0, 1, 2])
     other = load_arm("panda", frame="panda_link8")
     with pytest.raises(ManiportError, match="bank"):
-        track(load_arm("panda"), profile, time=[0, 1, 2], bank=StartBank.build(other, 64))
+        track(load_arm("panda"), profile, time=[0, 1, 2], bank=SeedBank.build(other, 64))
 
 
 class StillJoint(Limit):

@@ -33,7 +33,7 @@ ROOMS = {
 """Where mutants are made, and which tests are to notice."""
 NEW_PROCESSES = "uncompiled or vector_type or heavy_libraries or tells_the_spread"
 """Tests that start Python anew: that takes long, and workers of joblib do not survive a fork."""
-COMPILED = ("loops.py", "single.py", "lengths/kernels.py")
+COMPILED = ("loops.py", "single.py", "length_field/kernels.py")
 """What Numba compiles: mutants would be compiled one by one."""
 
 

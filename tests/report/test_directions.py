@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maniport.spd.ellipsoid import axis_over_time
 from maniport.report.figures.curves import with_breaks
+from maniport.spd.ellipsoid import axis_over_time
 
 
 def turning(count=200, turns=2.0):

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, ManiportError, MissingPackageError, OutputError
-from maniport.optional import matplotlib
-from maniport.spd.ellipsoid import lengths
 from maniport.report import figures
 from maniport.report.write import FIGURES
+from maniport.spd.ellipsoid import lengths
+from maniport.util.optional import matplotlib
 
 
 @pytest.mark.parametrize(("d", "views"), [(2, 1), (3, 2)])

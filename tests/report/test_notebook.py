@@ -52,7 +52,7 @@ def objects(small_result):
         icp = mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(n_starts=2)).fit(
             teacher, student
         )
-    bank = mp.StartBank.build(panda, 1024, 0)
+    bank = mp.SeedBank.build(panda, 1024, 0)
     return {
         "Arm": panda,
         "Recording": small_result.recording,
@@ -61,8 +61,8 @@ def objects(small_result):
         "RiemannianICP": icp,
         "NearestNeighbor": mp.NearestNeighbor(floor=1e-3).fit(teacher, student),
         "Identifiability": icp.identifiability_,
-        "StartBank": bank,
-        "PlacedPath": small_result.execution.placement,
+        "SeedBank": bank,
+        "Placement": small_result.execution.placement,
         "PlannedMotion": small_result.execution.plan,
         "TrackResult": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
@@ -76,7 +76,7 @@ def objects(small_result):
 
 NAMES = (
     "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
-    "StartBank", "PlacedPath", "PlannedMotion", "TrackResult", "FeasibleEllipsoids", "Alignment",
+    "SeedBank", "Placement", "PlannedMotion", "TrackResult", "FeasibleEllipsoids", "Alignment",
     "ProfileGMM", "Execution", "TransferResult", "Evaluation",
 )  # fmt: skip
 

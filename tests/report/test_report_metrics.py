@@ -12,14 +12,14 @@ import pytest
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.evaluation import RMSE
-from maniport.studies.paper.outcome import Experiment, Outcome
-from maniport.studies.paper.report import Reproduction
-from maniport.studies.paper.tables import PaperRow
 from maniport.report import as_html, as_markdown, as_numbers, facts_of
 from maniport.report.console import Console
 from maniport.report.metrics import Metric, Report, Section, statistics
 from maniport.report.page import as_html as as_page
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
+from maniport.studies.paper.outcome import Experiment, Outcome
+from maniport.studies.paper.report import Reproduction
+from maniport.studies.paper.tables import PaperRow
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_a_large_position_error_is_warned_of(small_result):
     execution = small_result.execution
     for factor, found in ((3.1, True), (2.9, False)):
         error = np.zeros(len(small_result.time))
-        error[3] = factor * execution.motion.tip_tolerance
+        error[3] = factor * execution.motion.position_tolerance
         motion = dataclasses.replace(execution.motion, position_error=error)
         facts = facts_of(dataclasses.replace(execution, motion=motion))
         assert ("position-error" in facts.warning_keys) == found

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from crane import CRANE
 from maniport.arms import load_arm
-from maniport.arms.readers.packages import PACKAGES
+from maniport.arms.loaders.packages import PACKAGES
 from maniport.cli import app
 from maniport.cli.robots import Chain
 from maniport.report.robot import command_line_of

@@ -12,13 +12,13 @@ import pytest
 import maniport as mp
 from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
+from maniport.motion.plan.planned_motion import Room
 from maniport.pipeline.execution import Execution
 from maniport.report import as_html, as_markdown, as_numbers, facts_of
 from maniport.report.console import Console
 from maniport.report.page import as_html as as_page
 from maniport.report.page.motions import motion_of
 from maniport.report.summary import rounded_sum
-from maniport.motion.plan.planned_motion import Room
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_green_needs_that_nothing_is_open(small_result):
     guessed = replace(execution.plan.limits, assumed={**execution.plan.limits.assumed, "acceleration": names[:2]})
     above = replace(execution.room, stand_ins=("panda_link3",))
     across = np.diag([1.0, 2.0, 4.0]), np.diag([4.0, 2.0, 1.0])
-    tolerance = execution.motion.tip_tolerance
+    tolerance = execution.motion.position_tolerance
     outlier = np.where(np.arange(n) == 0, 3.1 * tolerance, 0.0)
     for key, changes in {
         "assumed-acceleration-limits": {"plan": replace(execution.plan, limits=guessed)},
@@ -126,11 +126,11 @@ def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     off = {"distance": np.zeros(len(small_result.time)), "position_error": np.full(len(small_result.time), 0.05)}
     execution = small_result.execution
     for words, tolerance, placement in (
-        ("--tip-tolerance 5", 0.012, execution.placement),
+        ("--position-tolerance 5", 0.012, execution.placement),
         ("--tempo 0.5", 0.005, execution.placement),
         ("--place", 0.005, None),
     ):
-        motion = replace(execution.motion, **off, tip_tolerance=tolerance)
+        motion = replace(execution.motion, **off, position_tolerance=tolerance)
         moved = replace(execution, motion=motion, placement=placement)
         summary = facts_of(replace(small_result, execution=moved)).summary
         assert words in summary.command
@@ -141,7 +141,7 @@ def test_the_next_command_keeps_what_was_asked_for(small_result):
     """A table, a file of limits or half the tempo hold for the next motion, too, which is slower than that."""
     execution, off = small_result.execution, np.full(len(small_result.time), 0.05)
     asked = replace(execution, options={"--table": "-0.1", "--tempo": "0.5", "--limits": "my limits.yaml"})
-    moved = replace(asked, motion=replace(execution.motion, position_error=off, tip_tolerance=0.005))
+    moved = replace(asked, motion=replace(execution.motion, position_error=off, position_tolerance=0.005))
     words = shlex.split(facts_of(replace(small_result, execution=moved)).summary.command)
     for name, value in (("--table", "-0.1"), ("--tempo", "0.25"), ("--limits", "my limits.yaml")):
         assert words.count(name) == 1

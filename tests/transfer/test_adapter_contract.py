@@ -110,4 +110,4 @@ def test_a_silent_clone_learns_the_same_map(name, random_spd):
         adapter.fit(teacher, student)
     assert_array_equal(silent.transform(teacher), adapter.transform(teacher))
     assert hasattr(adapter, "identifiability_") == (name in ("parallel-transport", "icp"))
-    assert hasattr(adapter, "report_") == (name == "lengths-field")
+    assert hasattr(adapter, "report_") == (name == "length-field")

@@ -9,9 +9,9 @@ from numpy.testing import assert_array_equal
 from sklearn.base import clone
 
 import maniport as mp
-from maniport import files
 from maniport.errors import FileFormatError
 from maniport.transfer import EllipsoidCorrespondence, Search
+from maniport.util import files
 
 TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 DAMPINGS = {f"{name}_damping_": 0.1 for name in ("teacher", "student", "released")}

@@ -10,10 +10,10 @@ from sklearn.base import clone
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.files import load_arrays, save_arrays
 from maniport.transfer import Correspondence, GeodesicCorrespondence, Search
 from maniport.transfer.icp.correspondence import CORRESPONDENCES
 from maniport.transfer.icp.matches import DIRECTIONS, Matches
+from maniport.util.files import load_arrays, save_arrays
 
 # how the search ends is tested here, not what becomes of its result
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")

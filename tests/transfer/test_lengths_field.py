@@ -7,10 +7,10 @@ from numpy.testing import assert_allclose
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError, NotInvertibleError, NotSPDError
-from maniport.transfer.lengths.field import KAPPA, damped
-from maniport.transfer.lengths.fit import Samples
-from maniport.transfer.lengths.inverse import MOST_FOLDED, Inverse
-from maniport.transfer.lengths.report import reported
+from maniport.transfer.length_field.field import KAPPA, damped
+from maniport.transfer.length_field.fit import Samples
+from maniport.transfer.length_field.inverse import MOST_FOLDED, Inverse
+from maniport.transfer.length_field.report import reported
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
 
@@ -39,7 +39,7 @@ def domains(random_spd):
 @pytest.fixture(scope="module")
 def fitted(domains):
     """Fields toward bounded lengths by their size, without damping."""
-    return {d: mp.LengthsField(projector=bounded, n_centers=40).fit(*pair) for d, pair in domains.items()}
+    return {d: mp.LengthField(projector=bounded, n_centers=40).fit(*pair) for d, pair in domains.items()}
 
 
 @sizes
@@ -47,7 +47,7 @@ def test_images_come_nearer_to_what_the_student_can_make(d, domains, fitted, ran
     """Images of ellipsoids that no fit has seen are several times nearer to it than the map without a field."""
     adapter, new = fitted[d], random_spd(np.random.default_rng(7), 50, d, 30.0)
     away = spd.distance(adapter.transform(new), bounded(adapter.transform(new)))
-    plain = mp.LengthsField(projector=lambda points: points * 1.0).fit(*domains[d]).transform(new)
+    plain = mp.LengthField(projector=lambda points: points * 1.0).fit(*domains[d]).transform(new)
     assert away.mean() < 0.5 * spd.distance(plain, bounded(plain)).mean()
     assert adapter.report_.gap < 0.1
     assert adapter.cost_ == adapter.history_[-1] < 0.3 * adapter.history_[0]
@@ -65,7 +65,7 @@ def test_images_are_positive_definite_at_every_scale(scale, domains, fitted, ran
     """Whatever the size of what is mapped, needles and singular ones with damping included, its image is SPD."""
     points = scale * random_spd(np.random.default_rng(9), 30, 3, 1e6)
     spd.logm(fitted[3].transform(points))
-    lossy = mp.LengthsField(damping=0.01, projector=bounded, n_centers=40).fit(*domains[3])
+    lossy = mp.LengthField(damping=0.01, projector=bounded, n_centers=40).fit(*domains[3])
     needle = np.outer([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
     spd.logm(lossy.transform(np.concatenate([points, scale * np.array([needle, np.diag([0.0, 1.0, 0.0])])])))
 
@@ -82,7 +82,7 @@ def test_inverse_undoes_the_map(d, fitted, random_spd):
 def test_folds_are_told_at_the_query(domains):
     """A field that pulls all ellipsoids to one shape folds: singular values say so, and the inverse is refused."""
     shape = np.diag([1.0, 2.0, 4.0])
-    adapter = mp.LengthsField(
+    adapter = mp.LengthField(
         projector=lambda p: shape * (1.0 + 1e-9 * p[:, :1, :1]), n_centers=100, width=0.3, ridge=1e-9
     ).fit(*domains[3])
     points = domains[3][0]
@@ -118,18 +118,18 @@ def test_turning_both_bodies_turns_the_map_and_units_only_scale_it(domains, rand
     turn, new = random_rotation(rng, 3), random_spd(rng, 20, 3)
     teacher, student = domains[3]
     options = {"damping": 0.02, "n_centers": 30}
-    plain = mp.LengthsField(**options).fit(teacher, student)
-    turned = mp.LengthsField(**options).fit(turn @ teacher @ turn.T, turn @ student @ turn.T)
+    plain = mp.LengthField(**options).fit(teacher, student)
+    turned = mp.LengthField(**options).fit(turn @ teacher @ turn.T, turn @ student @ turn.T)
     image = plain.transform(new)
     assert_allclose(turned.transform(turn @ new @ turn.T), turn @ image @ turn.T, atol=1e-7 * np.abs(image).max())
-    scaled = mp.LengthsField(**options).fit(5.0 * teacher, 0.3 * student)
+    scaled = mp.LengthField(**options).fit(5.0 * teacher, 0.3 * student)
     assert_allclose(scaled.transform(5.0 * new), 0.3 * image, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("epsilon", [1e-6, 1.0, 1e4])
 def test_release_of_the_damping_undoes_it(epsilon, domains, random_spd):
     """What the map releases is what `damped` adds; of what carries the damping nearly all of it comes off."""
-    field = mp.LengthsField(projector=lambda p: p * 1.0).fit(*domains[3])._field()
+    field = mp.LengthField(projector=lambda p: p * 1.0).fit(*domains[3])._field()
     values = epsilon * np.logspace(-6, 6, 25)
     images = field.apply(np.eye(3) * values[:, None, None], epsilon)
     plain = field.apply(np.eye(3) * values[:, None, None])
@@ -145,13 +145,13 @@ def test_compiled_field_is_transform(d, domains, fitted):
     teacher, student = domains[d]
     turn = np.linalg.qr(np.random.default_rng(d).standard_normal((d, d)))[0] if d != 6 else np.eye(6)
     turn[:, 0] *= np.sign(np.linalg.det(turn))
-    mounted = mp.LengthsField(damping=0.01, mounting=turn, projector=bounded, n_centers=20).fit(teacher, student)
+    mounted = mp.LengthField(damping=0.01, mounting=turn, projector=bounded, n_centers=20).fit(teacher, student)
     for adapter in (fitted[d], mounted):
         compiled, wanted = adapter.compiled(), adapter.transform(teacher)
         for point, image in zip(teacher[:20], wanted, strict=False):
             own = point.copy()
             assert_allclose(compiled(own, own), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
-    floored = mp.LengthsField(floor=0.5, projector=bounded, n_centers=20).fit(teacher, student)
+    floored = mp.LengthField(floor=0.5, projector=bounded, n_centers=20).fit(teacher, student)
     one_by_one = np.array([floored.compiled()(point) for point in teacher[:20]])
     assert_allclose(one_by_one, floored.transform(teacher[:20]), rtol=1e-9, atol=1e-12)
     with pytest.raises(NotSPDError, match="positive-definite"):
@@ -191,9 +191,9 @@ class Searching:
 def test_a_projector_that_searches_is_told_the_damping_and_asked_for_ways(domains):
     """It gets the student's ε, and where the student can move by itself, errors count less: the cost stays larger."""
     searching = Searching()
-    adapter = mp.LengthsField(damping=0.01, projector=searching).fit(*domains[3])
+    adapter = mp.LengthField(damping=0.01, projector=searching).fit(*domains[3])
     assert set(searching.epsilons) == {adapter.student_damping_}
-    free = mp.LengthsField(damping=0.01, projector=bounded).fit(*domains[3])
+    free = mp.LengthField(damping=0.01, projector=bounded).fit(*domains[3])
     assert free.cost_ < adapter.cost_ < 0.5 * adapter.history_[0]
 
 
@@ -223,7 +223,7 @@ def test_the_report_says_what_the_field_does(fitted, random_spd):
 )
 def test_bad_projectors_are_refused(projector, error, words, domains):
     """What tells no nearest ellipsoids is refused at the first question by what it said; nothing is fitted."""
-    adapter = mp.LengthsField(projector=projector)
+    adapter = mp.LengthField(projector=projector)
     with pytest.raises(error, match=words):
         adapter.fit(*domains[3])
     assert not hasattr(adapter, "lengths_")
@@ -243,4 +243,4 @@ def test_bad_projectors_are_refused(projector, error, words, domains):
 def test_bad_parameters_are_refused_by_name(options, words, domains):
     """Each names what is wrong with it."""
     with pytest.raises(InvalidInputError, match=words):
-        mp.LengthsField(**options).fit(*domains[3])
+        mp.LengthField(**options).fit(*domains[3])

@@ -35,7 +35,7 @@ def domains(random_spd):
 @pytest.fixture(scope="module")
 def fitted(domains):
     """A field that knows of the axis."""
-    return mp.LengthsField(damping=0.01, projector=Round(), n_centers=40).fit(*domains)
+    return mp.LengthField(damping=0.01, projector=Round(), n_centers=40).fit(*domains)
 
 
 def about(angle):
@@ -57,7 +57,7 @@ def test_who_knows_of_the_axis_comes_nearer(domains, random_spd):
     """At ellipsoids that no fit has seen the gap is smaller where the field is told of the axis."""
     new, gaps = random_spd(np.random.default_rng(3), 200, 3, 30.0), []
     for axis in (AXIS, None):
-        images = mp.LengthsField(projector=Round(axis), n_centers=100).fit(*domains).transform(new)
+        images = mp.LengthField(projector=Round(axis), n_centers=100).fit(*domains).transform(new)
         gaps.append(spd.distance(images, Round()(images)).mean())
     assert gaps[0] < 0.8 * gaps[1]
 

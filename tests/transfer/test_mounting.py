@@ -8,7 +8,7 @@ from scipy.stats import special_ortho_group
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.motion import FeasibleProjector, StartBank
+from maniport.motion import FeasibleProjector, SeedBank
 from maniport.transfer import METHODS, Search, method_of
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -63,8 +63,8 @@ def fits_in_two_frames(teacher, student, new, seed, **options):
         seen = turn @ points @ turn.T
         return 0.5 * (seen + np.swapaxes(seen, -1, -2))
 
-    mounted = mp.LengthsField(mounting=turn, **options).fit(teacher, student)
-    plain = mp.LengthsField(**options).fit(turned(teacher), student)
+    mounted = mp.LengthField(mounting=turn, **options).fit(teacher, student)
+    plain = mp.LengthField(**options).fit(turned(teacher), student)
     images = mounted.transform(new), plain.transform(turned(new))
     return spd.distance(*(mounted.student_side(each) for each in images))
 
@@ -74,6 +74,6 @@ def test_the_length_field_of_an_arm_does_not_depend_on_rounding(arm):
     """A fit with a mounting equals the one to turned ellipsoids, although searches decide between many solutions."""
     robot, person = mp.load_arm(arm), mp.load_arm("rhuman")
     teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
-    projector = FeasibleProjector(robot, bank=StartBank.build(robot, 2048))
+    projector = FeasibleProjector(robot, bank=SeedBank.build(robot, 2048))
     options = {"damping": 0.01, "projector": projector, "n_centers": 80}
     assert fits_in_two_frames(teacher, student, new, 3, **options).max() <= 1e-6

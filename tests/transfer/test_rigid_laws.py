@@ -159,7 +159,7 @@ def test_mean_and_dispersion_arrive(d, kind, seed, random_spd):
 @sizes
 @seeds
 def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
-    """Transport by E, recentring with the new mean, dilation and the move to the student's mean give the same."""
+    """Transport by E, mean-transport with the new mean, dilation and the move to the student's mean give the same."""
     rng = np.random.default_rng(seed)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
     adapter = Transport().fit(teacher, student)

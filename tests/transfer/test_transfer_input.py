@@ -99,7 +99,7 @@ def test_bad_regularization(options, message):
     ],
 )
 def test_bad_options_of_rigid_methods(options, message):
-    """Mounting, dispersion, recentring and scale are checked by name."""
+    """Mounting, dispersion, mean-transport and scale are checked by name."""
     with pytest.raises(InvalidInputError, match=message):
         mp.ParallelTransport(**options).fit(GOOD, GOOD)
 
@@ -133,11 +133,11 @@ def test_bad_options_of_icp(options, message):
 @pytest.mark.parametrize(
     ("method", "name", "value"),
     [
-        ("lengths-field", "n_samples", 1),
-        ("lengths-field", "n_centers", 0),
-        ("lengths-field", "width", 0.0),
-        ("lengths-field", "ridge", 0.0),
-        ("lengths-field", "n_rounds", 0),
+        ("length-field", "n_samples", 1),
+        ("length-field", "n_centers", 0),
+        ("length-field", "width", 0.0),
+        ("length-field", "ridge", 0.0),
+        ("length-field", "n_rounds", 0),
     ],
 )
 def test_bad_options_of_other_methods(method, name, value):

@@ -10,7 +10,7 @@ from headless_chromium import browser  # noqa: F401 - a fixture
 from maniport import load_arm
 from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
-from maniport.motion import PlacedPath, StartBank
+from maniport.motion import Placement, SeedBank
 from maniport.viewer.maps import Methods, Refitting
 from maniport.viewer.recording import Playback
 from maniport.viewer.state import Side, ViewState
@@ -25,7 +25,7 @@ def arms():
 @pytest.fixture(scope="session")
 def bank(arms):
     """Starts of the robot."""
-    return StartBank.build(arms[1], 2048, 0)
+    return SeedBank.build(arms[1], 2048, 0)
 
 
 @pytest.fixture(scope="session")
@@ -40,7 +40,7 @@ def place():
     point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "distance": np.zeros(1), "spec": VELOCITY}
     point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
     point |= {"scale": 0.5, "yaw": 0.0, "tilt": 0.0, "heading": 0.0, "mount": np.eye(3), "turn": np.eye(3)}
-    return PlacedPath(**point, offset=np.array([0.4, 0.0, 0.4]), centre=np.zeros(3))
+    return Placement(**point, offset=np.array([0.4, 0.0, 0.4]), centre=np.zeros(3))
 
 
 @pytest.fixture(scope="session")

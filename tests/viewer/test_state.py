@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from maniport import ParallelTransport
 from maniport.arms import load_arm, load_arms
 from maniport.arms.human import human_arm
-from maniport.mocap import fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.motion import StartBank
+from maniport.mocap import fit_arm, read_recording
+from maniport.motion import SeedBank
 from maniport.viewer import prepare
 from maniport.viewer.maps import GIVEN, Methods, Refitting
 from maniport.viewer.recording import Playback, Recorder
@@ -121,10 +121,10 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
         state, method, turn = prepare.prepare("rhuman", "panda")
         refitting = state.sides[0].refitting
         try:
-            assert method == "lengths-field"
+            assert method == "length-field"
             refitting.begin()
             frame = advance(state, method, mounting=turn, tip_follows=True)
-            assert "lengths-field is being fitted; the target is that of parallel-transport" in frame.note
+            assert "length-field is being fitted; the target is that of parallel-transport" in frame.note
         finally:
             gate.set()
             refitting._todo.clear()
@@ -179,7 +179,7 @@ def sides_of(robot):
     for side, arm, base in zip(("left", "right"), robot.each, BASES, strict=True):
         person = human_arm("rhuman", side)
         methods = Methods(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
-        yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), StartBank.build(arm, 512, 0), base=base)
+        yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), SeedBank.build(arm, 512, 0), base=base)
 
 
 def test_both_arms_move_as_each_alone(pandas):

@@ -1,14 +1,14 @@
 """A body and its ellipsoids: human and robot arms, their kinematics, limits and manipulability."""
 
 from maniport.arms.arm import Arm
-from maniport.arms.arms import Arms
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.human import PERSONS, myoarm, rhuman
-from maniport.arms.looks import Look, Surface
+from maniport.arms.loaders import READERS, load_arm
+from maniport.arms.loaders.pairs import load_arms
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
-from maniport.arms.readers import READERS, load_arm
-from maniport.arms.readers.pairs import load_arms
+from maniport.arms.meshes import Look, Surface
 
 __all__ = [
-    "PERSONS", "READERS", "VELOCITY", "Arm", "Arms", "EllipsoidSpec", "Look", "Surface", "load_arm", "load_arms",
+    "PERSONS", "READERS", "VELOCITY", "Arm", "ArmGroup", "EllipsoidSpec", "Look", "Surface", "load_arm", "load_arms",
     "myoarm", "rhuman",
 ]  # fmt: skip

@@ -10,11 +10,11 @@ from maniport.arms.chain import Chain
 from maniport.arms.denavit_hartenberg import chain_from_dh
 from maniport.arms.joint_space import Manipulable
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.looks import Look, Surface
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
+from maniport.arms.meshes import Look, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import unknown_name
-from maniport.validation import Array, as_count
+from maniport.util.validation import Array, as_count
 
 
 class Arm(Manipulable):

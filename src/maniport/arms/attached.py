@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.chain import PRISMATIC, Chain
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 Attachment = tuple[int, Array]  # After how many joints of the chain, and a vector (3,) in the frame of the last of them
 

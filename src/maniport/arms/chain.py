@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.validation import MAX_POSITION, Array, as_numbers
+from maniport.util.validation import MAX_POSITION, Array, as_numbers
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
@@ -214,7 +214,7 @@ def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.
 
 
 def read_embedded(name: str) -> Chain:
-    """Read a chain that ships with the package, ``bodies/data/<name>.json``."""
+    """Read a chain that ships with the package, ``arms/data/<name>.json``."""
     data = Path(__file__).parent / "data"
     chain = chain_from_json(json.loads((data / f"{name}.json").read_text(encoding="utf-8")))
     shapes = data / f"{name}_surfaces.npz"

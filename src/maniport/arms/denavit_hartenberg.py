@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, check_names, pose
 from maniport.errors import InvalidInputError
-from maniport.validation import Array, as_choice, as_finite, as_numbers, as_rotation
+from maniport.util.validation import Array, as_choice, as_finite, as_numbers, as_rotation
 
 
 def chain_from_dh(

@@ -46,7 +46,7 @@ from maniport.arms.arm import Arm
 from maniport.arms.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose, read_embedded
 from maniport.arms.denavit_hartenberg import chain_from_dh
 from maniport.arms.restriction import mirrored
-from maniport.validation import Array, as_choice, as_number
+from maniport.util.validation import Array, as_choice, as_number
 
 JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
 FRACTIONS = {"upper arm": 0.2817 / 1.741, "forearm": 0.2689 / 1.741, "hand": 0.108 * 0.0553 / 0.1741}

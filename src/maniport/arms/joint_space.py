@@ -12,8 +12,8 @@ from scipy.stats import qmc
 
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
 from maniport.errors import InvalidInputError
-from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_choice, as_count, as_finite, as_generator
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator
 
 # SciPy 1.15 renamed the argument; the older name is to disappear.
 _SEED = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"

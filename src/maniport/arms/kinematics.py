@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from maniport.arms.chain import PRISMATIC, Chain
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 class Kinematics:

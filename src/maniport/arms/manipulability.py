@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_finite, as_numbers
+from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_finite, as_numbers
 
 KINDS = ("velocity", "force")
 VELOCITY_LIMITS = "velocity-limits"

@@ -20,8 +20,8 @@ from functools import reduce
 import numpy as np
 
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, weighted_rows
-from maniport.jit import kernel, part
-from maniport.validation import Array
+from maniport.util.jit import kernel, part
+from maniport.util.validation import Array
 
 
 def manipulability_jacobian(jacobian: Array, coupling: Array, spec: EllipsoidSpec = VELOCITY) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Joint, Shape, check_names
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.validation import MAX_POSITION, Array, as_number
+from maniport.util.validation import MAX_POSITION, Array, as_number
 
 
 def restrict(

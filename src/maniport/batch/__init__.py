@@ -1,5 +1,5 @@
 """Many recordings on many robots: in processes or on a cluster, going on where it was, with a table of all measures."""
 
-from maniport.batch.run import Batch, batch
+from maniport.batch.run import Batch, transfer_batch
 
-__all__ = ["Batch", "batch"]
+__all__ = ["Batch", "transfer_batch"]

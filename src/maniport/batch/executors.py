@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 from joblib.externals.loky import ProcessPoolExecutor
 
 from maniport.errors import ManiportError
-from maniport.optional import distributed, ray
-from maniport.signals import end_with_parent
+from maniport.util.optional import distributed, ray
+from maniport.util.signals import end_with_parent
 from maniport.version import __version__
 
 T = TypeVar("T")

@@ -10,17 +10,17 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from maniport.batch.content import as_setting, digest
 from maniport.arms import Arm, load_arm
-from maniport.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON, RECORDINGS
+from maniport.batch.content import as_setting, digest
+from maniport.errors import InvalidInputError, as_text
 from maniport.mocap import shipped_recording
 from maniport.mocap.readers import SHIPPED
-from maniport.errors import InvalidInputError, as_text
 from maniport.pipeline.job import checked
 from maniport.pipeline.work import Job
-from maniport.steps import untold
 from maniport.report.renderings import SUMMARY
 from maniport.transfer import DomainAdapter
+from maniport.util.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON, RECORDINGS
+from maniport.util.progress import untold
 from maniport.version import __version__
 
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch

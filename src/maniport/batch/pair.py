@@ -11,18 +11,18 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from maniport.atomic_io import folder_written_whole, written_whole
+from maniport.arms.chain import RIGHT
+from maniport.arms.human import human_arm
 from maniport.batch.content import as_setting, digest
 from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
-from maniport.arms.chain import RIGHT
-from maniport.arms.human import human_arm
-from maniport.mocap import ArmFit, Recording, read_recording
 from maniport.errors import ManiportError, on_the_command_line
+from maniport.mocap import ArmFit, Recording, read_recording
 from maniport.pipeline.parts import Fitted, KnownRobot, Shown
 from maniport.report.metrics import facts_of
 from maniport.report.write import RUN_FILES, write_run, write_run_page
 from maniport.transfer import load_adapter
+from maniport.util.atomic_io import folder_written_whole, written_whole
 
 PAIR = "pair.json"  # The file with the settings of a pair, the sizes of its files, and its row of the table
 

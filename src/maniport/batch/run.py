@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from maniport.atomic_io import written_whole
 from maniport.batch.executors import completed, cores, executor_for
 from maniport.batch.inputs import ABOUT, Robot, RobotInput, Source, find_recordings, find_robots
 from maniport.batch.pair import (
@@ -27,14 +26,15 @@ from maniport.batch.pair import (
     work,
 )
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
-from maniport.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
-from maniport.input_limits import as_path
-from maniport.steps import ALMOST, Progress, Step, untold
-from maniport.report.write import export_files
 from maniport.motion.exports import SCENE
+from maniport.report.write import export_files
 from maniport.transfer import DomainAdapter
-from maniport.validation import as_count, as_number
+from maniport.util.atomic_io import written_whole
+from maniport.util.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
+from maniport.util.input_limits import as_path
+from maniport.util.progress import ALMOST, Progress, Step, untold
+from maniport.util.validation import as_count, as_number
 from maniport.version import __version__
 
 Pair = tuple[str, str]  # Names of a recording and a robot
@@ -42,7 +42,7 @@ Pair = tuple[str, str]  # Names of a recording and a robot
 
 @dataclass(frozen=True)
 class Batch:
-    """Result of `batch`.
+    """Result of `transfer_batch`.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Batch:
         return tuple(row for row in self.table if row["state"] == FAILED)
 
 
-def batch(
+def transfer_batch(
     recordings: Sequence[str | os.PathLike[str]],
     robots: Sequence[RobotInput],
     output: str | os.PathLike[str],

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.atomic_io import written_whole
 from maniport.errors import MissingPackageError, as_text
-from maniport.optional import parquet_writer, pyarrow
 from maniport.report.metrics import Report
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
 from maniport.report.write import TOLD
+from maniport.util.atomic_io import written_whole
+from maniport.util.optional import parquet_writer, pyarrow
 
 Row = Mapping[str, Any]
 

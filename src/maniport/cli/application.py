@@ -11,9 +11,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from maniport.defaults import RECORDINGS
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
 from maniport.report.console import Console
+from maniport.util.defaults import RECORDINGS
 from maniport.version import __version__
 
 Verb = Callable[..., None]
@@ -136,7 +136,7 @@ Height = Annotated[
     float | None, typer.Option("--height", help="Body height [m], for lengths that are unknown otherwise.")
 ]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
-METHODS = "icp, lengths-field, parallel-transport, nearest-neighbor, recentring, raw-copy"
+METHODS = "icp, length-field, parallel-transport, nearest-neighbor, mean-transport, raw-copy"
 Method = Annotated[str, typer.Option("--method", help=f"Transfer method: auto, {METHODS}.")]
 NamedMethod = Annotated[str, typer.Option("--method", help=f"Transfer method: {METHODS}.")]
 Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]
@@ -179,7 +179,7 @@ def rotation(mounting: tuple[float, float, float]) -> Any:
 
 def require_npz(path: Path) -> None:
     """Raise unless an .npz file can be written there."""
-    from maniport.atomic_io import require_room
+    from maniport.util.atomic_io import require_room
 
     if path.suffix != ".npz":
         raise InvalidInputError(f"output must be an .npz file; found {str(path)!r}")

@@ -10,8 +10,8 @@ from maniport.cli.application import RECORDING, Overwrite, app, prints
 from maniport.cli.motion import Motion, moves_many
 from maniport.cli.recorded import Recorded, takes_recording, transfers_many
 from maniport.cli.robots import Chain, takes_chain
-from maniport.defaults import BATCH_PROFILE_RATE, ROBOT
 from maniport.report.console import Console
+from maniport.util.defaults import BATCH_PROFILE_RATE, ROBOT
 
 if TYPE_CHECKING:
     from maniport.batch import Batch
@@ -59,13 +59,13 @@ def batch(
     overwrite: Overwrite = False,
 ) -> None:
     """Let each robot have each recording; go on where an earlier call was ended. Exits with 1 where a pair failed."""
-    from maniport.batch import batch as run
-    from maniport.signals import raising
+    from maniport.batch import transfer_batch
+    from maniport.util.signals import raising
 
     arms = [chain.load(name) for name in robot or [ROBOT]]
     try:
         with console.progress() as tell, raising():
-            found = run(
+            found = transfer_batch(
                 recordings,
                 [(arm, motion.control(arm)) for arm in arms],
                 output,

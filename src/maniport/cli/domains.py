@@ -8,11 +8,11 @@ import typer
 
 from maniport.cli import application as cli
 from maniport.cli.robots import NO_ROBOT, Chain, takes_chain
-from maniport.defaults import AUTO, DAMPING, FIT_METHOD
 from maniport.errors import InvalidInputError
 from maniport.report.console import Console
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import as_numbers, write_facts
+from maniport.util.defaults import AUTO, DAMPING, FIT_METHOD
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare with, separated by commas, or all.")]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
@@ -39,7 +39,7 @@ def domain(
     """Sample the ellipsoids of an arm within its joint limits."""
     from maniport.arms import EllipsoidSpec
     from maniport.domain import sample_domain
-    from maniport.files import save_ellipsoids
+    from maniport.util.files import save_ellipsoids
 
     cli.require_npz(output)
     body = chain.load(arm, side, height)
@@ -78,8 +78,8 @@ def fit(
     """Fit the map from a teacher's domain to a student's."""
     from maniport.arms import EllipsoidSpec
     from maniport.feasibility import knowing
-    from maniport.files import load_ellipsoids
     from maniport.transfer import method_of
+    from maniport.util.files import load_ellipsoids
 
     cli.require_npz(output)
     if method == AUTO:
@@ -110,8 +110,8 @@ def apply(
     seed: cli.Seed = 0,
 ) -> None:
     """Map ellipsoids with a fitted adapter."""
-    from maniport.files import load_ellipsoids, save_ellipsoids
     from maniport.transfer import load_adapter
+    from maniport.util.files import load_ellipsoids, save_ellipsoids
 
     cli.require_npz(output)
     fitted = load_adapter(adapter)
@@ -144,12 +144,12 @@ def evaluate(
     seed: cli.Seed = 0,
 ) -> None:
     """Compare a fitted adapter with baselines, such as no transfer."""
-    from maniport.atomic_io import require_room
     from maniport.arms import EllipsoidSpec, load_arm
     from maniport.evaluation import evaluate as measure
     from maniport.evaluation.baselines import ROWS
-    from maniport.files import load_ellipsoids
     from maniport.transfer import load_adapter
+    from maniport.util.atomic_io import require_room
+    from maniport.util.files import load_ellipsoids
 
     if output is not None and output.suffix not in (".md", ".json"):
         raise InvalidInputError(f"output must end in .md or .json; found {str(output)!r}")

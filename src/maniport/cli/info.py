@@ -8,10 +8,10 @@ import typer
 from maniport.cli.application import Height, Seed, Side, app, prints
 from maniport.cli.recorded import Recorded, takes_recording
 from maniport.cli.robots import Chain, takes_chain
-from maniport.defaults import AUTO, RECORDINGS
 from maniport.report.console import Console
 from maniport.report.metrics import Metric, Report, Section, facts_of, warning
 from maniport.report.renderings import PAGE, SUMMARY
+from maniport.util.defaults import AUTO, RECORDINGS
 
 
 @app.command(
@@ -61,7 +61,7 @@ def _is_recording(what: str) -> bool:
     file = Path(what)
     suffix = file.suffix.lower()
     if suffix == ".npz":
-        from maniport.files import array_names
+        from maniport.util.files import array_names
 
         return not {"adapter", "manipulability", "path"} & set(array_names(what, "file"))
     if suffix in READERS:
@@ -75,7 +75,7 @@ def _is_recording(what: str) -> bool:
 
 def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Report:
     """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
-    from maniport.arms.readers import robot_limbs
+    from maniport.arms.loaders import robot_limbs
     from maniport.report.robot import robot_facts
 
     limbs, default = robot_limbs(what)
@@ -84,8 +84,8 @@ def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Repor
 
 
 def _of_arrays(path: str) -> Report:
-    from maniport.files import array_names, load_ellipsoids, load_path
     from maniport.transfer import load_adapter
+    from maniport.util.files import array_names, load_ellipsoids, load_path
 
     names = array_names(path, "file")
     if "adapter" in names:
@@ -111,7 +111,7 @@ def _of_results(folder: Path) -> Report:
     import json
 
     from maniport.errors import FileFormatError
-    from maniport.input_limits import KEYPOINTS_BYTES, read_whole
+    from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 
     file = folder / SUMMARY
     text = read_whole(file, (), KEYPOINTS_BYTES)

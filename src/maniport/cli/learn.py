@@ -9,9 +9,9 @@ from maniport.cli.application import RECORDING, Overwrite, app, prints
 from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording, transfers
 from maniport.cli.robots import Chain, takes_chain
-from maniport.defaults import AUTO
 from maniport.errors import InvalidInputError
 from maniport.report.console import Console
+from maniport.util.defaults import AUTO
 
 
 @app.command(
@@ -52,10 +52,10 @@ def learn(
     overwrite: Overwrite = False,
 ) -> None:
     """Learn a profile and its dispersion from several demonstrations of a motion."""
-    from maniport.atomic_io import require_free
     from maniport.pipeline import learn, transfer_recording
     from maniport.report.renderings import as_numbers
     from maniport.report.write import LEARNED_FILES, RUN_FILES, write_results
+    from maniport.util.atomic_io import require_free
 
     require_free(output, LEARNED_FILES, overwrite)
     followed = None if robot is None else _followed(robot, job, chain, motion)

@@ -15,10 +15,10 @@ from maniport.cli.motion import Motion, moves
 from maniport.cli.recorded import Recorded, takes_recording, transfers
 from maniport.cli.robots import Chain, takes_chain
 from maniport.cli.transfer import at_work
-from maniport.defaults import ROBOT
 from maniport.errors import InvalidInputError
-from maniport.ports import LOOPBACK, is_loopback
 from maniport.report.console import Console
+from maniport.util.defaults import ROBOT
+from maniport.util.ports import LOOPBACK, is_loopback
 
 if TYPE_CHECKING:
     from maniport.live import Live
@@ -112,7 +112,7 @@ def _served(follower: "Live", transport: "Pipe | Datagrams", every: bool) -> "Su
     from threadpoolctl import threadpool_limits
 
     from maniport.live.serving import serve
-    from maniport.signals import ending_in_order
+    from maniport.util.signals import ending_in_order
 
     stop, signal = socket.socketpair()
     gc.collect()

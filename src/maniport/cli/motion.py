@@ -8,8 +8,8 @@ import typer
 
 from maniport.cli.application import group
 from maniport.cli.robots import ROUNDED
-from maniport.defaults import BATCH_EFFORT, BATCH_RATE, EFFORT, MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
+from maniport.util.defaults import BATCH_EFFORT, BATCH_RATE, EFFORT, MARGIN, POSITION_TOLERANCE, RATE
 
 MOTION, AROUND, FILES = "How the robot moves", "What it is kept apart from", "What is written besides"
 
@@ -18,11 +18,11 @@ class Motion:
     """Values of the options below, by the names of the parameters of `_options`."""
 
     def __init__(self, **given: Any):
-        from maniport.validation import as_number
+        from maniport.util.validation import as_number
 
         self.given = given
         self.export: list[str] = given["export"] or []
-        as_number(given["tip_tolerance"], "--tip-tolerance [mm]", above=0.0)
+        as_number(given["position_tolerance"], "--position-tolerance [mm]", above=0.0)
         as_number(given["tempo"], "--tempo", above=0.0)
         as_number(given["margin"], "--margin [%]", minimum=0.0, maximum=40.0)
         as_number(given["rate"], "--rate [Hz]", minimum=10.0)
@@ -85,7 +85,7 @@ class Motion:
         limits = MotionLimits.of(arm, given["limits"], 0.01 * given["margin"])
         around = {name: given[name] for name in ("table", "boxes", "srdf") if given[name] is not None}
         ready = PlanControl(
-            tip_tolerance=1e-3 * given["tip_tolerance"],
+            position_tolerance=1e-3 * given["position_tolerance"],
             tempo=given["tempo"],
             rate=given["rate"],
             motion_limits=limits,
@@ -112,8 +112,8 @@ Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the r
 
 
 def _options(
-    tip_tolerance: Annotated[float, _in(MOTION, "Position tolerance of the end effector, 95th percentile [mm].")] = 1e3
-    * TIP_TOLERANCE,
+    position_tolerance: Annotated[float, _in(MOTION, "Position tolerance, 95th percentile [mm].")] = 1e3
+    * POSITION_TOLERANCE,
     tempo: Annotated[float, _in(MOTION, "Largest speed relative to the person's; limits may reduce it.")] = 1.0,
     rate: Annotated[float, _in(MOTION, "Rows of joints.csv per second [Hz].")] = RATE,
     limits: Annotated[

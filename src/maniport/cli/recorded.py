@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.cli import application as cli
-from maniport.defaults import AUTO, BATCH_METHOD, DAMPING, KEEP, METHOD, PERSON
 from maniport.errors import FileFormatError
-from maniport.input_limits import SETTINGS_BYTES, read_whole
+from maniport.util.defaults import AUTO, BATCH_METHOD, DAMPING, KEEP, METHOD, PERSON
+from maniport.util.input_limits import SETTINGS_BYTES, read_whole
 
 if TYPE_CHECKING:
     from maniport.mocap import Recording

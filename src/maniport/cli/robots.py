@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.cli.application import group, require_none
-from maniport.defaults import AUTO, BOTH
 from maniport.errors import InvalidInputError
+from maniport.util.defaults import AUTO, BOTH
 
 if TYPE_CHECKING:
-    from maniport.arms import Arm, Arms
+    from maniport.arms import Arm, ArmGroup
 
 NO_ROBOT = "name the robot with --robot"
 
@@ -68,7 +68,7 @@ class Chain:
     def load(self, robot: str, side: str = AUTO, height: float | None = None) -> "Arm":
         """Load an arm by name or from a file; of a person the right arm where `side` is auto."""
         from maniport.arms import load_arm
-        from maniport.arms.readers import read_arm
+        from maniport.arms.loaders import read_arm
 
         lock = {}
         if self.held:
@@ -129,10 +129,10 @@ class Pair:
         given = {name.replace("_", "-"): value for name, value in vars(self).items()}
         require_none(given, "is for two arms", f"--arm {BOTH} takes both of the person")
 
-    def load(self, robot: str, chain: Chain) -> "Arms":
+    def load(self, robot: str, chain: Chain) -> "ArmGroup":
         """Load the two arms of a robot, or of two robots."""
         from maniport.arms import load_arms
-        from maniport.arms.arms import two_bases
+        from maniport.arms.arm_group import two_bases
 
         instead = f"with --arm {BOTH} there are two: --frames LEFT RIGHT, --base-left and --base-right"
         require_none({"frame": chain.frame, "base": chain.base}, "is that of one arm", instead)

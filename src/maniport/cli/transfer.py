@@ -13,11 +13,11 @@ from maniport.cli.application import RECORDING, Overwrite, Part, Robot, Seed, Sh
 from maniport.cli.motion import Effort, Motion, Table, Workspace, moves
 from maniport.cli.recorded import Recorded, takes_recording, transfers
 from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
-from maniport.defaults import BOTH, DAMPING, EFFORT, ROBOT
 from maniport.errors import InvalidInputError
-from maniport.steps import Progress
 from maniport.report.console import Console
 from maniport.report.metrics import Report
+from maniport.util.defaults import BOTH, DAMPING, EFFORT, ROBOT
+from maniport.util.progress import Progress
 
 LOAD = "load the program"  # Name of the first step
 DEMOS = {
@@ -120,13 +120,13 @@ def place(
     seed: Seed = 0,
 ) -> None:
     """Find the best placements of a path relative to a robot, and list them."""
-    from maniport.atomic_io import require_free
     from maniport.arms import EllipsoidSpec
     from maniport.arms.collisions import Collisions
-    from maniport.files import load_ellipsoids, load_path
-    from maniport.report.metrics import facts_of
     from maniport.motion import place_path
     from maniport.motion.placement.placed_path import DATA_FILES
+    from maniport.report.metrics import facts_of
+    from maniport.util.atomic_io import require_free
+    from maniport.util.files import load_ellipsoids, load_path
 
     require_free(output, DATA_FILES, overwrite)
     leaning, arm = _tilt(tilt), chain.load(robot)
@@ -172,12 +172,12 @@ def track(
     seed: Seed = 0,
 ) -> None:
     """Plan a robot motion whose ellipsoids follow a target profile, and its end effector a target path."""
-    from maniport.atomic_io import require_free
     from maniport.arms import EllipsoidSpec
-    from maniport.files import load_ellipsoids, load_path
     from maniport.pipeline.follow import follow
     from maniport.report.write import EXECUTION_FILES, write_results
-    from maniport.validation import as_times
+    from maniport.util.atomic_io import require_free
+    from maniport.util.files import load_ellipsoids, load_path
+    from maniport.util.validation import as_times
 
     require_free(output, EXECUTION_FILES, overwrite)
     motion.require_exports()
@@ -216,8 +216,8 @@ def at_work(console: Console) -> Iterator[Progress]:
 
 def _require_free(output: Path, overwrite: bool, both: bool = False) -> None:
     """Raise unless the results of a transfer may be written to a folder."""
-    from maniport.atomic_io import require_free
     from maniport.report.write import RUN_FILES, require_free_for_both
+    from maniport.util.atomic_io import require_free
 
     require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
 

@@ -8,8 +8,8 @@ import typer
 
 from maniport.cli import application as cli
 from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
-from maniport.defaults import AUTO, BOTH, PERSON, ROBOT
 from maniport.report.console import Console
+from maniport.util.defaults import AUTO, BOTH, PERSON, ROBOT
 
 STRAIGHT = (0.0, 0.0, 0.0)
 
@@ -39,8 +39,8 @@ def view(
     seed: cli.Seed = 0,
 ) -> None:
     """Play with it in the browser: move the person's arm, and the robot follows. Ctrl-C ends it, with exit code 0."""
-    from maniport.optional import viser
-    from maniport.ports import is_loopback
+    from maniport.util.optional import viser
+    from maniport.util.ports import is_loopback
     from maniport.viewer.prepare import prepare
     from maniport.viewer.server import LiveView, require_free
 

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.evaluation.metrics import as_pair
-from maniport.optional import how_to_install, pyriemann_transfer
 from maniport.spd.kernels import symmetrize
-from maniport.subsample import evenly_spaced
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.rigid_adapter import RigidAdapter, recentre
-from maniport.validation import Array, as_choice
+from maniport.util.optional import how_to_install, pyriemann_transfer
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_choice
 
-RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "recentring", "parallel-transport", "nearest-neighbor"
+RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "mean-transport", "parallel-transport", "nearest-neighbor"
 PROCRUSTES = "procrustes"  # Baselines by their names in `maniport.transfer.METHODS`, but for `Procrustes`
 
 ROWS = (RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first

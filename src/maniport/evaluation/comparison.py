@@ -17,15 +17,15 @@ from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
 from maniport.evaluation.metrics import identity_test, moves, rmse, smoothness, stability, structure
 from maniport.evaluation.verdict import Evaluation, Gaps, Row
 from maniport.feasibility import knowing
+from maniport.motion import SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.cloud import energy_between, log_vectors, mean_distance
 from maniport.spd.mean import mean
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress, Step
-from maniport.subsample import evenly_spaced
-from maniport.motion import StartBank, nearest_feasible
-from maniport.transfer import DomainAdapter, LengthsField, name_of
-from maniport.validation import Array, as_count, as_finite, as_generator, as_points, require_shape
+from maniport.transfer import DomainAdapter, LengthField, name_of
+from maniport.util.progress import Progress, Step
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_count, as_finite, as_generator, as_points, require_shape
 
 GAP_SEARCH = "feasibility gap"
 """The setting that describes the search of the gap; empty where at every ellipsoid of the profile, without a floor."""
@@ -47,7 +47,7 @@ def evaluate(
     name: str | None = None,
     rows: Sequence[str] = ROWS,
     fitted: Mapping[str, DomainAdapter] | None = None,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     n_starts: int = 48,
     n_domain: int = 128,
     n_identity: int = 4096,
@@ -221,7 +221,7 @@ class _Bench:
                 stability=None if self.draws is None else stability(adapter, *self.draws, self.profile, **options),
             )
         texts = tuple(dict.fromkeys(str(warning.message) for warning in caught))
-        failures = adapter.report_.failures() if isinstance(adapter, LengthsField) else ()
+        failures = adapter.report_.failures() if isinstance(adapter, LengthField) else ()
         return replace(row, failures=failures, warnings=texts), np.concatenate(images)
 
     def gaps(self, images: dict[str, Array], own: Regularization, **search: Any) -> dict[str, dict[str, Any]]:

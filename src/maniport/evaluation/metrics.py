@@ -16,11 +16,11 @@ from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
-from maniport.subsample import evenly_spaced
 from maniport.transfer import DomainAdapter
-from maniport.transfer.lengths.report import AXIS_MOVED
+from maniport.transfer.length_field.report import AXIS_MOVED
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.validation import Array, as_count, as_finite, as_points
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_count, as_finite, as_points
 
 STILL = 1e-9  # Largest distance that is put down to rounding: nothing moves there
 

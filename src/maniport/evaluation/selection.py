@@ -11,13 +11,13 @@ from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
 from maniport.evaluation.comparison import evaluate
 from maniport.evaluation.verdict import Evaluation, Row
 from maniport.feasibility import knowing
-from maniport.notebook import ShownInNotebooks
-from maniport.steps import Progress
-from maniport.motion import StartBank
+from maniport.motion import SeedBank
 from maniport.transfer import DomainAdapter, method_of
-from maniport.validation import Array, as_finite, as_positive_semidefinite
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.progress import Progress
+from maniport.util.validation import Array, as_finite, as_positive_semidefinite
 
-FIELD = "lengths-field"
+FIELD = "length-field"
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Choice(ShownInNotebooks):
 
     Attributes
     ----------
-    method : {"lengths-field", "parallel-transport"}
+    method : {"length-field", "parallel-transport"}
     failures : tuple of str
         Why the length field was rejected: the checks that it fails, or why it was not fitted. Empty where it is chosen.
     adapter : DomainAdapter
@@ -52,14 +52,14 @@ def choose(
     robot: Arm,
     person: Arm | None = None,
     spec: EllipsoidSpec = VELOCITY,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **shared: Any,
 ) -> Choice:
     """Choose the length field if it passes its checks on held-out samples of the teacher, else parallel transport.
 
-    The checks and their limits are those of `maniport.transfer.lengths.report.FieldReport.failures`. The choice depends
+    `maniport.transfer.length_field.report.FieldReport.failures` has the checks and their limits. The choice depends
     on the domains and the robot; the profile is used for the comparison with baselines only.
 
     Parameters

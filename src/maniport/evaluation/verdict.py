@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from maniport.errors import unknown_name
 from maniport.evaluation.baselines import LOOKUP, RAW_COPY, TRANSPORT
 from maniport.evaluation.metrics import RMSE, STILL, Smoothness, Stability, Structure
-from maniport.notebook import ShownInNotebooks
 from maniport.transfer import METHODS
-from maniport.transfer.lengths.report import AXIS_MOVED, LEAST_STRUCTURE
-from maniport.validation import Array
+from maniport.transfer.length_field.report import AXIS_MOVED, LEAST_STRUCTURE
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array
 
 WORTH_WHILE = 0.95  # A value must fall below this fraction of another to count as better
 

@@ -17,9 +17,9 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
 from maniport.spd.mean import dispersion, mean
-from maniport.steps import Progress, Step, counted
-from maniport.subsample import evenly_spaced
-from maniport.validation import Array
+from maniport.util.progress import Progress, Step, counted
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
 
 FEWEST = 3  # Fewest demonstrations of which one can be left out
 

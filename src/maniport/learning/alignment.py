@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
-from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
-from maniport.steps import Part, Progress, Step, counted, pieces
-from maniport.validation import Array, as_count, as_finite, as_points, as_times, require_shape
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.progress import Part, Progress, Step, counted, pieces
+from maniport.util.validation import Array, as_count, as_finite, as_points, as_times, require_shape
 
 Path = NDArray[np.intp]
 

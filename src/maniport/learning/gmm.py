@@ -18,8 +18,6 @@ from threadpoolctl import threadpool_limits
 
 from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError
 from maniport.estimator import Estimator
-from maniport.files import load_arrays, save_arrays
-from maniport.notebook import ShownInNotebooks
 from maniport.learning.mixture import (
     Mixture,
     as_inputs,
@@ -29,8 +27,10 @@ from maniport.learning.mixture import (
     posterior_covariance,
     regress,
 )
-from maniport.steps import Progress, Step, pieces
-from maniport.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
+from maniport.util.files import load_arrays, save_arrays
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.progress import Progress, Step, pieces
+from maniport.util.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
 
 FILE_FORMAT = "maniport-profile-1"
 

@@ -15,8 +15,8 @@ from maniport.spd.affine_invariant import whitened_eigh
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply, bounded, compose, congruence, from_vector, roots, to_vector
 from maniport.spd.mean import mean
-from maniport.steps import Part, counted
-from maniport.validation import Array, as_count, as_finite, require_shape
+from maniport.util.progress import Part, counted
+from maniport.util.validation import Array, as_count, as_finite, require_shape
 
 STARVED = 1e-8  # A component that explains less than this many points keeps its mean and covariance
 

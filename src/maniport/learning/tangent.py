@@ -18,7 +18,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import whitened_eigh
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import compose, congruence, roots, to_vector
-from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_number, as_spd, require_broadcast
+from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_number, as_spd, require_broadcast
 
 
 def coordinates(centers: Array, points: Array) -> Array:

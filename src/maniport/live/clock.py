@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from maniport.errors import InvalidInputError
-from maniport.validation import LATEST, as_number
+from maniport.util.validation import LATEST, as_number
 
 COMPUTING_TIME = 0.002
 """Longest computing time of a step that does not shorten the next one [s].

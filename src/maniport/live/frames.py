@@ -7,10 +7,10 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from maniport.mocap.recording import MAX_POSITION
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.input_limits import FRAME_BYTES
-from maniport.validation import LATEST, Array, require_shape
+from maniport.mocap.recording import MAX_POSITION
+from maniport.util.input_limits import FRAME_BYTES
+from maniport.util.validation import LATEST, Array, require_shape
 
 EXAMPLE = '{"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}'
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from maniport.mocap.frame_kernel import frame_terms
-from maniport.jit import kernel, part
 from maniport.motion.kernels import step_within_limits
+from maniport.util.jit import kernel, part
 
 
 @kernel

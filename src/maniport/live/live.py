@@ -11,20 +11,20 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.defaults import DAMPING
-from maniport.mocap import ArmFit
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.live.clock import MotionClock
 from maniport.live.frames import as_frame
 from maniport.live.person import ArmEstimate, Person
 from maniport.live.robot import Robot, best_start
 from maniport.live.state import HOLDING, FollowState, Moment
-from maniport.pipeline import TransferResult
-from maniport.steps import Progress, Step
-from maniport.motion import MotionLimits, PlacedPath, PlanControl
+from maniport.mocap import ArmFit
+from maniport.motion import MotionLimits, Placement, PlanControl
 from maniport.motion.plan.plan_control import require_free
+from maniport.pipeline import TransferResult
 from maniport.transfer import DomainAdapter
-from maniport.validation import LATEST, Array, as_count, as_number, require_shape
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress, Step
+from maniport.util.validation import LATEST, Array, as_count, as_number, require_shape
 
 CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
 Target = tuple[Array, Array | None]  # Ellipsoid (d, d) and position of the end effector (3,) [m]
@@ -49,7 +49,7 @@ class Live:
     adapter : DomainAdapter
         Fitted.
     robot : Arm
-    path : PlacedPath, optional
+    path : Placement, optional
         Placement of the hand's path before the robot, of `maniport.motion.place_path` or of a result. Without it the
         robot follows the ellipsoids alone.
     spec : EllipsoidSpec
@@ -93,7 +93,7 @@ class Live:
         adapter: DomainAdapter,
         robot: Arm,
         *,
-        path: PlacedPath | None = None,
+        path: Placement | None = None,
         spec: EllipsoidSpec = VELOCITY,
         motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None,
         collisions: Collisions | bool = True,
@@ -314,5 +314,5 @@ def _require_types(person: Any, adapter: Any, robot: Any, spec: Any, path: Any) 
     for value, (name, kind) in zip((person, adapter, robot, spec), types.items(), strict=True):
         if not isinstance(value, kind):
             raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
-    if path is not None and not isinstance(path, PlacedPath):
-        raise InvalidInputError(f"path must be a PlacedPath or None; found {type(path).__name__}")
+    if path is not None and not isinstance(path, Placement):
+        raise InvalidInputError(f"path must be a Placement or None; found {type(path).__name__}")

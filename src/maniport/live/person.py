@@ -16,8 +16,9 @@ import numpy as np
 from maniport.arms import EllipsoidSpec
 from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import manipulability, squared
+from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.mocap import ArmFit
-from maniport.mocap.arm_fit import held_by
+from maniport.mocap.arm_ik import held_by
 from maniport.mocap.cleaning import LEAST_LEAP
 from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions
@@ -26,8 +27,7 @@ from maniport.mocap.jumps import FASTEST_JOINT
 from maniport.mocap.observation import vectors_of
 from maniport.mocap.path_solver import LEAST_GAIN
 from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
-from maniport.live.kernels import follow, search, trunk_directions, updated
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 MAX_SPEED = math.radians(FASTEST_JOINT)  # Of a person's joints [rad/s]
 PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2  # Information on each joint that is there without any measurement

@@ -7,15 +7,15 @@ import numpy as np
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
 from maniport.arms.manipulability import squared
-from maniport.spd.affine_invariant import distance_unchecked
-from maniport.motion import MotionLimits, Objective, StartBank
+from maniport.motion import MotionLimits, Objective, SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.follow.follower import Follower, Stepper
 from maniport.motion.limits import RememberingLimit, UnevenLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.motion.schedule import Schedule
 from maniport.motion.search.descent import descend
-from maniport.validation import Array
+from maniport.spd.affine_invariant import distance_unchecked
+from maniport.util.validation import Array
 
 COLLISION_TIME = 0.1  # The clearance is used up with this time constant, or slower [s]
 # This share of the acceleration that the slowest joint gives a stretched arm's end effector brakes it before its target
@@ -47,7 +47,7 @@ class Robot:
         d, spec = spec.size, limits.arm.resolved(spec)
         self._rows, self._weights = spec.rows, None if spec.joint_weights is None else spec.weights(limits.arm.dof)
         self._damping = objective.damped(np.zeros((d, d)))
-        self._reference = None if reference is None else StartBank(limits.arm, reference, objective.damping, spec)
+        self._reference = None if reference is None else SeedBank(limits.arm, reference, objective.damping, spec)
         self._targets = Schedule(
             np.zeros(1),
             np.eye(d)[None],
@@ -149,7 +149,7 @@ def best_start(
     starts: int = 48,
 ) -> Array:
     """The collision-free configuration (dof,) found that suits an ellipsoid (d, d) and a position of the tip best."""
-    bank = StartBank.build(arm, samples, random_state, spec=spec, collisions=collisions)
+    bank = SeedBank.build(arm, samples, random_state, spec=spec, collisions=collisions)
     objective = Objective.of(arm, spec, damping, positive=True)
     positions = None if tip is None else np.tile(tip, (starts, 1))
     targets = objective.targets(np.repeat(ellipsoid[None], starts, axis=0), positions)

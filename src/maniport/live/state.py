@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 REACHING = "reaching"
 FOLLOWING = "following"

@@ -7,9 +7,9 @@ from contextlib import suppress
 from typing import Any, BinaryIO, NamedTuple
 
 from maniport.errors import InvalidInputError, OutputError
-from maniport.input_limits import FRAME_BYTES
-from maniport.ports import LAST_PORT, LOOPBACK, bound
-from maniport.validation import as_count
+from maniport.util.input_limits import FRAME_BYTES
+from maniport.util.ports import LAST_PORT, LOOPBACK, bound
+from maniport.util.validation import as_count
 
 
 class Line(NamedTuple):

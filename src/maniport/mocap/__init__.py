@@ -1,7 +1,7 @@
 """From a recording of a person to the joint angles of an arm."""
 
-from maniport.mocap.arm_fit import fit_arm
-from maniport.mocap.arm_fit_result import ArmFit
+from maniport.mocap.arm_ik import fit_arm
+from maniport.mocap.arm_ik_result import ArmFit
 from maniport.mocap.both_arms import ArmFits, fit_arms
 from maniport.mocap.marker_sets import DIALECTS
 from maniport.mocap.readers import READERS, read_recording, shipped_recording

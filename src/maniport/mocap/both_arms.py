@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.chain import LEFT, RIGHT, SIDES
-from maniport.defaults import AUTO, KEEP
-from maniport.mocap.arm_fit import fitted, require_person
-from maniport.mocap.arm_fit_result import ArmFit
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, spoken
+from maniport.mocap.arm_ik import fitted, require_person
+from maniport.mocap.arm_ik_result import ArmFit
 from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.observation import Observation, observe
 from maniport.mocap.recording import LONGEST_GAP, Recording
 from maniport.mocap.roles import assign_roles, role_position
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, spoken
-from maniport.notebook import ShownInNotebooks
-from maniport.steps import Progress, Step
-from maniport.validation import Array, as_number
+from maniport.util.defaults import AUTO, KEEP
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.progress import Progress, Step
+from maniport.util.validation import Array, as_number
 
 EACH = LEFT, RIGHT  # The order of a pair everywhere
 

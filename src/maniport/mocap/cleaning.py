@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
 from maniport.mocap.roles import role_position
-from maniport.errors import InvalidInputError, RecordingError
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 LEAST_LEAP = 0.1  # Least displacement of a point that is taken for lost for a moment [m]
 

@@ -7,11 +7,11 @@ import numpy as np
 from maniport.arms import PERSONS, Arm
 from maniport.arms.chain import LEFT, RIGHT
 from maniport.arms.human import JOINTS
-from maniport.mocap.arm_fit_result import ArmFit, about_axis
+from maniport.errors import argument
+from maniport.mocap.arm_ik_result import ArmFit, about_axis
 from maniport.mocap.directions import AROUND, DEVIATION, ELBOW, FLEXION, TURN, Directions
 from maniport.mocap.path_solver import BLOCK, parts_of
-from maniport.errors import argument
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)
 """Assumed error of a direction of weight one [rad]; directions of less weight have more of it."""

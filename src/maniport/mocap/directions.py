@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.attached import Attached, axis_of
 from maniport.arms.human import JOINTS
-from maniport.mocap.path_solver import BLOCK, parts_of
 from maniport.errors import InvalidInputError
-from maniport.validation import Array
+from maniport.mocap.path_solver import BLOCK, parts_of
+from maniport.util.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
 """Frames of the arm between which each segment runs; the roles of the recording have the same names."""

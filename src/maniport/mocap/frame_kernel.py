@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.jit import kernel, part
+from maniport.util.jit import kernel, part
 
 
 @kernel

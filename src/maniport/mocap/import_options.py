@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.chain import SIDES
+from maniport.errors import FileFormatError, InvalidInputError, argument, as_text
 from maniport.mocap.cleaning import in_order, without_zeros
 from maniport.mocap.marker_sets import find_legs, find_roles, whole_bodies
 from maniport.mocap.recording import MAX_POSITION, UP_AXES, Recording
-from maniport.errors import FileFormatError, InvalidInputError, argument, as_text
-from maniport.input_limits import FRAMES, PLACES, POINTS, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import FRAMES, PLACES, POINTS, require_at_most
+from maniport.util.validation import Array
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from maniport.mocap.directions import Directions
 from maniport.mocap.path_solver import parts_of, solve_each
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …

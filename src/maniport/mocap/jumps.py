@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from maniport.defaults import KEEP
-from maniport.mocap.recording import runs_of, when
 from maniport.errors import argument
-from maniport.validation import Array
+from maniport.mocap.recording import runs_of, when
+from maniport.util.defaults import KEEP
+from maniport.util.validation import Array
 
 LEAPS = KEEP, "smooth", "split"
 """Values of the option `leaps`: keep the jumps, interpolate over them, use the longest part between two of them."""

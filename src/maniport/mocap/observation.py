@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm
 from maniport.arms.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
+from maniport.errors import RecordingError
 from maniport.mocap.cleaning import repaired
 from maniport.mocap.directions import AXES, MARKED, SEGMENTS, Directions
 from maniport.mocap.marker_sets import DIRECTIONS
@@ -23,8 +24,7 @@ from maniport.mocap.roles import (
     unit,
 )
 from maniport.mocap.smoothing import smoothed
-from maniport.errors import RecordingError
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 

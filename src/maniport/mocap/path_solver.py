@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from maniport.mocap.recording import Bools
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 Residual = Callable[[Array], tuple[Array, Array]]
 

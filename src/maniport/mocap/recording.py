@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator
 
 from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
-from maniport.files import save_arrays
-from maniport.input_limits import PLACES
-from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_choice, as_number, as_times, require_shape
+from maniport.util.files import save_arrays
+from maniport.util.input_limits import PLACES
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array, as_choice, as_number, as_times, require_shape
 
 Bools = NDArray[np.bool_]
 

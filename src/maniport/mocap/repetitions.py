@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks, peak_widths
 
-from maniport.mocap.arm_fit_result import ArmFit
-from maniport.validation import Array
+from maniport.mocap.arm_ik_result import ArmFit
+from maniport.util.validation import Array
 
 
 def repetitions(

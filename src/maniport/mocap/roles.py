@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.chain import LEFT, RIGHT, SIDES
-from maniport.defaults import AUTO
+from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
 from maniport.mocap.marker_sets import (
     ARM,
     DIALECTS,
@@ -19,8 +19,8 @@ from maniport.mocap.marker_sets import (
     ways,
 )
 from maniport.mocap.recording import Recording
-from maniport.errors import InvalidInputError, RecordingError, argument, nearest_first, spoken, unknown_name
-from maniport.validation import Array, as_choice
+from maniport.util.defaults import AUTO
+from maniport.util.validation import Array, as_choice
 
 SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 

@@ -16,10 +16,10 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 from scipy.special import comb
 
-from maniport.defaults import AUTO
-from maniport.mocap.recording import Recording, runs_of
 from maniport.errors import InvalidInputError, argument, spoken
-from maniport.validation import Array, as_choice, as_number
+from maniport.mocap.recording import Recording, runs_of
+from maniport.util.defaults import AUTO
+from maniport.util.validation import Array, as_choice, as_number
 
 LARGE_NOISE = 0.004
 """Noise of a point in one direction from which it is smoothed [m]. Optical systems have 0.0001 to 0.001, skeletons of

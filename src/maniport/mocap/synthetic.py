@@ -8,7 +8,7 @@ from maniport.arms.chain import RIGHT
 from maniport.arms.human import middle_of
 from maniport.mocap.directions import ELBOW, FLEXION, MARKED, TURN, require_human
 from maniport.mocap.recording import Recording
-from maniport.validation import Array, as_finite, as_times, require_shape
+from maniport.util.validation import Array, as_finite, as_times, require_shape
 
 HALF_WIDTH = 0.03  # Distance of the points beside elbow and wrist from the middle of the joint [m]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from maniport.motion.objective import Objective
 from maniport.motion.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
 from maniport.motion.search.projector import FeasibleProjector, FeasibleSearch
-from maniport.motion.search.start_bank import StartBank
+from maniport.motion.search.seed_bank import SeedBank
 
 if TYPE_CHECKING:
     from maniport.motion.arm_model import robot_model
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from maniport.motion.follow.tracker import track
     from maniport.motion.limits import BrakingLimit, CollisionLimit
     from maniport.motion.motion_limits import LimitUse, MotionLimits
-    from maniport.motion.placement.placed_path import Place, PlacedPath
+    from maniport.motion.placement.placed_path import Place, Placement
     from maniport.motion.placement.placement import place_path, place_paths
     from maniport.motion.plan.home_motion import with_approach
     from maniport.motion.plan.plan_control import PlanControl
@@ -46,7 +46,7 @@ _LAZY = {
     "follow.tracker": ("track",),
     "limits": ("BrakingLimit", "CollisionLimit"),
     "motion_limits": ("LimitUse", "MotionLimits"),
-    "placement.placed_path": ("Place", "PlacedPath"),
+    "placement.placed_path": ("Place", "Placement"),
     "placement.placement": ("place_path", "place_paths"),
     "plan.home_motion": ("with_approach",),
     "plan.plan_control": ("PlanControl",),
@@ -75,13 +75,13 @@ __all__ = [
     "Objective",
     "OrientationTask",
     "Place",
-    "PlacedPath",
+    "Placement",
     "PlanControl",
     "PlannedArms",
     "PlannedMotion",
     "Planner",
     "PositionTask",
-    "StartBank",
+    "SeedBank",
     "Timed",
     "TrackResult",
     "TrackedArms",

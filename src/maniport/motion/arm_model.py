@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from maniport.arms import VELOCITY, Arm, Arms, EllipsoidSpec
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.chain import LEFT, PRISMATIC, RIGHT, Joint
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 LEAST_JOINTS = 3
 ONE_TURN_OR_SLIDE = {
@@ -19,7 +19,7 @@ ONE_TURN_OR_SLIDE = {
 }
 
 
-def robot_model(arm: Arm | Arms) -> pin.Model:
+def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     """Make a Pinocchio model of an arm, or one of two arms.
 
     Its configuration vector and limits are those of the arm; velocity limits are infinite where none is known. Frames
@@ -28,7 +28,7 @@ def robot_model(arm: Arm | Arms) -> pin.Model:
 
     Parameters
     ----------
-    arm : Arm or Arms
+    arm : Arm or ArmGroup
 
     Returns
     -------
@@ -49,7 +49,7 @@ def robot_model(arm: Arm | Arms) -> pin.Model:
     """
     model = pin.Model()
     model.name = arm.name
-    if isinstance(arm, Arms):
+    if isinstance(arm, ArmGroup):
         left, right = prefixes(arm)
         trunk = _grown(model, arm.left, left)[: arm.trunk + 1]
         _grown(model, arm.right, right, trunk)
@@ -86,13 +86,13 @@ def _grown(model: pin.Model, arm: Arm, prefix: str = "", trunk: Sequence[Place] 
     return parents
 
 
-def prefixes(arms: Arms) -> tuple[str, str]:
+def prefixes(arms: ArmGroup) -> tuple[str, str]:
     """What names of each arm's joints and frames begin with in the pair: nothing where all are different."""
     same = arms.joint_names[0] != arms.left.joint_names[0] or arms.left.frame == arms.right.frame
     return (f"{LEFT}_", f"{RIGHT}_") if same else ("", "")
 
 
-def tip_frames(arm: Arm | Arms) -> tuple[str, ...]:
+def tip_frames(arm: Arm | ArmGroup) -> tuple[str, ...]:
     """Names of the tips in `robot_model`."""
     if isinstance(arm, Arm):
         return (arm.frame,)

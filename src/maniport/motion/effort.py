@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from maniport.defaults import BATCH_EFFORT, EFFORT
-from maniport.validation import as_choice
+from maniport.util.defaults import BATCH_EFFORT, EFFORT
+from maniport.util.validation import as_choice
 
 
 @dataclass(frozen=True)

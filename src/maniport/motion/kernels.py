@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from maniport.jit import kernel, part
 from maniport.spd.kernels.loops import diagonalize_one
+from maniport.util.jit import kernel, part
 
 SINGULAR = 1e-14  # Smallest ratio of eigenvalues of an ellipsoid that is not taken for rounding
 

@@ -7,9 +7,9 @@ from pink.limits import Limit
 
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.jit import kernel, part
 from maniport.motion.motion_limits import MotionLimits
-from maniport.validation import Array, as_number
+from maniport.util.jit import kernel, part
+from maniport.util.validation import Array, as_number
 
 
 class BrakingLimit(Limit):  # type: ignore[misc]  # Pink is untyped

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms import Arm, Arms
-from maniport.defaults import MARGIN
+from maniport.arms import Arm, ArmGroup
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.files import read_settings, require_mapping
 from maniport.motion.schedule import require_rows
-from maniport.validation import Array, Bounds, as_finite, as_number, as_times
+from maniport.util.defaults import MARGIN
+from maniport.util.files import read_settings, require_mapping
+from maniport.util.validation import Array, Bounds, as_finite, as_number, as_times
 
 PANDA = {
     "panda_joint1": {"acceleration": 15.0, "jerk": 7500.0},
@@ -37,7 +37,7 @@ class MotionLimits:
 
     Attributes
     ----------
-    arm : Arm or Arms
+    arm : Arm or ArmGroup
         The arm, or the pair of them, with narrowed position limits, which include the margin.
     velocity, acceleration, jerk : ndarray, shape (dof,)
         Largest magnitudes, positive and finite [rad or m, per second, second² and second³].
@@ -57,13 +57,16 @@ class MotionLimits:
 
     @classmethod
     def of(
-        cls, arm: Arm | Arms, given: str | os.PathLike[str] | Mapping[str, Any] | None = None, margin: float = MARGIN
+        cls,
+        arm: Arm | ArmGroup,
+        given: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        margin: float = MARGIN,
     ) -> "MotionLimits":
         """Take limits from the argument, else from the maker, else from the arm's description, else from defaults.
 
         Parameters
         ----------
-        arm : Arm or Arms
+        arm : Arm or ArmGroup
         given : path, mapping or None
             A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
             ``default: {velocity:, acceleration:, jerk:}`` for the other joints, all of it optional. The Panda's
@@ -192,7 +195,7 @@ class LimitUse:
 _KEYS = ("joints", "default")
 
 
-def _checked(content: Any, arm: Arm | Arms, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Numbers for joints by name, and for those that are not named."""
     content = require_mapping(dict(content) if isinstance(content, Mapping) else content, _KEYS, where)
     default = _numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
@@ -219,23 +222,23 @@ def _numbers(content: Any, keys: tuple[str, ...], where: str) -> dict[str, float
     }
 
 
-def _own_names(arm: Arm | Arms) -> list[str]:
+def _own_names(arm: Arm | ArmGroup) -> list[str]:
     """What the joints are called in the descriptions of their robots."""
     names = list(arm.joint_names)
-    for one, columns in zip(arm.each, arm.columns, strict=True) if isinstance(arm, Arms) else ():
+    for one, columns in zip(arm.each, arm.columns, strict=True) if isinstance(arm, ArmGroup) else ():
         for column, name in zip(columns, one.joint_names, strict=True):
             names[column] = name
     return names
 
 
-def _unlimited(arm: Arm | Arms) -> list[str]:
+def _unlimited(arm: Arm | ArmGroup) -> list[str]:
     """Names of the joints whose position the description does not limit."""
-    free = {name for one in (arm.each if isinstance(arm, Arms) else (arm,)) for name in one.chain.unlimited}
+    free = {name for one in (arm.each if isinstance(arm, ArmGroup) else (arm,)) for name in one.chain.unlimited}
     return [name for name, own in zip(arm.joint_names, _own_names(arm), strict=True) if own in free]
 
 
 def _look_up(
-    arm: Arm | Arms,
+    arm: Arm | ArmGroup,
     quantity: str,
     joints: dict[str, dict[str, float]],
     default: dict[str, float],

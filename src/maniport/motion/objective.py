@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
+from maniport.motion.kernels import add_log_residual, add_residual, log_slopes
 from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
-from maniport.motion.kernels import add_log_residual, add_residual, log_slopes
-from maniport.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
+from maniport.util.defaults import DAMPING
+from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
 
 Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 

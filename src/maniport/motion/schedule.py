@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from maniport.arms.joint_space import JointSpace
 from maniport.errors import InvalidInputError
+from maniport.motion.objective import Objective, Targets
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
-from maniport.motion.objective import Objective, Targets
-from maniport.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
+from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 MOST_SAMPLES = 3_000_000  # Of a motion, at its control rate
 

@@ -10,24 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.arms import VELOCITY, Arms, EllipsoidSpec, load_arms
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.mocap import Recording, fit_arms
+from maniport.arms import VELOCITY, ArmGroup, EllipsoidSpec, load_arms
 from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning
-from maniport.pipeline.both_result import BothResult
-from maniport.pipeline.execution import Execution, placed_rows
-from maniport.pipeline.follow import controls
-from maniport.pipeline.job import checked
-from maniport.pipeline.parts import Adapted, KnownRobot, Shown
-from maniport.pipeline.turns import turned_freely, turned_tips
-from maniport.pipeline.work import FREE, Job, warned
-from maniport.spd.regularization import Regularization
-from maniport.steps import Progress, untold
+from maniport.mocap import Recording, fit_arms
 from maniport.motion import (
     ArmsPlanner,
     MotionLimits,
-    PlacedPath,
+    Placement,
     PlanControl,
     PlannedArms,
     PlannedMotion,
@@ -41,9 +31,19 @@ from maniport.motion.both.together import PLACED, RELATIVE
 from maniport.motion.effort import as_effort
 from maniport.motion.objective import Damping
 from maniport.motion.search.pointwise import interpolated_distance
+from maniport.pipeline.both_result import BothResult
+from maniport.pipeline.execution import Execution, placed_rows
+from maniport.pipeline.follow import controls
+from maniport.pipeline.job import checked
+from maniport.pipeline.parts import Adapted, KnownRobot, Shown
+from maniport.pipeline.turns import turned_freely, turned_tips
+from maniport.pipeline.work import FREE, Job, warned
+from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
-from maniport.validation import Array, as_choice
+from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.progress import Progress, untold
+from maniport.util.validation import Array, as_choice
 
 KNOW = "get to know the robot"
 TURNED_APART = 5.0  # Where two adapters turn ellipsoids by more than this apart, that is told [degrees]
@@ -88,7 +88,7 @@ def transfer_both(
     person, markers, height, smooth, leaps : optional
         As in `fit_arms`.
     robot, frames, bases, lock : optional
-        `Arms`, or what `maniport.load_arms` takes.
+        `ArmGroup`, or what `maniport.load_arms` takes.
     method, spec, mounting, damping, floor, n_teacher, n_student, move, orientation, random_state, progress : optional
         As in `transfer_recording`, for each arm; the mounting is from the trunk frame to that of the pair.
     tips : {"placed", "relative"}
@@ -127,11 +127,11 @@ def transfer_both(
     return replace(found, warnings=said)
 
 
-def _pair(robot: Any, frames: Any, bases: Any, lock: Mapping[str, float] | None) -> Arms:
+def _pair(robot: Any, frames: Any, bases: Any, lock: Mapping[str, float] | None) -> ArmGroup:
     """The arms that are meant."""
-    if isinstance(robot, Arms):
+    if isinstance(robot, ArmGroup):
         if any(given is not None for given in (frames, bases, lock)):
-            raise InvalidInputError("frames, bases and lock are for robots that are loaded; found them beside Arms")
+            raise InvalidInputError("frames, bases and lock are for robots that are loaded; found them beside ArmGroup")
         return robot
     if robot is None:
         raise InvalidInputError("robot must be a pair of arms, or what maniport.load_arms takes; found none")
@@ -142,7 +142,7 @@ def _pair(robot: Any, frames: Any, bases: Any, lock: Mapping[str, float] | None)
 class BothJob:
     """What was asked for, checked; `run` reads as the data flows."""
 
-    arms: Arms
+    arms: ArmGroup
     each: tuple[Job, Job]  # What is done for each arm by itself, which does not move alone
     spec: EllipsoidSpec  # Which ellipsoids of both, weights for all joints
     whose: Mapping[str, Any]  # What `fit_arms` is told of the person
@@ -245,7 +245,7 @@ class BothJob:
         ]
         return planned, executions
 
-    def turned(self, shown: Sequence[Shown], placed: Sequence[PlacedPath]) -> list[Array] | None:
+    def turned(self, shown: Sequence[Shown], placed: Sequence[Placement]) -> list[Array] | None:
         """How the tips shall be turned, where that counts."""
         assert self.control is not None
         each = [job.turned(one.fit) for job, one in zip(self.each, shown, strict=True)]

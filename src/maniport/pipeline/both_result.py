@@ -4,12 +4,12 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from maniport.atomic_io import folder_written_whole
-from maniport.arms import Arms
+from maniport.arms import ArmGroup
 from maniport.mocap import ArmFits, Recording
+from maniport.motion import PlannedArms
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
-from maniport.motion import PlannedArms
+from maniport.util.atomic_io import folder_written_whole
 
 FOLDERS = "left", "right"  # Where the data of each arm are, as of a run of one
 DATA_FILES = (*FOLDERS, *JOINT_FILES)  # What `BothResult.save` writes
@@ -23,7 +23,7 @@ class BothResult(SavedResult):
     ----------
     fits : ArmFits
         Both arms of the person, in the same frames.
-    robot : Arms
+    robot : ArmGroup
     left, right : TransferResult
         What became of each arm: its ellipsoids, adapter, evaluation, and its part of the motion.
     motion : PlannedArms or None
@@ -35,7 +35,7 @@ class BothResult(SavedResult):
     data_files = DATA_FILES
 
     fits: ArmFits
-    robot: Arms
+    robot: ArmGroup
     left: TransferResult
     right: TransferResult
     motion: PlannedArms | None

@@ -10,16 +10,16 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.atomic_io import folder_written_whole
 from maniport.arms import Arm
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.carried import lowest_points
-from maniport.files import save_ellipsoids, save_path
-from maniport.notebook import ShownInNotebooks
-from maniport.motion import PlacedPath, PlannedMotion, TrackResult
+from maniport.motion import Placement, PlannedMotion, TrackResult
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.motion.plan.planned_motion import Room
-from maniport.validation import Array
+from maniport.util.atomic_io import folder_written_whole
+from maniport.util.files import save_ellipsoids, save_path
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
 DATA_FILES = (*PLACED_FILES, *JOINT_FILES)  # The files that `Execution.save` writes
@@ -53,7 +53,7 @@ class Execution(SavedResult):
     data_files = DATA_FILES
 
     robot: Arm
-    placement: PlacedPath | None  # Where the hand path was placed
+    placement: Placement | None  # Where the hand path was placed
     plan: PlannedMotion  # The motion as it was planned and timed
     motion: TrackResult  # The joint trajectory and what it achieves: the plan, or what a tracker makes of it
     room: Room  # How near the motion comes to a collision

@@ -8,14 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.pipeline.execution import Execution, placed_rows
-from maniport.pipeline.turns import turned_freely, turned_tips
-from maniport.steps import Progress
 from maniport.motion import (
     Control,
-    PlacedPath,
+    Placement,
     PlanControl,
     Planner,
     TrackResult,
@@ -28,7 +24,11 @@ from maniport.motion.effort import as_effort
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.planned_motion import Room
 from maniport.motion.search.pointwise import interpolated_distance
-from maniport.validation import Array, as_finite, as_generator, as_times
+from maniport.pipeline.execution import Execution, placed_rows
+from maniport.pipeline.turns import turned_freely, turned_tips
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress
+from maniport.util.validation import Array, as_finite, as_generator, as_times
 
 
 def follow(
@@ -60,7 +60,7 @@ def follow(
     same: dict[str, Any] = {"spec": spec, "damping": regularization, "progress": progress}
     seed = random_state if isinstance(random_state, int) else None
 
-    def placed(reaching: bool) -> tuple[PlacedPath, Array]:
+    def placed(reaching: bool) -> tuple[Placement, Array]:
         """Place the path, judged by some of its points, and the node floor there, at all points (n,)."""
         assert path is not None
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
@@ -72,7 +72,7 @@ def follow(
         )  # fmt: skip
         return placement, interpolated_distance(rows, placement.distance, len(points))
 
-    def moved(placement: PlacedPath | None, floor: Array | None) -> Execution:
+    def moved(placement: Placement | None, floor: Array | None) -> Execution:
         """Plan a motion, at the place of the path where it has one, and track it where that is asked for."""
         arm, target, tips, turned, free = planner.limits.arm, profile, path, rotations, None
         if placement is not None:

@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
-from maniport.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.mocap import Recording
-from maniport.mocap.arm_fit import require_person
+from maniport.mocap.arm_ik import require_person
+from maniport.motion import PlanControl
 from maniport.pipeline.follow import controls
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import TransferResult
 from maniport.pipeline.turns import facing
 from maniport.pipeline.work import DEMONSTRATED, FREE, Job
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress, untold
-from maniport.motion import PlanControl
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.validation import as_choice, as_count, as_rotation
+from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.progress import Progress, untold
+from maniport.util.validation import as_choice, as_count, as_rotation
 
 ORIENTATIONS = FREE, DEMONSTRATED, "constant"  # How the robot's tip may be turned
 
@@ -80,8 +80,8 @@ def transfer_recording(
     random_state, progress : optional
         Seed of everything that is drawn; called with the name of a step and the fraction done.
     **control
-        How the robot's motion is planned, such as tip_tolerance, tempo or home, and, with options of the tracker, such
-        as tasks and limits of one's own, followed step by step. See `maniport.pipeline.follow.follow`.
+        Options of the planner, such as position_tolerance, tempo or home, or of the tracker, such as tasks and limits
+        of one's own. See `maniport.pipeline.follow.follow`.
 
     Raises
     ------

@@ -12,19 +12,19 @@ from scipy.interpolate import make_smoothing_spline
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import human_arm
-from maniport.defaults import AUTO, DAMPING, KEEP, PERSON
-from maniport.mocap import Recording, fit_arm, read_recording
-from maniport.mocap.arm_fit import require_person
-from maniport.mocap.repetitions import repetitions
 from maniport.errors import InvalidInputError, argument
-from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.learning import Alignment, ProfileGMM, align
 from maniport.learning.agreement import agreement
 from maniport.learning.mixture import points_each
+from maniport.mocap import Recording, fit_arm, read_recording
+from maniport.mocap.arm_ik import require_person
+from maniport.mocap.repetitions import repetitions
+from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress, Step, counted
-from maniport.subsample import evenly_spaced
-from maniport.validation import Array, as_choice, as_count, as_numbers
+from maniport.util.defaults import AUTO, DAMPING, KEEP, PERSON
+from maniport.util.progress import Progress, Step, counted
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_choice, as_count, as_numbers
 
 FEWEST = 10  # A demonstration has at least so many frames
 

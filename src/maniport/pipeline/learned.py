@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from maniport.arms import Arm, EllipsoidSpec
-from maniport.mocap import ArmFit, Recording
-from maniport.files import save_arrays, save_ellipsoids, save_path
-from maniport.pipeline.execution import SavedResult
 from maniport.learning import Alignment, ProfileGMM
 from maniport.learning.agreement import Agreement
+from maniport.mocap import ArmFit, Recording
+from maniport.pipeline.execution import SavedResult
 from maniport.spd.regularization import Regularization
-from maniport.validation import Array
+from maniport.util.files import save_arrays, save_ellipsoids, save_path
+from maniport.util.validation import Array
 
 DATA_FILES = ("profile.npz", "path.npz", "model.npz", "demonstrations.npz")
 """The files that `LearnedProfile.save` writes."""

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maniport.mocap import ArmFit, Recording
 from maniport.evaluation import Choice
-from maniport.subsample import evenly_spaced
+from maniport.mocap import ArmFit, Recording
 from maniport.motion import Planner
 from maniport.transfer import DomainAdapter
-from maniport.validation import Array
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
 
 Fitted = tuple[DomainAdapter, tuple[str, ...]]  # A fitted adapter, and what its fit warned of
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from maniport.arms import Arm, EllipsoidSpec
-from maniport.mocap import ArmFit, Recording
 from maniport.evaluation import Choice, Evaluation
-from maniport.files import save_ellipsoids
+from maniport.mocap import ArmFit, Recording
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES
 from maniport.pipeline.execution import Execution, SavedResult
 from maniport.transfer import DomainAdapter
-from maniport.validation import Array
+from maniport.util.files import save_ellipsoids
+from maniport.util.validation import Array
 
 DATA_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *MOTION_FILES)
 """The files that `TransferResult.save` writes."""

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.steps import Progress
-from maniport.motion import PlacedPath
+from maniport.motion import Placement
 from maniport.motion.objective import POINTING
-from maniport.validation import Array, as_finite, as_numbers
+from maniport.util.progress import Progress
+from maniport.util.validation import Array, as_finite, as_numbers
 
 
 def turned_freely(progress: Progress | None) -> Progress | None:
@@ -18,7 +18,7 @@ def turned_freely(progress: Progress | None) -> Progress | None:
 
 
 def turned_tips(
-    rotations: ArrayLike | None, direction: ArrayLike | None, placement: PlacedPath | None, count: int, keep: str
+    rotations: ArrayLike | None, direction: ArrayLike | None, placement: Placement | None, count: int, keep: str
 ) -> Array:
     """How the tip shall be turned in the base frame, shape (n, 3, 3)."""
     if direction is None:

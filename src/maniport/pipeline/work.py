@@ -14,29 +14,29 @@ from threadpoolctl import threadpool_limits
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.human import hand_rotations
-from maniport.defaults import DAMPING
-from maniport.mocap import ArmFit, Recording, fit_arm, read_recording
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Choice, Evaluation, choose, evaluate
 from maniport.feasibility import knowing
+from maniport.mocap import ArmFit, Recording, fit_arm, read_recording
+from maniport.motion import PlanControl, Planner, SeedBank
+from maniport.motion.arm_model import why_not_trackable
+from maniport.motion.objective import Damping
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.follow import controls, follow
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.parts import FEWEST, Adapted, Fitted, KnownRobot, Shown
 from maniport.pipeline.result import TransferResult
-from maniport.steps import Progress
-from maniport.motion import PlanControl, Planner, StartBank
-from maniport.motion.arm_model import why_not_trackable
-from maniport.motion.objective import Damping
-from maniport.transfer import DomainAdapter, LengthsField, name_of
-from maniport.validation import Array
+from maniport.transfer import DomainAdapter, LengthField, name_of
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress
+from maniport.util.validation import Array
 
 T = TypeVar("T")
 
 FREE, DEMONSTRATED = "free", "demonstrated"  # Two ways in which the robot's tip may be turned
 
-BESIDE = ("raw-copy", "recentring", "parallel-transport")  # What the chosen method is compared with
+BESIDE = ("raw-copy", "mean-transport", "parallel-transport")  # What the chosen method is compared with
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class Job:
         self.tell("get to know the robot", 1.0, f"{len(planner.atlas)} postures")
         return planner
 
-    def bank(self, planner: Planner | None) -> StartBank | None:
+    def bank(self, planner: Planner | None) -> SeedBank | None:
         """The planner's samples of the robot where they are of these ellipsoids."""
         return planner.bank if planner is not None and self.spec.kind == "velocity" else None
 
@@ -206,7 +206,7 @@ class Job:
         self.tell("fit the adapter", 0.0)
         adapter = knowing(self.adapter, self.robot, self.spec, bank, self.seed)
         adapter.fit(teacher, known.domain)
-        if isinstance(adapter, LengthsField) and (failures := adapter.report_.failures()):
+        if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
             text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
             warnings.warn(text, ManiportWarning, stacklevel=2)
         self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")

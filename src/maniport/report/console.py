@@ -16,9 +16,9 @@ from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
-from maniport.steps import Progress
 from maniport.report.metrics import Report
 from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+from maniport.util.progress import Progress
 
 DONE = "✓ "
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import argument
-from maniport.pipeline.learned import LearnedProfile
 from maniport.learning.agreement import Agreement
 from maniport.learning.mixture import points_each
+from maniport.pipeline.learned import LearnedProfile
 from maniport.report.metrics import (
     Metric,
     Report,

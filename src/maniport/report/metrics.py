@@ -19,11 +19,11 @@ from maniport.errors import InvalidInputError
 INFO, NOTE, WARNING = "info", "note", "warning"
 
 MODULES = {
-    "bodies": "robot",
-    "demonstrations": "recording",
+    "arms": "robot",
+    "mocap": "recording",
     "transfer": "transfer",
     "evaluation": "transfer",
-    "tracking": "motion",
+    "motion": "motion",
     "pipeline": "runs learning",
 }
 """Modules here that describe the classes of a package; they are imported when they are needed."""

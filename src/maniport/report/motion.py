@@ -7,6 +7,10 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.collisions import Collisions
+from maniport.motion import TrackResult
+from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
+from maniport.motion.plan.planned_motion import PlannedMotion, Room, over_floor
+from maniport.motion.plan.planner import FAR
 from maniport.report.metrics import (
     Metric,
     Report,
@@ -20,11 +24,7 @@ from maniport.report.metrics import (
     warning,
 )
 from maniport.report.robot import assumed_limits, missing_meshes, unchecked_links
-from maniport.motion import TrackResult
-from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
-from maniport.motion.plan.planned_motion import PlannedMotion, Room, over_floor
-from maniport.motion.plan.planner import FAR
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 AXIS_ANGLE = 30.0
 """Warning threshold of the median angle between the longest axes of target and achieved ellipsoids [degrees]."""
@@ -87,7 +87,7 @@ def far_points(motion: TrackResult) -> int:
     """Count the waypoints whose position error is more than `FAR` times the tolerance."""
     if motion.position_error is None:
         return 0
-    return int((motion.position_error > FAR * motion.tip_tolerance).sum())
+    return int((motion.position_error > FAR * motion.position_tolerance).sum())
 
 
 def exceeded_limits(motion: TrackResult, plan: PlannedMotion) -> dict[str, tuple[str, float]]:
@@ -209,7 +209,7 @@ def _target_warnings(motion: TrackResult, time: Array, status: dict[str, int]) -
             warning(
                 "position-error",
                 f"the position error is up to {1e3 * motion.position_error[at]:.1f} mm ({at_time(time[at])}), more "
-                f"than {FAR:g} times the tolerance of {1e3 * motion.tip_tolerance:g} mm",
+                f"than {FAR:g} times the tolerance of {1e3 * motion.position_tolerance:g} mm",
             )
         )
     angle = np.degrees(motion.major_axis_angle)

@@ -12,7 +12,7 @@ import numpy as np
 from maniport.arms import myoarm
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import adult_range
-from maniport.defaults import AUTO
+from maniport.errors import RecordingError, nearest_first
 from maniport.mocap import ArmFit, ArmFits, Recording
 from maniport.mocap.data_quality import open_joints
 from maniport.mocap.marker_sets import DIRECTIONS, ROLES
@@ -25,7 +25,6 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.errors import RecordingError, nearest_first
 from maniport.report.metrics import (
     Metric,
     Report,
@@ -41,6 +40,7 @@ from maniport.report.metrics import (
     warnings_of,
 )
 from maniport.report.renderings import escaped
+from maniport.util.defaults import AUTO
 
 RECORDING, FIT = "recording", "human-model"
 """Keys of warnings about a recording, and about the difference between model and person."""

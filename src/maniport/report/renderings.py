@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from maniport.atomic_io import written_whole
 from maniport.errors import printable
 from maniport.report.metrics import INFO, WARNING, Metric, Report, Section, Summary, Table, facts_of, sentence
+from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""

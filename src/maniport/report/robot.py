@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.arms import PERSONS, Arm, Arms, load_arm
+from maniport.arms import PERSONS, Arm, ArmGroup, load_arm
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
-from maniport.arms.readers import ROBOTS
-from maniport.arms.readers.packages import pair_of, places_of
-from maniport.arms.readers.tip import Limb
+from maniport.arms.loaders import ROBOTS
+from maniport.arms.loaders.end_effector import Limb
+from maniport.arms.loaders.packages import pair_of, places_of
 from maniport.errors import argument
-from maniport.report.metrics import Metric, Report, Section, Table, defined, describe, listed, numbers, warning
-from maniport.motion import FeasibleEllipsoids, PlacedPath
+from maniport.motion import FeasibleEllipsoids, Placement
 from maniport.motion.motion_limits import QUANTITIES, MotionLimits
-from maniport.validation import Array
+from maniport.report.metrics import Metric, Report, Section, Table, defined, describe, listed, numbers, warning
+from maniport.util.validation import Array
 
 
 @describe.register
@@ -41,10 +41,10 @@ def arm_report(arm: Arm) -> Report:
 
 
 @describe.register
-def pair_report(arms: Arms) -> Report:
+def pair_report(arms: ArmGroup) -> Report:
     """Describe a pair of arms: shared joints, and each arm."""
     metrics = (
-        Metric("Arms", arms.name, key="arms", value=arms.name),
+        Metric("ArmGroup", arms.name, key="arms", value=arms.name),
         Metric("Degrees of freedom", str(arms.dof), key="degrees_of_freedom", value=arms.dof),
         Metric("Shared", listed(arms.shared), "Joints that move both arms.", "shared", list(arms.shared)),
     )
@@ -178,7 +178,7 @@ def _angles(placed: object) -> tuple[float, float, float]:
 
 
 @describe.register
-def placement_report(placed: PlacedPath) -> Report:
+def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
     rows, values = [], []
     for rank, one in enumerate(placed.candidates, 1):
@@ -197,7 +197,7 @@ def placement_report(placed: PlacedPath) -> Report:
     return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
 
 
-def placement_section(placed: PlacedPath, time: Array | None = None) -> Section:
+def placement_section(placed: Placement, time: Array | None = None) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
     yaw, tilt, heading = _angles(placed)
     offset = placed.offset.tolist()

@@ -35,7 +35,7 @@ from maniport.report.summary import GREEN, mean_distance, motion_summary, status
 from maniport.report.transfer import adapter_section, evaluation_section, mounting_in_words
 from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.validation import Array
+from maniport.util.validation import Array
 from maniport.version import __version__
 
 STEP = "step"  # Key of warnings that a step of the run gave

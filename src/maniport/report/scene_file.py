@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.atomic_io import written_whole
-from maniport.optional import rerun
-from maniport.spd.ellipsoid import axes
 from maniport.report.page.content import Body, Motion
 from maniport.report.roles import REFERENCE, ROLES, TARGET
-from maniport.validation import Array
+from maniport.spd.ellipsoid import axes
+from maniport.util.atomic_io import written_whole
+from maniport.util.optional import rerun
+from maniport.util.validation import Array
 
 GREY = 190, 196, 204  # Color of arms
 

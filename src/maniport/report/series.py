@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_over_time, lengths, volume
-from maniport.subsample import evenly_spaced
-from maniport.validation import SPD_TOLERANCE, Array
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import SPD_TOLERANCE, Array
 
 
 class Course(NamedTuple):

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.defaults import DAMPING, TIP_TOLERANCE
+from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline import TransferResult
 from maniport.pipeline.execution import Execution
 from maniport.report.metrics import INFO, Metric, Report, Section, Summary, in_axes, listed
 from maniport.report.motion import exceeded_limits, far_points, missed_points
 from maniport.report.robot import command_line_of
-from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
+from maniport.util.defaults import DAMPING, POSITION_TOLERANCE
 
 GREEN, AMBER, RED = "green", "amber", "red"
 """No warning; warnings to read before the motion runs; a motion that must not run."""
@@ -144,8 +144,8 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, 
         return "Do not run it as it is: see the warnings.", ""
     if not on_path and execution.placement is None:
         return "Let the path be placed where the robot reaches it.", _track(execution, "placed", place=True)
-    if not on_path and motion.tip_tolerance > TIP_TOLERANCE:
-        nearer = _track(execution, "nearer", tip_tolerance=1e3 * TIP_TOLERANCE)
+    if not on_path and motion.position_tolerance > POSITION_TOLERANCE:
+        nearer = _track(execution, "nearer", position_tolerance=1e3 * POSITION_TOLERANCE)
         return "The position error uses the given tolerance: reduce it.", nearer
     if not on_path:
         return "The robot is too slow for its path: give it more time.", slower

@@ -26,7 +26,7 @@ from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import Identifiability, axis_name
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 @describe.register

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maniport.atomic_io import folder_written_whole, require_free
-from maniport.arms import Arm, Arms
+from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError
+from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
+from maniport.motion.follow.joint_motion import JointMotion
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
 from maniport.pipeline.both_result import FOLDERS
@@ -16,12 +17,11 @@ from maniport.pipeline.execution import Execution
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.result import DATA_FILES
-from maniport.steps import Progress, Step
 from maniport.report.metrics import Report, facts_of
 from maniport.report.renderings import PAGE, SUMMARY, files_of, write_facts
-from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
-from maniport.motion.follow.joint_motion import JointMotion
-from maniport.validation import as_choice
+from maniport.util.atomic_io import folder_written_whole, require_free
+from maniport.util.progress import Progress, Step
+from maniport.util.validation import as_choice
 
 if TYPE_CHECKING:
     from maniport.report.page.content import Motion
@@ -165,7 +165,7 @@ def _write_summary(report: Report, folder: Path) -> None:
         write_facts(folder / name, report)
 
 
-def _export(motion: JointMotion, robot: Arm | Arms, formats: Mapping[str, str], folder: Path) -> None:
+def _export(motion: JointMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
     """Write a motion in further formats; the scene is written with the page."""
     for name, file in formats.items():
         if name != SCENE:

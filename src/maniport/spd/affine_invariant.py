@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import NotSPDError
 from maniport.spd.kernels import Pair, cholesky, compose, congruence, distances, eigh, factored
 from maniport.spd.matrix_functions import bounded
-from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
+from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Array:

@@ -7,7 +7,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.kernels import congruence
 from maniport.spd.matrix_functions import logarithm, roots, to_vector
 from maniport.spd.mean import mean
-from maniport.validation import Array, as_points, as_spd
+from maniport.util.validation import Array, as_points, as_spd
 
 
 def energy_distance(a: ArrayLike, b: ArrayLike, center: ArrayLike | None = None) -> float:

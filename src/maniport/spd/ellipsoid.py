@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.spd.kernels import eigh
-from maniport.validation import Array, as_positive_semidefinite, as_spd
+from maniport.util.validation import Array, as_positive_semidefinite, as_spd
 
 
 def axes(points: ArrayLike) -> tuple[Array, Array]:

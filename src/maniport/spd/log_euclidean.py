@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from maniport.spd.kernels import eigh, symmetrize
 from maniport.spd.matrix_functions import apply, bounded
-from maniport.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
+from maniport.util.validation import Array, as_finite, as_spd, as_symmetric, require_broadcast
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Array:

@@ -17,7 +17,7 @@ from maniport.spd.kernels import (
     require_in_range,
     symmetrize,
 )
-from maniport.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
+from maniport.util.validation import MAX_DIMENSION, MIN_DIMENSION, Array, as_finite, as_number, as_spd, as_symmetric
 
 __all__ = [
     "MAX_EIGENVALUE",

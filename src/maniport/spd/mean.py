@@ -11,7 +11,7 @@ from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
 from maniport.spd.affine_invariant import distance_unchecked, recentred
 from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
 from maniport.spd.matrix_functions import apply, roots
-from maniport.validation import (
+from maniport.util.validation import (
     Array,
     as_choice,
     as_count,

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import apply, congruence, logarithm, roots, to_vector
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 Indices = NDArray[np.intp]
 

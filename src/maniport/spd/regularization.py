@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.spd.matrix_functions import apply
-from maniport.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
+from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
 
 HINT = (
     "Singular ellipsoids need regularisation: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import Arm, load_arm
-from maniport.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, choose, evaluate
 from maniport.evaluation.baselines import ROWS
 from maniport.feasibility import knowing
-from maniport.steps import Progress, Step
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.studies.paper import trajectories
-from maniport.subsample import evenly_spaced
 from maniport.transfer import DomainAdapter, method_of, name_of
-from maniport.validation import Array
+from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.progress import Progress, Step
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
 
-FITTED_METHODS = ("icp", "lengths-field")  # Methods in every table besides the baselines
+FITTED_METHODS = ("icp", "length-field")  # Methods in every table besides the baselines
 
 RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
 

@@ -9,18 +9,18 @@ import numpy as np
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import Evaluation, Row
 from maniport.evaluation.baselines import EVERY_ROW, TRANSPORT
-from maniport.notebook import ShownInNotebooks
-from maniport.optional import optimal_transport
+from maniport.report.metrics import Report, Section, Table, describe
+from maniport.report.transfer import evaluation_section
 from maniport.spd.cloud import log_vectors
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
-from maniport.steps import Progress
 from maniport.studies.human_to_panda import study
-from maniport.report.metrics import Report, Section, Table, describe
-from maniport.report.transfer import evaluation_section
-from maniport.transfer.lengths.field import KAPPA
+from maniport.transfer.length_field.field import KAPPA
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.validation import Array
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.optional import optimal_transport
+from maniport.util.progress import Progress
+from maniport.util.validation import Array
 
 CAPTION = (
     "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "

@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
-from maniport.transfer.baselines import NearestNeighbor, RawCopy, Recentring
+from maniport.transfer.baselines import MeanTransport, NearestNeighbor, RawCopy
 from maniport.transfer.icp.algorithm import Search
 from maniport.transfer.icp.correspondence import (
     Correspondence,
@@ -25,18 +25,18 @@ from maniport.transfer.icp.correspondence import (
     OneToOneCorrespondence,
     TransportCorrespondence,
 )
-from maniport.transfer.lengths_field import LengthsField
+from maniport.transfer.length_field_adapter import LengthField
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.riemannian_icp import RiemannianICP
-from maniport.validation import as_choice
+from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
     "raw-copy": RawCopy,
-    "recentring": Recentring,
+    "mean-transport": MeanTransport,
     "parallel-transport": ParallelTransport,
     "nearest-neighbor": NearestNeighbor,
     "icp": RiemannianICP,
-    "lengths-field": LengthsField,
+    "length-field": LengthField,
 }
 """The methods by the names that the command line uses, cheapest first."""
 
@@ -125,14 +125,14 @@ __all__ = [
     "DomainAdapter",
     "EllipsoidCorrespondence",
     "GeodesicCorrespondence",
-    "LengthsField",
+    "LengthField",
     "LogEllipsoidCorrespondence",
     "Matches",
+    "MeanTransport",
     "NearestNeighbor",
     "OneToOneCorrespondence",
     "ParallelTransport",
     "RawCopy",
-    "Recentring",
     "RiemannianICP",
     "Search",
     "TransportCorrespondence",

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.estimator import Estimator, clone
-from maniport.notebook import ShownInNotebooks
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.kernels import congruence, eigh
 from maniport.spd.mean import dispersion, mean
@@ -23,7 +22,8 @@ from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, save_adapter
 from maniport.transfer.ellipsoids import as_mounting, regularized, require_positive, without_damping
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
-from maniport.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
 
 RELEASED = 1.0 - 1e-6
 """Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""

@@ -10,12 +10,20 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.files import array_names, load_arrays, save_arrays
 from maniport.transfer.icp.algorithm import Search
 from maniport.transfer.icp.matches import Correspondence
 from maniport.transfer.identifiability import Identifiability, Optimum
-from maniport.transfer.lengths.report import FieldReport
-from maniport.validation import as_count, as_finite, as_flag, as_number, as_positive_semidefinite, as_rotation, as_spd
+from maniport.transfer.length_field.report import FieldReport
+from maniport.util.files import array_names, load_arrays, save_arrays
+from maniport.util.validation import (
+    as_count,
+    as_finite,
+    as_flag,
+    as_number,
+    as_positive_semidefinite,
+    as_rotation,
+    as_spd,
+)
 
 FILE_FORMAT = "maniport-adapter-2"
 
@@ -83,14 +91,14 @@ OPTIONAL: Schema = {
 
 REQUIRED_BY: dict[str, Schema] = {
     "RawCopy": {},
-    "Recentring": {},
+    "MeanTransport": {},
     "ParallelTransport": {},
     "RiemannianICP": {},
     "NearestNeighbor": {
         "keys_": (("n", "d", "d"), as_positive_semidefinite),
         "values_": (("n", "d", "d"), as_positive_semidefinite),
     },
-    "LengthsField": {
+    "LengthField": {
         "width_": ((), _positive),
         "centers_": (("m", "D"), as_finite),
         "lengths_": (("m", 3), as_finite),

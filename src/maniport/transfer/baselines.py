@@ -5,10 +5,10 @@ from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.neighbors import NeighborIndex, nearest
-from maniport.subsample import evenly_spaced
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.validation import Array, as_count
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_count
 
 
 class RawCopy(DomainAdapter):
@@ -36,7 +36,7 @@ class RawCopy(DomainAdapter):
         return points + sign * (self.student_damping_ - self.teacher_damping_) * np.eye(points.shape[-1])
 
 
-class Recentring(RigidAdapter):
+class MeanTransport(RigidAdapter):
     """Match the means only: f(T) = S̄^½ T̄^-½ T T̄^-½ S̄^½, without rotation and dilation.
 
     Parameters

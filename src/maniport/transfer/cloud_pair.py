@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from maniport.jit import kernel
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.mean import means_nearby
-from maniport.validation import Array
+from maniport.util.jit import kernel
+from maniport.util.validation import Array
 
 
 class Gain(NamedTuple):

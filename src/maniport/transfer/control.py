@@ -6,11 +6,11 @@ import numba
 import numpy as np
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.jit import kernel
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.loops import diagonalize_one
 from maniport.spd.kernels.single import admit, compose, congruence, multiply
-from maniport.validation import SPD_TOLERANCE, Array
+from maniport.util.jit import kernel
+from maniport.util.validation import SPD_TOLERANCE, Array
 
 OTHER_ARRAYS = 3
 REASONS = {

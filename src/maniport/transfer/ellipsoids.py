@@ -7,7 +7,7 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import eigh
 from maniport.spd.matrix_functions import apply
 from maniport.spd.regularization import Regularization
-from maniport.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_rotation, vouched
+from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_rotation, vouched
 
 
 def as_mounting(mounting: ArrayLike | None, d: int) -> Array | None:

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.notebook import ShownInNotebooks
 from maniport.spd.matrix_functions import roots
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
-from maniport.validation import Array
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array
 
 LARGEST_EXAMINED = 6
 """Largest size d whose rotations are examined: their m = d (d − 1) / 2 directions need about 2 m² distances between the

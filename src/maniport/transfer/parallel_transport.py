@@ -7,7 +7,7 @@ from maniport.spd.neighbors import nearest
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.identifiability import identify
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 class ParallelTransport(RigidAdapter):

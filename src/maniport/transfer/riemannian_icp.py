@@ -16,7 +16,7 @@ from maniport.transfer.icp.correspondence import Correspondence, correspondence_
 from maniport.transfer.icp.starts import best_rival, checked_pairs, rotations_of_pairs, start_is_kept, starts, voted
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
 from maniport.transfer.rigid_adapter import RigidAdapter, recentre
-from maniport.validation import Array, as_count, as_generator
+from maniport.util.validation import Array, as_count, as_generator
 
 DEFAULTS = Search()
 Pairs = tuple[ArrayLike, ArrayLike]

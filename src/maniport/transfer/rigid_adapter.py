@@ -15,7 +15,7 @@ from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.cloud_pair import resampled_means
 from maniport.transfer.rotation_group import orthonormal
-from maniport.validation import Array, as_choice, as_flag
+from maniport.util.validation import Array, as_choice, as_flag
 
 if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap

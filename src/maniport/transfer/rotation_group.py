@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 @cache

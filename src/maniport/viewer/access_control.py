@@ -18,8 +18,8 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import Any
 
 from maniport.errors import InvalidInputError
-from maniport.ports import LOOPBACK_NAMES, is_loopback
-from maniport.validation import MAX_POSITION
+from maniport.util.ports import LOOPBACK_NAMES, is_loopback
+from maniport.util.validation import MAX_POSITION
 
 LOG = logging.getLogger("maniport.viewer")
 MESSAGE_BYTES = 1 << 16  # Largest message; the page's own have a few hundred bytes

@@ -12,9 +12,9 @@ import numpy as np
 from maniport.arms import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.feasibility import knowing
-from maniport.motion import StartBank
+from maniport.motion import SeedBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.validation import Array, as_choice, as_rotation
+from maniport.util.validation import Array, as_choice, as_rotation
 
 GIVEN = "adapter file"  # Name of an adapter that was given fitted
 
@@ -49,7 +49,7 @@ class Methods:
         floor: float | None = None,
         given: DomainAdapter | None = None,
         robot: Arm | None = None,
-        bank: StartBank | None = None,
+        bank: SeedBank | None = None,
     ):
         self._teacher, self._student = teacher, student
         self._robot = robot, VELOCITY, bank

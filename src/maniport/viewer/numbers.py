@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from maniport.mocap.both_arms import EACH
 from maniport.evaluation.baselines import LOOKUP
-from maniport.spd.ellipsoid import lengths, volume
+from maniport.mocap.both_arms import EACH
 from maniport.report.metrics import in_axes
 from maniport.report.roles import ACHIEVED, PERSON, TARGET, Role
-from maniport.validation import Array
+from maniport.spd.ellipsoid import lengths, volume
+from maniport.util.validation import Array
 from maniport.viewer.maps import LiveMap
 from maniport.viewer.state import Frame, ViewState
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.validation import Array
+from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl, Control
 from maniport.viewer.numbers import History, ellipsoid_table, headlines, method_table
 from maniport.viewer.shapes import from_roll_pitch_yaw, quaternion, roll_pitch_yaw, rotation_of

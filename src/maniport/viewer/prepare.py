@@ -6,20 +6,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import Arm, Arms, load_arm, load_arms
+from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
-from maniport.defaults import AUTO, BOTH, DAMPING
-from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
-from maniport.mocap.arm_fit import require_person
-from maniport.mocap.both_arms import EACH
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, spoken
-from maniport.steps import Progress
-from maniport.motion import StartBank
+from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
+from maniport.mocap.arm_ik import require_person
+from maniport.mocap.both_arms import EACH
+from maniport.motion import SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.transfer import load_adapter
-from maniport.validation import Array, as_count, as_rotation
+from maniport.util.defaults import AUTO, BOTH, DAMPING
+from maniport.util.progress import Progress
+from maniport.util.validation import Array, as_count, as_rotation
 from maniport.viewer.maps import GIVEN, Methods, Refitting, require_drawable
 from maniport.viewer.recording import Playback
 from maniport.viewer.state import Side, ViewState
@@ -28,13 +28,13 @@ TEACHER_SAMPLES = 2048
 STUDENT_SAMPLES = 4096
 BANK_SIZE = 16_384
 AT_ONCE = "parallel-transport"  # The method that is fitted before the page is there: it takes milliseconds
-PREFERRED = "lengths-field"
+PREFERRED = "length-field"
 """The method that is shown as soon as it is fitted, within some seconds; `maniport transfer` mostly chooses it."""
 
 
 def prepare(
     person: str = "myoarm",
-    robot: Arm | Arms | str | os.PathLike[str] = "panda",
+    robot: Arm | ArmGroup | str | os.PathLike[str] = "panda",
     *,
     recording: str | os.PathLike[str] | None = None,
     side: str = AUTO,
@@ -68,7 +68,7 @@ def prepare(
     shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
     sides = []
     for teacher, student, base in zip(persons, _each(students), bases, strict=True):
-        bank = StartBank.build(student, BANK_SIZE, seed)
+        bank = SeedBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
         methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
         sides.append(Side(teacher, student, Refitting(methods, turn, first=(ready,)), bank, base=base))
@@ -81,7 +81,7 @@ def prepare(
 
 def _both(side: str, robot: Any, adapter: Any) -> bool:
     """Whether both arms are shown."""
-    both = side == BOTH or isinstance(robot, Arms)
+    both = side == BOTH or isinstance(robot, ArmGroup)
     if both and side not in (AUTO, BOTH):
         raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
     if both and adapter is not None:
@@ -91,14 +91,14 @@ def _both(side: str, robot: Any, adapter: Any) -> bool:
     return both
 
 
-def _loaded(robot: Any, both: bool) -> Arm | Arms:
-    if isinstance(robot, (Arm, Arms)):
+def _loaded(robot: Any, both: bool) -> Arm | ArmGroup:
+    if isinstance(robot, (Arm, ArmGroup)):
         return robot
     return load_arms(robot) if both else load_arm(robot)
 
 
-def _each(robot: Arm | Arms) -> tuple[Arm, ...]:
-    return robot.each if isinstance(robot, Arms) else (robot,)
+def _each(robot: Arm | ArmGroup) -> tuple[Arm, ...]:
+    return robot.each if isinstance(robot, ArmGroup) else (robot,)
 
 
 def _person(

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm
-from maniport.mocap import performed
 from maniport.errors import ManiportError
-from maniport.validation import Array, as_finite, as_number, as_times, require_shape
+from maniport.mocap import performed
+from maniport.util.validation import Array, as_finite, as_number, as_times, require_shape
 
 
 class Playback:

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm, Arms, Surface
+from maniport.arms import Arm, ArmGroup, Surface
 from maniport.arms.human import middle_of
 from maniport.mocap.both_arms import EACH
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
-from maniport.validation import Array
+from maniport.util.validation import Array
 from maniport.viewer.shapes import RobotBody, Shell, Skeleton, quaternion
 from maniport.viewer.state import Frame
 
@@ -51,7 +51,7 @@ class Scene:
         scene: Any,
         frames: Sequence[Frame],
         persons: Sequence[Arm],
-        robot: Arm | Arms,
+        robot: Arm | ArmGroup,
         surfaces: Sequence[tuple[Surface, ...]],
         bases: Sequence[Array] = (np.zeros(3),),
     ):
@@ -73,7 +73,7 @@ class Scene:
             "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT + aside,
             wxyz=quaternion(frames[0].mounting.T), line_width=3.0, opacity=0.7,
         )  # fmt: skip
-        arms = robot.each if isinstance(robot, Arms) else (robot,)
+        arms = robot.each if isinstance(robot, ArmGroup) else (robot,)
         _stands(scene, arms, ROBOT_AT + aside)
         above = ROBOT_AT + aside + [0.0, 0.0, 1.25]
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")

@@ -13,10 +13,10 @@ import numpy as np
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError
 from maniport.live import Moment
-from maniport.optional import viser
-from maniport.ports import LOOPBACK, bound
-from maniport.signals import ending_in_order
-from maniport.validation import Array
+from maniport.util.optional import viser
+from maniport.util.ports import LOOPBACK, bound
+from maniport.util.signals import ending_in_order
+from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl
 from maniport.viewer.panel import Panel
 from maniport.viewer.recording import Recorder

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.arms import Arm, Arms, Surface
+from maniport.arms import Arm, ArmGroup, Surface
 from maniport.errors import FileFormatError
 from maniport.spd.ellipsoid import axes
-from maniport.validation import Array
+from maniport.util.validation import Array
 from maniport.viewer.state import Frame
 
 SIZE = 0.25  # Length at which a semi-axis of 1 m/s per rad/s is drawn [m]
@@ -100,9 +100,9 @@ class Skeleton:
             self._lengths[i] = lengths[i]
 
 
-def find_surfaces(robot: Arm | Arms) -> tuple[list[tuple[Surface, ...]], str]:
+def find_surfaces(robot: Arm | ArmGroup) -> tuple[list[tuple[Surface, ...]], str]:
     """Surfaces of each arm, or none and the reason in one line; those of a shared trunk are the left arm's."""
-    arms = robot.each if isinstance(robot, Arms) else (robot,)
+    arms = robot.each if isinstance(robot, ArmGroup) else (robot,)
     none: list[tuple[Surface, ...]] = [() for _ in arms]
     try:
         found = [arm.surfaces() for arm in arms]
@@ -111,7 +111,7 @@ def find_surfaces(robot: Arm | Arms) -> tuple[list[tuple[Surface, ...]], str]:
     for arm, surfaces in zip(arms, found, strict=True):
         if not surfaces:
             return none, f"the description of {arm.name} names no shapes"
-    if isinstance(robot, Arms):
+    if isinstance(robot, ArmGroup):
         shared = [surface for surface in found[0] if surface.joint <= robot.trunk]
         found[1] = tuple(surface for surface in found[1] if not any(_same(surface, other) for other in shared))
     return found, ""

@@ -10,16 +10,16 @@ from functools import cached_property
 
 import numpy as np
 
-from maniport.arms import Arm, Arms
+from maniport.arms import Arm, ArmGroup
 from maniport.errors import NotSPDError
-from maniport.spd.affine_invariant import distance_unchecked
-from maniport.subsample import evenly_spaced
-from maniport.motion import Objective, PlacedPath, StartBank, nearest_feasible, place_path, place_paths
+from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path, place_paths
 from maniport.motion.follow.follower import Follower
 from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.motion.schedule import Schedule
+from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer.rotation_group import orthonormal
-from maniport.validation import Array, as_choice, as_finite, as_number, require_shape
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_choice, as_finite, as_number, require_shape
 from maniport.viewer.maps import LiveMap, Refitting
 from maniport.viewer.recording import Playback
 
@@ -83,8 +83,8 @@ class Side:
         teacher: Arm,
         student: Arm,
         refitting: Refitting,
-        bank: StartBank,
-        place: PlacedPath | None = None,
+        bank: SeedBank,
+        place: Placement | None = None,
         base: Array | None = None,
     ):
         self.teacher, self.student, self.refitting, self.bank = teacher, student, refitting, bank
@@ -175,15 +175,15 @@ class Side:
 class ViewState:
     """A robot that follows a person's arms, each of which is a `Side`; `joints` is its configuration (dof,)."""
 
-    def __init__(self, robot: Arm | Arms, sides: Sequence[Side], playback: Playback | None = None):
+    def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: Playback | None = None):
         self.robot, self.sides, self.playback = robot, tuple(sides), playback
-        self._columns = robot.columns if isinstance(robot, Arms) else (np.arange(robot.dof),)
+        self._columns = robot.columns if isinstance(robot, ArmGroup) else (np.arange(robot.dof),)
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self._jump = True
 
     @cached_property
     def _follower(self) -> Follower:
-        pair = self.robot if isinstance(self.robot, Arms) else None
+        pair = self.robot if isinstance(self.robot, ArmGroup) else None
         return Follower([side.objective for side in self.sides], pair=pair)
 
     @property
@@ -219,7 +219,7 @@ class ViewState:
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
         turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
         damping = banks[0].damping
-        if isinstance(self.robot, Arms):
+        if isinstance(self.robot, ArmGroup):
             places = place_paths(hands, targets, self.robot.each, turn=turn, yaw=0.0, damping=damping, banks=banks)
         else:
             places = (place_path(hands[0], targets[0], self.robot, turn=turn, yaw=0.0, damping=damping, bank=banks[0]),)

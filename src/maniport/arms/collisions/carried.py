@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arms import Arms
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import LEFT, RIGHT
 from maniport.arms.collisions.hulls import Hull, Part, hulls_of, parts_of
 from maniport.arms.collisions.tree import LinkTree
 from maniport.errors import FileFormatError
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,14 +36,14 @@ class Carried:
         return np.asarray(own.prod(axis=1) < 0)
 
 
-def carried_by(arm: Arm | Arms, tree: LinkTree, fine: Collection[str] = ()) -> Carried | None:
+def carried_by(arm: Arm | ArmGroup, tree: LinkTree, fine: Collection[str] = ()) -> Carried | None:
     """Collect the hulls of an arm or a pair; None where the shapes of an arm are not known."""
-    arms = arm.each if isinstance(arm, Arms) else (arm,)
+    arms = arm.each if isinstance(arm, ArmGroup) else (arm,)
     sides = [list(parts_of(each)) for each in arms]
     if not all(any(part.own for part in parts) for parts in sides):
         return None
-    one = not isinstance(arm, Arms) or bool(_common(arm))
-    if isinstance(arm, Arms) and one:
+    one = not isinstance(arm, ArmGroup) or bool(_common(arm))
+    if isinstance(arm, ArmGroup) and one:
         sides = _shared_once(sides, arm.trunk)
     hulls: list[Hull] = []
     parts: list[Part] = []
@@ -52,7 +52,7 @@ def carried_by(arm: Arm | Arms, tree: LinkTree, fine: Collection[str] = ()) -> C
         for part in listed:
             link = tree.of_chain[side][part.joint]
             found = [replace(hull, joint=link) for hull in hulls_of(each, part, part.name in fine)]
-            shared = not isinstance(arm, Arms) or (one and part.joint <= arm.trunk)
+            shared = not isinstance(arm, ArmGroup) or (one and part.joint <= arm.trunk)
             hulls += found
             parts += [part] * len(found)
             own += [0 if shared else 2 * side - 1] * len(found)
@@ -96,7 +96,7 @@ def _relations(
     return joined | joined.T | (between == 0), between
 
 
-def _common(arms: Arms) -> set[str]:
+def _common(arms: ArmGroup) -> set[str]:
     """Names of the frames that both arms have in one place: none where they are of two robots."""
     ours, theirs = (arm.chain.frames for arm in arms.each)
     return {

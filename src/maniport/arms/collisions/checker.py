@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arms import Arms, CooperativeArm
+from maniport.arms.arm_group import ArmGroup, CooperativeArm
 from maniport.arms.collisions.carried import carried_by
 from maniport.arms.collisions.obstacles import as_boxes, disabled_pairs
 from maniport.arms.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
 from maniport.arms.collisions.solids import Pairs, Solids, Watch
 from maniport.arms.collisions.tree import LinkTree
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_generator, as_number
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array, as_generator, as_number
 
 
 class Nearest(NamedTuple):
@@ -61,7 +61,7 @@ class Collisions(ShownInNotebooks):
 
     def __init__(
         self,
-        arm: Arm | Arms,
+        arm: Arm | ArmGroup,
         solids: Solids,
         found: Chosen,
         padding: float,
@@ -79,7 +79,7 @@ class Collisions(ShownInNotebooks):
     @classmethod
     def of(
         cls,
-        arm: Arm | Arms,
+        arm: Arm | ArmGroup,
         *,
         table: float | None = None,
         boxes: Any = None,
@@ -90,7 +90,7 @@ class Collisions(ShownInNotebooks):
 
         Parameters
         ----------
-        arm : Arm or Arms
+        arm : Arm or ArmGroup
         table : float, optional
             Height of a floor or table in the base frame [m]: nothing may be below it. What the base carries is exempt.
         boxes : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
@@ -149,7 +149,7 @@ class Collisions(ShownInNotebooks):
     @cached_property
     def each(self) -> tuple["Collisions", "Collisions"]:
         """Of a pair: what each arm collides with but the other one, as `of` finds it for that arm alone."""
-        left, right = (Collisions.of(arm, **self._around) for arm in cast(Arms, self.arm).each)
+        left, right = (Collisions.of(arm, **self._around) for arm in cast(ArmGroup, self.arm).each)
         return left, right
 
     @property
@@ -158,7 +158,7 @@ class Collisions(ShownInNotebooks):
 
         A pair is not checked where convex hulls meet nearly always although the meshes do not.
         """
-        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        arms = self.arm.each if isinstance(self.arm, ArmGroup) else (self.arm,)
         if self.known:
             missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
@@ -167,7 +167,7 @@ class Collisions(ShownInNotebooks):
     @property
     def stand_ins(self) -> tuple[str, ...]:
         """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
-        arms = self.arm.each if isinstance(self.arm, Arms) else (self.arm,)
+        arms = self.arm.each if isinstance(self.arm, ArmGroup) else (self.arm,)
         return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.look.stand_ins()))
 
     @property
@@ -247,7 +247,7 @@ def _parts(count: int, most: int = 8192) -> Iterator[slice]:
     return (slice(first, min(first + most, count)) for first in range(0, count, most))
 
 
-def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | None:
+def as_collisions(value: Any, arm: Arm | ArmGroup | CooperativeArm) -> Collisions | None:
     """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself."""
     if value is None or value is False:
         return None
@@ -266,7 +266,7 @@ def as_collisions(value: Any, arm: Arm | Arms | CooperativeArm) -> Collisions | 
 
 
 def free_postures(
-    arm: Arm | Arms | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+    arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
 ) -> Array:
     """Sample configurations as `maniport.arms.Arm.sample` does, of a pair, too; those that collide are replaced.
 

@@ -12,9 +12,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain, Mesh
-from maniport.arms.looks import Look
-from maniport.arms.looks.meshes import joined, reduced
-from maniport.validation import Array
+from maniport.arms.meshes import Look
+from maniport.arms.meshes.visual import joined, reduced
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)

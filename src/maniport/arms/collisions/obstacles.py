@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from maniport.arms.arm import Arm
-from maniport.arms.arms import Arms
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import rotation_about
 from maniport.arms.collisions.hulls import Hull
-from maniport.arms.looks.meshes import box as box_mesh
-from maniport.arms.readers.document import parsed
+from maniport.arms.loaders.document import parsed
+from maniport.arms.meshes.visual import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
-from maniport.files import read_settings, require_mapping
-from maniport.validation import Array, as_finite, as_number, as_numbers
+from maniport.util.files import read_settings, require_mapping
+from maniport.util.validation import Array, as_finite, as_number, as_numbers
 
 _KEYS = ("center", "size", "yaw")
 
@@ -106,7 +106,7 @@ def as_boxes(value: Any) -> tuple[Box, ...]:
     return tuple(Box(row[:3], row[3:6], float(sum(row[6:])), f"box {i + 1}") for i, row in enumerate(rows))
 
 
-def disabled_pairs(path: str | os.PathLike[str], arm: Arm | Arms) -> set[frozenset[str]]:
+def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[frozenset[str]]:
     """Names of the links of each pair that an SRDF leaves out."""
     root = parsed(Path(path))[1]
     if root.tag != "robot" or root.find("link") is not None:

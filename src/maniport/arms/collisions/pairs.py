@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arms import Arms
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.collisions.carried import Carried
 from maniport.arms.collisions.hulls import Part
 from maniport.arms.collisions.solids import TABLE, Pairs, Solids
 from maniport.arms.collisions.tree import LinkTree
 from maniport.errors import InvalidInputError
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 FIRST = 1024
 """Number of samples that estimates how often hulls meet; the others are looked at where a pair may be left out."""
@@ -45,7 +45,7 @@ class Chosen(NamedTuple):
 class Meshes:
     """Exact meshes of parts in 10 000 samples of the joint space, of which the first is at rest."""
 
-    def __init__(self, arm: Arm | Arms, tree: LinkTree):
+    def __init__(self, arm: Arm | ArmGroup, tree: LinkTree):
         rest = np.clip(0.0, arm.lower, arm.upper)[None]
         self.samples = np.concatenate([rest, arm.sample(9999, random_state=0)])
         self._tree = tree

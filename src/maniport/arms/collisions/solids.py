@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from maniport.arms.collisions.hulls import Hull
 from maniport.arms.collisions.tree import LinkTree
-from maniport.jit import kernel, part
-from maniport.validation import Array
+from maniport.util.jit import kernel, part
+from maniport.util.validation import Array
 
 TABLE = -1  # Stands in pairs for the table
 

@@ -4,19 +4,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arms import Arms
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import PRISMATIC, Joint
-from maniport.jit import kernel
-from maniport.validation import Array
+from maniport.util.jit import kernel
+from maniport.util.validation import Array
 
 
 class LinkTree:
     """The base, which is link 0, and the link after each joint of an arm or a pair."""
 
-    def __init__(self, arm: Arm | Arms):
-        arms = arm.each if isinstance(arm, Arms) else (arm,)
-        columns = arm.columns if isinstance(arm, Arms) else (np.arange(arm.dof),)
-        trunk = arm.trunk if isinstance(arm, Arms) else 0
+    def __init__(self, arm: Arm | ArmGroup):
+        arms = arm.each if isinstance(arm, ArmGroup) else (arm,)
+        columns = arm.columns if isinstance(arm, ArmGroup) else (np.arange(arm.dof),)
+        trunk = arm.trunk if isinstance(arm, ArmGroup) else 0
         self.of_chain: list[list[int]] = []
         joints: list[Joint] = []
         parents: list[int] = []

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from maniport.defaults import RECORDINGS
+from maniport.errors import FileFormatError, spoken, unknown_name
 from maniport.mocap.import_options import UNITS, ImportOptions, known_unit, require_plausible
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import UP_AXES, Recording
-from maniport.errors import FileFormatError, spoken, unknown_name
-from maniport.input_limits import RECORDING_BYTES, as_path, existing_file
-from maniport.validation import as_choice, as_number
+from maniport.util.defaults import RECORDINGS
+from maniport.util.input_limits import RECORDING_BYTES, as_path, existing_file
+from maniport.util.validation import as_choice, as_number
 
 Reader = Callable[[Path, ImportOptions], Recording]
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.marker_sets import END
 from maniport.mocap.readers.text import positive_number, rows_from, text_lines
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.input_limits import PLACES, POINTS, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import PLACES, POINTS, require_at_most
+from maniport.util.validation import Array
 
 
 @dataclass

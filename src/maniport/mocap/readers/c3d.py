@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.recording import Bools, Recording
-from maniport.errors import FileFormatError
-from maniport.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
+from maniport.util.validation import Array
 
 BLOCK = 512
 DEC, MIPS = 85, 86

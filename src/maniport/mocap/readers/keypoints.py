@@ -8,13 +8,21 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions, drop_untrusted
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.input_limits import FRAMES, KEYPOINTS_BYTES, PLACES, POINTS, SETTINGS_BYTES, read_whole, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import (
+    FRAMES,
+    KEYPOINTS_BYTES,
+    PLACES,
+    POINTS,
+    SETTINGS_BYTES,
+    read_whole,
+    require_at_most,
+)
+from maniport.util.validation import Array
 
 MOST_ITEMS = PLACES // 10  # Most lists and mappings of a file, which take more memory than their numbers
 

@@ -16,12 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import myoarm
 from maniport.arms.human import JOINTS
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import LARGEST_ANGLE, ImportOptions
 from maniport.mocap.readers.text import number_table, rows_from, text_lines
 from maniport.mocap.recording import Recording
 from maniport.mocap.synthetic import HALF_WIDTH, TRUNK, performed
-from maniport.errors import FileFormatError
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")
 

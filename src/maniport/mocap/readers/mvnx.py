@@ -5,11 +5,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
+from maniport.util.validation import Array
 
 ELEMENTS = 3_000_000  # Most elements of a file; the largest file whose frames hold nothing but positions has half of it
 

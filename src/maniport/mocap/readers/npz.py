@@ -12,15 +12,22 @@ from typing import Any
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.smpl_pose import posed
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.files import array_names, load_arrays, read_npy
-from maniport.input_limits import PLACES, RECORDING_BYTES, SETTINGS_BYTES, existing_file, read_whole, require_at_most
-from maniport.validation import Array
+from maniport.util.files import array_names, load_arrays, read_npy
+from maniport.util.input_limits import (
+    PLACES,
+    RECORDING_BYTES,
+    SETTINGS_BYTES,
+    existing_file,
+    read_whole,
+    require_at_most,
+)
+from maniport.util.validation import Array
 
 KEYS = {
     "names": "names joint_names joints_names keypoint_names marker_names labels",

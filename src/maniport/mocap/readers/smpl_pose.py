@@ -16,11 +16,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import LARGEST_ANGLE, ImportOptions
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.input_limits import FRAMES, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import FRAMES, require_at_most
+from maniport.util.validation import Array
 
 HEIGHT = 1.75  # Body height whose lengths are taken [m]
 

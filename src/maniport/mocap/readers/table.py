@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions, drop_untrusted, known_unit
 from maniport.mocap.readers.text import (
     Row,
@@ -24,9 +25,8 @@ from maniport.mocap.readers.text import (
     text_lines,
 )
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.input_limits import NAME, PLACES, POINTS, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import NAME, PLACES, POINTS, require_at_most
+from maniport.util.validation import Array
 
 _COLUMN = re.compile(r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)
 _TRUST = re.compile(r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from maniport.errors import FileFormatError
-from maniport.input_limits import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
-from maniport.validation import Array
+from maniport.util.input_limits import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
+from maniport.util.validation import Array
 
 Row = tuple[int, str]  # The number of a line, from one, and the line
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.readers.text import (
     fields_of,
@@ -15,8 +16,7 @@ from maniport.mocap.readers.text import (
     text_lines,
 )
 from maniport.mocap.recording import Recording
-from maniport.errors import FileFormatError
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 def read(file: Path, options: ImportOptions) -> Recording:

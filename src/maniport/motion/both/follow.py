@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms import VELOCITY, Arms, EllipsoidSpec
+from maniport.arms import VELOCITY, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions
-from maniport.defaults import DAMPING
-from maniport.steps import Progress, Step
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.both.planner import as_arms, two
 from maniport.motion.follow.follower import Control, Follower
@@ -20,6 +18,8 @@ from maniport.motion.follow.tracker import evaluated
 from maniport.motion.limits import RememberingLimit
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import Schedule
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress, Step
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,7 +48,7 @@ class TrackedArms(JointMotion):
 
 
 def track_arms(
-    arms: Arms,
+    arms: ArmGroup,
     profiles: Sequence[ArrayLike],
     *,
     time: ArrayLike,
@@ -67,7 +67,7 @@ def track_arms(
 
     Parameters
     ----------
-    arms : Arms
+    arms : ArmGroup
     profiles : two of array_like, shape (n, d, d)
         Target velocity ellipsoids of the left and of the right arm in their common frame, without damping, n ≥ 2.
     time : array_like, shape (n,)

@@ -8,11 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import VELOCITY, Arms, EllipsoidSpec
-from maniport.defaults import DAMPING
+from maniport.arms import VELOCITY, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.steps import Progress, Step, between, pieces
-from maniport.subsample import evenly_spaced
 from maniport.motion.both.planned_arms import PlannedArms
 from maniport.motion.both.planner import ArmsPlanner, as_arms, two
 from maniport.motion.both.together import PLACED, RELATIVE, BothTargets, floors_of, together
@@ -32,11 +29,14 @@ from maniport.motion.plan.plan_motion import (
 from maniport.motion.plan.planned_motion import Room
 from maniport.motion.plan.time_parameterization import Timed
 from maniport.motion.search.pointwise import interpolated_distance
-from maniport.validation import Array, as_choice, as_generator
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress, Step, between, pieces
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_choice, as_generator
 
 
 def plan_arms(
-    arms: Arms,
+    arms: ArmGroup,
     profiles: Sequence[ArrayLike],
     *,
     time: ArrayLike,
@@ -59,7 +59,7 @@ def plan_arms(
 
     Parameters
     ----------
-    arms : Arms
+    arms : ArmGroup
     profiles : two of array_like, shape (n, d, d)
         Target velocity ellipsoids of the left and of the right arm in their common frame, without damping, n ≥ 2.
     time : array_like, shape (n,)
@@ -123,7 +123,7 @@ def _relative(tips: str, paths: Sequence[ArrayLike] | None) -> bool:
 
 
 def _requests(
-    pair: Arms, settings: PlanControl, time: ArrayLike, spec: EllipsoidSpec, damping: Damping, given: dict[str, Any]
+    pair: ArmGroup, settings: PlanControl, time: ArrayLike, spec: EllipsoidSpec, damping: Damping, given: dict[str, Any]
 ) -> list[PlanRequest]:
     """What is asked of each arm, checked."""
     requests = []

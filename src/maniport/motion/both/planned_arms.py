@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.arms import Arms
-from maniport.files import save_arrays
+from maniport.arms import ArmGroup
 from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.plan.planned_motion import PlannedMotion, Room, over_floor
-from maniport.validation import Array
+from maniport.util.files import save_arrays
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, repr=False)
@@ -19,7 +19,7 @@ class PlannedArms(JointMotion):
 
     Attributes
     ----------
-    arms : Arms
+    arms : ArmGroup
         With the margin of their limits; ``joint_names`` are theirs.
     left, right : PlannedMotion
         The same motion of each arm; its ``room`` is that of the arm alone.
@@ -35,7 +35,7 @@ class PlannedArms(JointMotion):
         ``tips="relative"``.
     """
 
-    arms: Arms
+    arms: ArmGroup
     left: PlannedMotion
     right: PlannedMotion
     limits: MotionLimits

@@ -7,13 +7,13 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.arms import Arms, EllipsoidSpec
+from maniport.arms import ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_alike
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.planner import Planner
-from maniport.validation import as_generator
+from maniport.util.validation import as_generator
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class ArmsPlanner:
     Attributes
     ----------
     limits : MotionLimits
-        ``limits.arm`` are the `maniport.arms.Arms`, with the margin.
+        ``limits.arm`` are the `maniport.arms.ArmGroup`, with the margin.
     spec : EllipsoidSpec
         Which ellipsoids, of each arm.
     each : (Planner, Planner)
@@ -57,19 +57,19 @@ class ArmsPlanner:
         return cls(limits, spec, (planners[0], planners[1]), apart)
 
     @property
-    def arms(self) -> Arms:
+    def arms(self) -> ArmGroup:
         """The arms, with the margin of their limits."""
         return as_arms(self.limits.arm)
 
-    def require_fits(self, arms: Arms, spec: EllipsoidSpec) -> None:
+    def require_fits(self, arms: ArmGroup, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this plans for arms like `arms`, within limits of their own, and `spec`."""
         for mine, other in zip(self.arms.each, arms.each, strict=True):
             require_alike("the planner was made for", (mine, other), (self.spec, spec), limits=False)
 
 
-def as_arms(value: Any) -> Arms:
+def as_arms(value: Any) -> ArmGroup:
     """Require two arms."""
-    if not isinstance(value, Arms):
+    if not isinstance(value, ArmGroup):
         raise InvalidInputError(f"arms must be two, as maniport.load_arms makes them; found {type(value).__name__}")
     return value
 

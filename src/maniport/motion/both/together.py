@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arms
+from maniport.arms import ArmGroup
 from maniport.arms.collisions import Collisions
-from maniport.steps import Part
 from maniport.motion.both.planner import ArmsPlanner
 from maniport.motion.kernels import add_residual
 from maniport.motion.motion_limits import MotionLimits
@@ -27,8 +26,9 @@ from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, shortest_path
 from maniport.motion.plan.time_parameterization import Timed, retime
 from maniport.motion.search.descent import PathCost
 from maniport.motion.search.pointwise import STARTS, search_pointwise
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.util.progress import Part
+from maniport.util.validation import Array
 
 PLACED, RELATIVE = "placed", "relative"
 """What is kept of the tips' paths: where they are, or the way from the left tip to the right one alone."""
@@ -38,12 +38,12 @@ PLACED, RELATIVE = "placed", "relative"
 class BothTargets:
     """Targets of a left and of a right arm, in the joints of the pair: the cost is the sum of theirs."""
 
-    arm: Arms
+    arm: ArmGroup
     each: tuple[Targets, Targets]
     way: Array | None = None  # (n, 3), target vector from the left to the right end effector [m]
 
     @classmethod
-    def relative(cls, arm: Arms, each: tuple[Targets, Targets]) -> "BothTargets":
+    def relative(cls, arm: ArmGroup, each: tuple[Targets, Targets]) -> "BothTargets":
         """Those that keep of both paths the way from the left tip to the right one alone."""
         left, right = each
         assert left.positions is not None
@@ -107,7 +107,7 @@ class BothTargets:
         return np.stack(found, axis=1) if found else None
 
 
-def floors_of(targets: BothTargets, banks: Sequence[StartBank], known: Sequence[Array]) -> tuple[Array, Array]:
+def floors_of(targets: BothTargets, banks: Sequence[SeedBank], known: Sequence[Array]) -> tuple[Array, Array]:
     """Smallest distances (n,) of the left and of the right arm, in sum of squares, at each point by itself."""
     starts = np.empty((len(targets), STARTS, targets.arm.dof))
     for one, bank, columns in zip(targets.each, banks, targets.arm.columns, strict=True):
@@ -165,7 +165,7 @@ def _refined(
     for relaxation, more in _tries(starts, others):
         begun += [optimize(targets, slow, q, terms, POSITION_WEIGHTS[0]) for q in more]
         best = min(begun, key=lambda q: TrajectoryCost(targets.arm, targets, slow, terms).evaluate(q)[0])
-        tolerance = relaxation * settings.tip_tolerance
+        tolerance = relaxation * settings.position_tolerance
         q, _ = optimize_to_tolerance(targets, slow, best, terms, tolerance)
         _, timed = time_parameterized(limits, apart, targets, fastest, q, tolerance, settings.rate, request.effort)
         if apart is None or not apart.collides(timed.positions).any():

@@ -5,15 +5,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from maniport.arms import Arm, Arms
+from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError
-from maniport.input_limits import as_path
-from maniport.optional import mcap_writer, parquet_writer, rerun
 from maniport.motion.exports.messages import write_mcap, write_ros2
 from maniport.motion.exports.tables import write_mujoco, write_parquet
 from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.follow.track_result import TrackResult
-from maniport.validation import as_choice
+from maniport.util.input_limits import as_path
+from maniport.util.optional import mcap_writer, parquet_writer, rerun
+from maniport.util.validation import as_choice
 
 NEEDED, WELCOME = "needed", "welcome"
 SCENE = "rerun"
@@ -47,7 +47,7 @@ FORMATS = {
 
 
 def export_motion(
-    path: str | os.PathLike[str], motion: JointMotion, format: str, robot: Arm | Arms | None = None
+    path: str | os.PathLike[str], motion: JointMotion, format: str, robot: Arm | ArmGroup | None = None
 ) -> None:
     """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
 
@@ -73,7 +73,7 @@ def export_motion(
         Of one arm, or of two; ``"parquet"`` takes one: ``motion.left``, ``motion.right``.
     format : {"ros2", "mcap", "mujoco", "parquet"}
         ``"rerun"`` shows a whole result: `maniport.write_results` writes it.
-    robot : Arm or Arms, optional
+    robot : Arm or ArmGroup, optional
         What moves; ``"parquet"`` needs it, ``"mujoco"`` tells more with it, the others do without.
 
     Raises
@@ -108,7 +108,7 @@ def export_motion(
     if robot is None and found.robot != NEEDED:
         found.write(path, motion)
         return
-    names = robot.joint_names if isinstance(robot, Arm | Arms) else None
+    names = robot.joint_names if isinstance(robot, Arm | ArmGroup) else None
     if names != motion.joint_names:
         there = f"one with the joints {list(names)}" if names is not None else "none" if robot is None else repr(robot)
         raise InvalidInputError(

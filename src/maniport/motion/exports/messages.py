@@ -6,10 +6,10 @@ import os
 import numpy as np
 import yaml
 
-from maniport.atomic_io import written_whole
-from maniport.optional import mcap_writer
 from maniport.motion.follow.joint_motion import JointMotion
-from maniport.validation import Array
+from maniport.util.atomic_io import written_whole
+from maniport.util.optional import mcap_writer
+from maniport.util.validation import Array
 
 POINTS_PER_SECOND = 100.0  # Of files for ROS 2 and MCAP: controllers lay splines between their points
 

@@ -6,21 +6,21 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.atomic_io import written_whole
-from maniport.arms import Arm, Arms, EllipsoidSpec
-from maniport.files import save_arrays
-from maniport.optional import parquet_writer, pyarrow
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.motion.arm_model import prefixes
 from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.follow.track_result import TrackResult
 from maniport.motion.objective import Objective
 from maniport.motion.schedule import Schedule
-from maniport.validation import Array
+from maniport.util.atomic_io import written_whole
+from maniport.util.files import save_arrays
+from maniport.util.optional import parquet_writer, pyarrow
+from maniport.util.validation import Array
 
 Columns = dict[str, tuple[Array, str]]  # Values and their unit, by name
 
 
-def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm | Arms | None = None) -> None:
+def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm | ArmGroup | None = None) -> None:
     """Write what `mujoco.MjData` calls qpos and qvel, and of a robot where it holds joints."""
     held = {} if robot is None else _held(robot)
     save_arrays(path, {
@@ -33,7 +33,7 @@ def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm |
     })  # fmt: skip
 
 
-def _held(robot: Arm | Arms) -> Mapping[str, float]:
+def _held(robot: Arm | ArmGroup) -> Mapping[str, float]:
     """Where joints are held, by name; those of two robots are called as the pair calls joints that move."""
     if isinstance(robot, Arm):
         return robot.chain.locked

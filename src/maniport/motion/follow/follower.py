@@ -17,16 +17,16 @@ from pink.tasks import PostureTask, Task
 from qpsolvers.exceptions import QPError
 from threadpoolctl import ThreadpoolController
 
-from maniport.arms import Arm, Arms, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.steps import Part, nobody
 from maniport.motion.arm_model import frame_id, robot_model, tip_frames
 from maniport.motion.limits import BrakingLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, ORIENTATION_WEIGHT, POINTING, Objective, axis_weights
 from maniport.motion.schedule import Schedule, as_limits, speed_limits
 from maniport.motion.tasks.ellipsoid_task import ManipulabilityEllipsoidTask
 from maniport.motion.tasks.frame_tasks import OrientationTask, PositionTask, as_gain, as_lm_damping
-from maniport.validation import Array, as_choice, as_number
+from maniport.util.progress import Part, nobody
+from maniport.util.validation import Array, as_choice, as_number
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Follower:
         self,
         objectives: Sequence[Objective],
         control: Control | None = None,
-        pair: Arms | None = None,
+        pair: ArmGroup | None = None,
     ):
         self.control = control = Control() if control is None else control
         self.objective = objectives[0]

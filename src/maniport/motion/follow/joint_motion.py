@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.atomic_io import written_whole
-from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array
+from maniport.util.atomic_io import written_whole
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a cell of a spreadsheet begins with that is calculated instead of shown."""

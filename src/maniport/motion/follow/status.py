@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 FOLLOWED, NEARLY_FOLLOWED = "followed", "nearly followed"
 ELLIPSOID, PATH = "ellipsoid missed", "position missed"

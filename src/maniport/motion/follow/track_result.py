@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.defaults import DAMPING
-from maniport.files import save_arrays
-from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
-from maniport.spd.regularization import Regularization
 from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import speed_limits
-from maniport.validation import Array
+from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
+from maniport.spd.regularization import Regularization
+from maniport.util.defaults import DAMPING
+from maniport.util.files import save_arrays
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class TrackResult(JointMotion):
         Distances from them [m].
     orientation_error : ndarray, shape (n,), or None
         Largest angle between an axis of the end effector that counts and its target [rad].
-    tip_tolerance : float
+    position_tolerance : float
         Position error up to which a point counts as on the path [m].
     status : tuple of str
         For each time the worst since the time before, one of `maniport.motion.follow.status.STATUSES`.
@@ -69,7 +69,7 @@ class TrackResult(JointMotion):
     path: Array | None
     position_error: Array | None
     orientation_error: Array | None
-    tip_tolerance: float
+    position_tolerance: float
     status: tuple[str, ...]
     held: NDArray[np.bool_]
     velocity_limits: Array
@@ -92,7 +92,7 @@ class TrackResult(JointMotion):
         held: NDArray[np.bool_] | None = None,
         control_velocities: Array | None = None,
         control_accelerations: Array | None = None,
-        tip_tolerance: float = ENOUGH_METRES,
+        position_tolerance: float = ENOUGH_METRES,
     ) -> "TrackResult":
         """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
 
@@ -128,8 +128,8 @@ class TrackResult(JointMotion):
             path=path,
             position_error=error,
             orientation_error=None,
-            tip_tolerance=tip_tolerance,
-            status=statuses_of(time, distance, error, control_time, stopped, ends, fast, tip_tolerance),
+            position_tolerance=position_tolerance,
+            status=statuses_of(time, distance, error, control_time, stopped, ends, fast, position_tolerance),
             control_time=control_time,
             control_positions=control_positions,
             control_velocities=velocities,

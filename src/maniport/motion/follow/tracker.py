@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.steps import Progress, Step, between
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.effort import QUICK
 from maniport.motion.follow.follower import Control, Follower
@@ -25,8 +23,10 @@ from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import Atlas
 from maniport.motion.schedule import Schedule
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array, as_generator
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress, Step, between
+from maniport.util.validation import Array, as_generator
 
 
 def track(
@@ -41,7 +41,7 @@ def track(
     damping: Damping = DAMPING,
     weights: ArrayLike | None = None,
     rotations: ArrayLike | None = None,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -74,7 +74,7 @@ def track(
         Weights of the directions of the ellipsoids, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
     rotations : array_like, shape (n, 3, 3), optional
         Target orientations of the end effector in the base frame; see `keep` and `orientation_weight`.
-    bank : StartBank, optional
+    bank : SeedBank, optional
         Seed configurations to find the start with. Default: 16 384 new samples (0.1 s).
     random_state, progress : optional
         Random seed; called with the name of a step and the fraction done.
@@ -108,17 +108,17 @@ def track(
 
 
 def _planned_start(
-    asked: Schedule, objective: Objective, settings: Control, bank: StartBank | None, random_state: Any
+    asked: Schedule, objective: Objective, settings: Control, bank: SeedBank | None, random_state: Any
 ) -> Array:
     """First configuration of a motion that is planned through the same targets."""
     limits = MotionLimits.of(objective.arm, margin=0.0)
     random = as_generator(random_state)
-    bank = StartBank.given_or_built(bank, objective.arm, objective.spec, random)
+    bank = SeedBank.given_or_built(bank, objective.arm, objective.spec, random)
     planner = Planner(limits, Atlas(objective.arm, objective.spec, random_state=random), bank)
     plan = plan_motion(
         objective.arm, asked.ellipsoids, time=asked.time, path=asked.positions, spec=objective.spec,
         damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, effort=QUICK,
-        tip_tolerance=1e-3,
+        position_tolerance=1e-3,
         keep=settings.keep, orientation_weight=settings.orientation_weight, random_state=random,
     )  # fmt: skip
     return np.asarray(plan.joint_positions[0])

@@ -11,7 +11,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.objective import Objective
 from maniport.motion.placement.problem import HEADING, SCALE, SIZE, TILT, YAW, PlacementProblem
 from maniport.motion.plan.reachability_map import Atlas
-from maniport.validation import Array, as_choice, as_metres, as_number, as_rotation, as_times, require_shape
+from maniport.util.validation import Array, as_choice, as_metres, as_number, as_rotation, as_times, require_shape
 
 FREE = "free"  # A tilt that is searched
 

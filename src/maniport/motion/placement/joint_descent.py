@@ -14,18 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maniport.spd.kernels import compose
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.objective import Targets
-from maniport.motion.placement.problem import SIZE, ArmGroup, PlacementProblem
+from maniport.motion.placement.problem import SIZE, PlacementGroup, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, descend
-from maniport.validation import Array
+from maniport.spd.kernels import compose
+from maniport.util.validation import Array
 
 State = tuple[Array, tuple[Array, ...]]  # A placement (7,) and joint positions (n, dof) of each arm
 
 
 def descend_jointly(
-    group: ArmGroup, whole: ArmGroup, place: Array, q: tuple[Array, ...], terms: Sequence[TrajectoryTerms]
+    group: PlacementGroup, whole: PlacementGroup, place: Array, q: tuple[Array, ...], terms: Sequence[TrajectoryTerms]
 ) -> State:
     """Descend in a placement and the trajectories there; all waypoints of `whole` stay in the workspace."""
     problem = JointProblem(group, whole, terms)
@@ -47,7 +47,7 @@ class BorderedSlopes(NamedTuple):
 class JointProblem:
     """Cost of a placement and the trajectories there."""
 
-    def __init__(self, group: ArmGroup, whole: ArmGroup, terms: Sequence[TrajectoryTerms]):
+    def __init__(self, group: PlacementGroup, whole: PlacementGroup, terms: Sequence[TrajectoryTerms]):
         self.group, self.whole = group, whole
         self.waypoints = [MovingPathCost(problem) for problem in group.problems]
         self.costs = [

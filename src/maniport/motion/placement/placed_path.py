@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.atomic_io import folder_written_whole
 from maniport.arms import EllipsoidSpec
 from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
-from maniport.files import save_ellipsoids, save_path
-from maniport.notebook import ShownInNotebooks
-from maniport.validation import Array, as_finite
+from maniport.util.atomic_io import folder_written_whole
+from maniport.util.files import save_ellipsoids, save_path
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.validation import Array, as_finite
 
-DATA_FILES = ("placed_profile.npz", "path.npz")  # What `PlacedPath.save` writes
+DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Place:
     Attributes
     ----------
     scale, yaw, tilt, heading, offset
-        As in `PlacedPath`.
+        As in `Placement`.
     distance : ndarray, shape (m,)
         Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
     """
@@ -43,7 +43,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedPath(ShownInNotebooks):
+class Placement(ShownInNotebooks):
     """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
 
     p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).
@@ -136,4 +136,4 @@ class PlacedPath(ShownInNotebooks):
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
         found = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
         floor = f"node floor {np.median(self.distance):.2f} (median)"
-        return f"PlacedPath({len(self.path)} points, {found}, {floor}, {np.sum(~self.reachable)} out of reach)"
+        return f"Placement({len(self.path)} points, {found}, {floor}, {np.sum(~self.reachable)} out of reach)"

@@ -8,13 +8,11 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.steps import Part, Progress, Step, between, pieces
 from maniport.motion.effort import FULL, as_effort
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.placement.arguments import as_workspace, given_place, problems_of, require_reach, table_height
-from maniport.motion.placement.placed_path import Place, PlacedPath
+from maniport.motion.placement.placed_path import Place, Placement
 from maniport.motion.placement.placement_search import best_placements
 from maniport.motion.placement.problem import (
     HEADING,
@@ -22,7 +20,7 @@ from maniport.motion.placement.problem import (
     SCALE,
     TILT,
     YAW,
-    ArmGroup,
+    PlacementGroup,
     PlacementProblem,
     base_rotations,
     with_paths,
@@ -30,8 +28,10 @@ from maniport.motion.placement.problem import (
 )
 from maniport.motion.plan.reachability_map import Atlas
 from maniport.motion.search.pointwise import pointwise_best
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array, as_count, as_generator, as_metres
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Part, Progress, Step, between, pieces
+from maniport.util.validation import Array, as_count, as_generator, as_metres
 
 
 def place_path(
@@ -51,12 +51,12 @@ def place_path(
     damping: Damping = DAMPING,
     collisions: Collisions | bool | None = None,
     atlas: Atlas | None = None,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     effort: str = FULL,
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
-) -> PlacedPath:
+) -> Placement:
     """Find scale, yaw, offset and, on request, a tilt of the base with which an arm comes nearest to target ellipsoids.
 
     Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
@@ -132,12 +132,12 @@ def place_paths(
     damping: Damping = DAMPING,
     collisions: Sequence[Collisions | bool | None] | None = None,
     atlases: Sequence[Atlas | None] | None = None,
-    banks: Sequence[StartBank | None] | None = None,
+    banks: Sequence[SeedBank | None] | None = None,
     effort: str = FULL,
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
-) -> tuple[PlacedPath, ...]:
+) -> tuple[Placement, ...]:
     """Find one placement for the paths of several arms, such as those of both hands, which keep their relation.
 
     As `place_path` for one arm. All paths are scaled, turned and moved alike, about the mean of all their waypoints;
@@ -158,7 +158,7 @@ def place_paths(
 
     Returns
     -------
-    tuple of PlacedPath
+    tuple of Placement
         One for each arm, with the same scale, turn and offset.
 
     Raises
@@ -174,13 +174,13 @@ def place_paths(
     given = given_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "place the path")
-    seeds = [StartBank.given_or_built(banks[i] if banks else None, arm, spec, generator) for i, arm in enumerate(arms)]
+    seeds = [SeedBank.given_or_built(banks[i] if banks else None, arm, spec, generator) for i, arm in enumerate(arms)]
     maps = _maps(arms, spec, generator, atlases, collisions)
     bounds[0, 2] = max(bounds[0, 2], *(table_height(atlas.collisions, given[0]) for atlas in maps))
     for atlas in maps:
         require_reach(atlas, bounds)
     problems, center, rotation = problems_of(objectives, paths, profiles, time, turn, given, bounds)
-    group = ArmGroup(problems, tuple(maps))
+    group = PlacementGroup(problems, tuple(maps))
     whole = None
     if wholes is not None:
         whole = with_paths(group, tuple((as_metres(one, "whole") - center) @ rotation.T for one in wholes))
@@ -224,10 +224,10 @@ def _placed_path(
     problem: PlacementProblem,
     q: Array,
     placement: tuple[Array, Array, Array, tuple[Place, ...]],
-    bank: StartBank,
+    bank: SeedBank,
     starts: int,
     progress: Part,
-) -> PlacedPath:
+) -> Placement:
     """Search the pointwise optimum at a placement, also from a trajectory (m, dof) through some waypoints."""
     place, center, rotation, candidates = placement
     positions, profile = (values[0] for values in problem.placed(place[None]))
@@ -237,7 +237,7 @@ def _placed_path(
     error = best.position_error
     assert error is not None
     named = _named(place, best.distance)
-    return PlacedPath(
+    return Placement(
         path=positions,
         profile=profile,
         spec=problem.objective.spec,

@@ -12,14 +12,14 @@ from scipy.stats import qmc
 
 from maniport.arms.joint_space import _SEED
 from maniport.errors import InvalidInputError
-from maniport.steps import Part, nobody, pieces
 from maniport.motion.effort import Effort
 from maniport.motion.placement.joint_descent import descend_jointly
-from maniport.motion.placement.problem import HEADING, TILT, ArmGroup, PlacementProblem
+from maniport.motion.placement.problem import HEADING, TILT, PlacementGroup, PlacementProblem
 from maniport.motion.plan.optimizer import CLEARANCE, TrajectoryCost, TrajectoryTerms, optimize, time_weights
 from maniport.motion.plan.reachability_map import Atlas
 from maniport.motion.plan.roadmap import IN_PLACE, shortest_path
-from maniport.validation import Array
+from maniport.util.progress import Part, nobody, pieces
+from maniport.util.validation import Array
 
 STAGES = 64  # Waypoints of the trajectories that placements are judged by
 SAMPLES = 32  # Samples next to a waypoint that placements are compared by
@@ -42,7 +42,11 @@ class PlannedPlacement:
 
 
 def best_placements(
-    group: ArmGroup, whole: ArmGroup | None, seed: np.random.Generator, effort: Effort, progress: Part = nobody
+    group: PlacementGroup,
+    whole: PlacementGroup | None,
+    seed: np.random.Generator,
+    effort: Effort,
+    progress: Part = nobody,
 ) -> list[PlannedPlacement]:
     """Search over the free numbers; the placements for which trajectories were planned, the best first."""
     searches = [(group, whole, effort)]
@@ -69,7 +73,7 @@ def best_placements(
 
 
 def _search(
-    group: ArmGroup, reached: ArmGroup | None, effort: Effort, seed: np.random.Generator, progress: Part
+    group: PlacementGroup, reached: PlacementGroup | None, effort: Effort, seed: np.random.Generator, progress: Part
 ) -> list[PlannedPlacement]:
     whole = group if reached is None else reached
     coarse = group.thinned(STAGES).changed(lambda problem: problem.weighing(WEIGHT))
@@ -103,7 +107,7 @@ def _cost(placement: PlannedPlacement) -> float:
     return placement.cost
 
 
-def _shortlist(group: ArmGroup, seed: np.random.Generator, effort: Effort) -> list[Array]:
+def _shortlist(group: PlacementGroup, seed: np.random.Generator, effort: Effort) -> list[Array]:
     """The best of random placements by samples: of all at a few waypoints, then of some at more waypoints."""
     least, most = group.common.least[:4], group.common.most[:4]
     exponent = max(effort.candidates - 1, 1).bit_length()
@@ -123,7 +127,7 @@ def _shortlist(group: ArmGroup, seed: np.random.Generator, effort: Effort) -> li
     return list(places[chosen])
 
 
-def _inside(group: ArmGroup, places: Array) -> Array:
+def _inside(group: PlacementGroup, places: Array) -> Array:
     """Those of the placements that fit into the workspace, shifted and shrunk where free."""
     moved, inside = group.within(places)
     return np.asarray(moved[inside])
@@ -139,7 +143,7 @@ def _terms(time: Array, atlas: Atlas, effort: Effort) -> TrajectoryTerms:
 
 
 def _planned(
-    group: ArmGroup, place: Array, terms: list[TrajectoryTerms], effort: Effort, seed: np.random.Generator
+    group: PlacementGroup, place: Array, terms: list[TrajectoryTerms], effort: Effort, seed: np.random.Generator
 ) -> PlannedPlacement:
     """Plan a trajectory of each arm at a placement: roadmap, graph search, optimizer."""
     trajectories = []
@@ -154,7 +158,9 @@ def _planned(
     return _evaluated(group, terms, place, tuple(trajectories))
 
 
-def _evaluated(group: ArmGroup, terms: list[TrajectoryTerms], place: Array, q: tuple[Array, ...]) -> PlannedPlacement:
+def _evaluated(
+    group: PlacementGroup, terms: list[TrajectoryTerms], place: Array, q: tuple[Array, ...]
+) -> PlannedPlacement:
     cost, distance = 0.0, []
     for problem, one, own in zip(group.problems, q, terms, strict=True):
         targets = problem.targets(place)
@@ -164,7 +170,7 @@ def _evaluated(group: ArmGroup, terms: list[TrajectoryTerms], place: Array, q: t
 
 
 def _improved(
-    group: ArmGroup, whole: ArmGroup, start: PlannedPlacement, terms: list[TrajectoryTerms]
+    group: PlacementGroup, whole: PlacementGroup, start: PlannedPlacement, terms: list[TrajectoryTerms]
 ) -> PlannedPlacement:
     """Improve a placement and its trajectories at once."""
     improved = _evaluated(group, terms, *descend_jointly(group, whole, start.place, start.q, terms))
@@ -172,7 +178,7 @@ def _improved(
 
 
 def _moved_into_reach(
-    group: ArmGroup, whole: ArmGroup, one: PlannedPlacement, terms: list[TrajectoryTerms]
+    group: PlacementGroup, whole: PlacementGroup, one: PlannedPlacement, terms: list[TrajectoryTerms]
 ) -> PlannedPlacement:
     """The nearest placement from which all waypoints of the whole paths are in reach."""
     place = within_reach(whole, one.place)
@@ -183,7 +189,7 @@ def _moved_into_reach(
     return _evaluated(group, terms, place, trajectories)
 
 
-def out_of_reach(group: ArmGroup, place: Array) -> bool:
+def out_of_reach(group: PlacementGroup, place: Array) -> bool:
     """Whether some arm has no collision-free configuration for some waypoint at a placement (7,)."""
     return any(
         _out_of_reach(problem, atlas, place) for problem, atlas in zip(group.problems, group.atlases, strict=True)
@@ -204,7 +210,7 @@ def _out_of_reach(problem: PlacementProblem, atlas: Atlas, place: Array) -> bool
     return len(np.unique(owner[good])) < len(far)
 
 
-def within_reach(group: ArmGroup, place: Array) -> Array:
+def within_reach(group: PlacementGroup, place: Array) -> Array:
     """Move a placement (7,) as little as possible until all waypoints are next to samples, by damped Newton steps."""
     common = group.common
     free, units = common.free, np.array([0.2, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])[common.free]
@@ -222,7 +228,7 @@ def within_reach(group: ArmGroup, place: Array) -> Array:
     return np.asarray(group.within(place[None])[0][0])
 
 
-def _beyond(group: ArmGroup, place: Array) -> tuple[Array, Array]:
+def _beyond(group: PlacementGroup, place: Array) -> tuple[Array, Array]:
     """How much farther than `NEAR` waypoints are from samples (k,) [m], and derivatives in the placement (k, 7)."""
     beyond, slopes = [], []
     for problem, atlas in zip(group.problems, group.atlases, strict=True):

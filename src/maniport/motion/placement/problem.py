@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.spd.kernels import congruence
-from maniport.subsample import evenly_spaced
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.reachability_map import Atlas
-from maniport.validation import Array
+from maniport.spd.kernels import congruence
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
 
 SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
 SIZE = 7
@@ -139,7 +139,7 @@ class PlacementProblem:
 
 
 @dataclass(frozen=True)
-class ArmGroup:
+class PlacementGroup:
     """Placement problems of one or several arms with one common placement, and the reachability maps of the arms."""
 
     problems: tuple[PlacementProblem, ...]
@@ -150,11 +150,11 @@ class ArmGroup:
         """The first problem, for what they share."""
         return self.problems[0]
 
-    def changed(self, change: Callable[[PlacementProblem], PlacementProblem]) -> "ArmGroup":
+    def changed(self, change: Callable[[PlacementProblem], PlacementProblem]) -> "PlacementGroup":
         """Change each problem alike."""
         return replace(self, problems=tuple(change(problem) for problem in self.problems))
 
-    def thinned(self, count: int) -> "ArmGroup":
+    def thinned(self, count: int) -> "PlacementGroup":
         """The same with `count` evenly spaced waypoints of each path."""
         return self.changed(lambda problem: problem.thinned(count))
 
@@ -176,7 +176,7 @@ class ArmGroup:
         return np.asarray(np.mean(reached, axis=0))
 
 
-def with_paths(group: ArmGroup, paths: tuple[Array, ...]) -> ArmGroup:
+def with_paths(group: PlacementGroup, paths: tuple[Array, ...]) -> PlacementGroup:
     """The same with other paths (m, 3) around their center; their ellipsoids and times mean nothing."""
     problems = (
         replace(

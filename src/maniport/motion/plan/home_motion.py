@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.time_parameterization import REST, Timed, retime
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 def with_approach(

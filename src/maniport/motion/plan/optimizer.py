@@ -21,7 +21,7 @@ from scipy.linalg import LinAlgError, solveh_banded
 
 from maniport.arms.collisions import Collisions
 from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits, PathCost
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
 CLEARANCE_WEIGHT = 300.0  # w_c [1/m]

@@ -7,16 +7,16 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.arms import Arm, Arms, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions
-from maniport.defaults import MARGIN, RATE, TIP_TOLERANCE
 from maniport.errors import InvalidInputError
 from maniport.motion.effort import FULL, as_effort
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.motion.placement.arguments import as_workspace
 from maniport.motion.plan.planner import Planner
-from maniport.validation import Array, as_number
+from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
+from maniport.util.validation import Array, as_number
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class PlanControl:
 
     Attributes
     ----------
-    tip_tolerance : float
+    position_tolerance : float
         Position tolerance of the end effector, for the 95th percentile of the position error [m]. It is used, mostly
         for a shorter duration.
     tempo : float
@@ -55,7 +55,7 @@ class PlanControl:
         When a value is out of its range.
     """
 
-    tip_tolerance: float = TIP_TOLERANCE
+    position_tolerance: float = POSITION_TOLERANCE
     tempo: float = 1.0
     rate: float = RATE
     motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
@@ -68,7 +68,7 @@ class PlanControl:
     effort: str = FULL
 
     def __post_init__(self) -> None:
-        as_number(self.tip_tolerance, "tip_tolerance", above=0.0)
+        as_number(self.position_tolerance, "position_tolerance", above=0.0)
         as_number(self.tempo, "tempo", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
         as_workspace(self.workspace)
@@ -76,7 +76,7 @@ class PlanControl:
         axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
 
-    def resolved(self, arm: Arm | Arms, planner: Any = None) -> "PlanControl":
+    def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanControl":
         """Look up limits and collisions for an arm or two, or take those of a planner; check the home posture.
 
         Raises

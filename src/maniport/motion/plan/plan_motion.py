@@ -9,9 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.defaults import DAMPING
-from maniport.steps import Progress, Step, between
-from maniport.subsample import evenly_spaced
 from maniport.motion.effort import Effort, as_effort
 from maniport.motion.follow.track_result import TrackResult, in_words
 from maniport.motion.motion_limits import MotionLimits
@@ -23,8 +20,11 @@ from maniport.motion.plan.planner import PLANNING_TIME_SCALE, Planner, time_para
 from maniport.motion.plan.time_parameterization import Timed
 from maniport.motion.schedule import Schedule, require_few, require_rows
 from maniport.motion.search.pointwise import improved_from, interpolated_distance, pointwise_best
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array, as_finite, as_generator
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress, Step, between
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_finite, as_generator
 
 POINTWISE_POINTS = 250  # Most waypoints at which the pointwise optimum is searched
 
@@ -73,7 +73,7 @@ def plan_motion(
     random_state : None, int or numpy.random.Generator
         Random seed.
     **control
-        tip_tolerance, tempo, rate, motion_limits, margin, collisions, keep, orientation_weight, home, effort; see
+        position_tolerance, tempo, rate, motion_limits, margin, collisions, keep, orientation_weight, home, effort; see
         `maniport.motion.PlanControl`.
 
     Raises
@@ -157,9 +157,9 @@ class PlanRequest:
         """Plan and time a trajectory."""
         targets, slow, fastest, rows = self.finer(planner.limits)
         settings, effort = self.settings, self.effort
-        q = planner.plan(targets, slow, settings.tip_tolerance, effort, generator, progress)
+        q = planner.plan(targets, slow, settings.position_tolerance, effort, generator, progress)
         q, timed = time_parameterized(
-            planner.limits, planner.collisions, targets, fastest, q, settings.tip_tolerance, settings.rate, effort
+            planner.limits, planner.collisions, targets, fastest, q, settings.position_tolerance, settings.rate, effort
         )
         timed = replace(timed, at=timed.at[rows])
         if self.pointwise is not None:
@@ -197,7 +197,7 @@ def evaluated(
         velocity_limits=limits.velocity,
         control_velocities=timed.velocities,
         control_accelerations=timed.accelerations,
-        tip_tolerance=float(settings.tip_tolerance),
+        position_tolerance=float(settings.position_tolerance),
     )
     result = replace(result, orientation_error=targets.axis_angles(result.joint_positions))
     return PlannedMotion(
@@ -210,7 +210,7 @@ def evaluated(
     )
 
 
-def pointwise_distance(targets: Targets, bank: StartBank, q: Array) -> Array:
+def pointwise_distance(targets: Targets, bank: SeedBank, q: Array) -> Array:
     """Search the pointwise optimum (n,), also from the configurations of a motion (n, dof)."""
     rows = evenly_spaced(len(targets), POINTWISE_POINTS)
     distance = pointwise_best(replace(targets[rows], rotations=None), bank, q[rows]).distance

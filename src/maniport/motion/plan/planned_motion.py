@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from maniport.arms.collisions import Collisions
-from maniport.spd.affine_invariant import distance
-from maniport.subsample import evenly_spaced
 from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.follow.track_result import TrackResult
 from maniport.motion.motion_limits import LimitUse, MotionLimits
-from maniport.validation import Array
+from maniport.spd.affine_invariant import distance
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True)

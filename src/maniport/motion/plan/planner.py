@@ -26,8 +26,8 @@ from maniport.motion.plan.reachability_map import Atlas
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, turned_to_rotations
 from maniport.motion.plan.time_parameterization import Timed, retime
 from maniport.motion.search.descent import PathCost
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array, as_generator
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.util.validation import Array, as_generator
 
 PLANNING_TIME_SCALE = 4.0
 """Trajectories are planned as if they took so many times the demonstrated time; time parameterization comes last."""
@@ -46,13 +46,13 @@ class Planner:
     limits : MotionLimits
     atlas : Atlas
         Reachability map of ``limits.arm``.
-    bank : StartBank
+    bank : SeedBank
     collisions : Collisions, optional
     """
 
     limits: MotionLimits
     atlas: Atlas
-    bank: StartBank
+    bank: SeedBank
     collisions: Collisions | None = None
 
     @classmethod
@@ -69,7 +69,7 @@ class Planner:
         require_trackable(limits.arm, spec)
         generator, model = as_generator(random_state), as_collisions(collisions, limits.arm)
         atlas = Atlas(limits.arm, spec, random_state=generator, collisions=model)
-        return cls(limits, atlas, StartBank.build(limits.arm, random_state=generator, spec=spec), model)
+        return cls(limits, atlas, SeedBank.build(limits.arm, random_state=generator, spec=spec), model)
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this plans for an arm like `arm`, within limits of its own, and `spec`."""

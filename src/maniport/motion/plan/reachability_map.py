@@ -19,11 +19,11 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_postures
 from maniport.arms.manipulability import manipulability
-from maniport.spd.kernels import compose, congruence, distances, eigh
 from maniport.motion.arm_model import require_alike
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
-from maniport.validation import SPD_TOLERANCE, Array, as_count, as_generator
+from maniport.spd.kernels import compose, congruence, distances, eigh
+from maniport.util.validation import SPD_TOLERANCE, Array, as_count, as_generator
 
 SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3 % farther from its targets
 GAP_WEIGHT = 30.0  # Weight of the distance between a position and the sample that stands for it [1/m]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm
-from maniport.jit import kernel
 from maniport.motion.objective import SEARCH_WEIGHT, Targets
 from maniport.motion.plan.optimizer import time_weights
-from maniport.validation import Array
+from maniport.util.jit import kernel
+from maniport.util.validation import Array
 
 IN_PLACE = 1e-4  # Largest position error of a node that counts as on the path [m]
 NEWTON_STEPS = 4

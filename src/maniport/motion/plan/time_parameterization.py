@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, CubicHermiteSpline, PchipInterpolator, make_interp_spline
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from maniport.defaults import RATE
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.schedule import require_few, require_rows
-from maniport.validation import Array, as_number, as_times
+from maniport.util.defaults import RATE
+from maniport.util.validation import Array, as_number, as_times
 
 REST = 3  # Samples of rest at either end, so that differences up to the third see the robot start and stop
 PATH_TOLERANCE = 1e-4

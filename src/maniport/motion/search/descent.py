@@ -11,9 +11,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from maniport.steps import Part, counted, nobody
 from maniport.motion.kernels import step_within_limits
-from maniport.validation import Array
+from maniport.util.progress import Part, counted, nobody
+from maniport.util.validation import Array
 
 LARGEST_DAMPING = 1e8
 LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken

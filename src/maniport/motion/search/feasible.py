@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.defaults import DAMPING
 from maniport.errors import NotSPDError
-from maniport.notebook import ShownInNotebooks
-from maniport.steps import Progress, Step
-from maniport.subsample import evenly_spaced
 from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.motion.search.descent import descend_in_blocks
-from maniport.motion.search.start_bank import StartBank, as_positions
-from maniport.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
+from maniport.motion.search.seed_bank import SeedBank, as_positions
+from maniport.util.defaults import DAMPING
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.progress import Progress, Step
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
 
 STARTS = 48  # Samples that a search starts from
 
@@ -59,7 +59,7 @@ def nearest_feasible(
     positions: ArrayLike | None = None,
     position_weight: float = SEARCH_WEIGHT,
     n_starts: int = STARTS,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     random_state: Any = 0,
     tol: float = 1e-6,
     max_iter: int = 100,
@@ -84,7 +84,7 @@ def nearest_feasible(
     position_weight : float
         Weight of the position error [1/m].
     n_starts : int
-        Samples to search from for each ellipsoid. Arms with fewer joints need more: of a UR5's own ellipsoids 98 %
+        Samples to search from for each ellipsoid. ArmGroup with fewer joints need more: of a UR5's own ellipsoids 98 %
         score below 0.01 with 48, above 99 % with 96.
     bank, random_state, progress
         As in `maniport.motion.track`.
@@ -109,7 +109,7 @@ def nearest_feasible(
     objective = Objective.of(arm, spec, damping, as_number(position_weight, "position_weight", above=0.0))
     asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
     tips = None if positions is None else as_positions(positions, len(asked))
-    bank = StartBank.given_or_built(bank, arm, spec, random_state)
+    bank = SeedBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "search the nearest ellipsoids")
     targets = objective.targets(asked, tips)
     first = bank.starts(asked, tips, starts)
@@ -128,7 +128,7 @@ def feasibility_gap(
     *,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
-    bank: StartBank | None = None,
+    bank: SeedBank | None = None,
     n_points: int = 250,
     n_starts: int = STARTS,
     progress: Progress | None = None,

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.steps import Part, pieces
 from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
 from maniport.motion.search.descent import PathCost, descend_in_blocks
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.util.progress import Part, pieces
+from maniport.util.validation import Array
 
 STARTS = 32  # Samples that a search starts from at each target
 
@@ -25,7 +25,7 @@ class PointwiseBest:
 
 
 def pointwise_best(
-    targets: Targets, bank: StartBank, known: Array | None = None, n_starts: int = STARTS, progress: Part | None = None
+    targets: Targets, bank: SeedBank, known: Array | None = None, n_starts: int = STARTS, progress: Part | None = None
 ) -> PointwiseBest:
     """Search from samples of a bank, then from the results of the neighbors and from known configurations (n, dof)."""
     return search_pointwise(targets, bank.starts_for(targets, n_starts), [] if known is None else [known], progress)

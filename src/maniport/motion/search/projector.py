@@ -12,20 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError
-from maniport.spd.regularization import Regularization
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.search.descent import descend_in_blocks
-from maniport.motion.search.start_bank import StartBank
-from maniport.validation import Array, as_number, as_points, require_shape
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.spd.regularization import Regularization
+from maniport.util.defaults import DAMPING
+from maniport.util.validation import Array, as_number, as_points, require_shape
 
 MAX_STARTS = 12_288
 """Samples that all first searches of a fit start from together; each has 24 to 48. With six a length field is worse."""
 
 
 class FeasibleProjector:
-    """Find the feasible ellipsoids of an arm nearest to others; a callable, as `maniport.LengthsField` takes it.
+    """Find the feasible ellipsoids of an arm nearest to others; a callable, as `maniport.LengthField` takes it.
 
     On one core 2048 ellipsoids of the Panda take 0.9 s, and 0.1 s in each further round of `search`. A result is the
     nearest that some start leads to: an upper bound of the distance, as in `nearest_feasible`.
@@ -37,7 +37,7 @@ class FeasibleProjector:
         Which ellipsoids.
     damping : float or Regularization
         As in `maniport.motion.track`, above zero: the ε of the ellipsoids that the object is called with.
-    bank : StartBank, optional
+    bank : SeedBank, optional
         Seed configurations. Default: 16 384 new samples.
     random_state : None, int or numpy.random.Generator
         Random seed of these samples.
@@ -55,11 +55,11 @@ class FeasibleProjector:
         arm: Arm,
         spec: EllipsoidSpec = VELOCITY,
         damping: Damping = DAMPING,
-        bank: StartBank | None = None,
+        bank: SeedBank | None = None,
         random_state: Any = 0,
     ):
         self.objective = Objective.of(arm, spec, damping, positive=True)
-        self.bank = StartBank.given_or_built(bank, arm, spec, random_state)
+        self.bank = SeedBank.given_or_built(bank, arm, spec, random_state)
 
     @property
     def damping(self) -> float | None:
@@ -115,7 +115,7 @@ class FeasibleSearch:
         Configurations of the last results [rad or m].
     """
 
-    def __init__(self, objective: Objective, bank: StartBank):
+    def __init__(self, objective: Objective, bank: SeedBank):
         self._objective, self._bank = objective, bank
         self.joint_positions: Array | None = None
 

@@ -13,14 +13,14 @@ from pink.exceptions import TargetNotSet
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.arms.manipulability import manipulability
 from maniport.arms.manipulability_jacobian import _derivatives
-from maniport.defaults import DAMPING
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.matrix_functions import roots
 from maniport.motion.arm_model import frame_id, moving_columns
 from maniport.motion.kernels import fill_terms
 from maniport.motion.objective import HINT, Damping, as_damping
 from maniport.motion.tasks.frame_tasks import CheckedTask
-from maniport.validation import Array, as_positive_semidefinite, as_spd, as_symmetric, require_shape
+from maniport.spd.matrix_functions import roots
+from maniport.util.defaults import DAMPING
+from maniport.util.validation import Array, as_positive_semidefinite, as_spd, as_symmetric, require_shape
 
 
 class ManipulabilityEllipsoidTask(CheckedTask):

@@ -12,7 +12,7 @@ from pink.tasks import Task
 
 from maniport.motion.arm_model import frame_id
 from maniport.motion.objective import FOLLOWING_WEIGHT, POINTING, axis_weights
-from maniport.validation import Array, as_finite, as_number, as_numbers, as_rotation, require_shape
+from maniport.util.validation import Array, as_finite, as_number, as_numbers, as_rotation, require_shape
 
 
 def as_gain(value: Any, name: str = "gain") -> float:

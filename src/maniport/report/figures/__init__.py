@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from maniport.atomic_io import written_whole
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
-from maniport.input_limits import KEYPOINTS_BYTES, read_whole
-from maniport.optional import matplotlib
 from maniport.report.page.content import Line, Panel
 from maniport.report.renderings import ENDINGS, PAGE
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
-from maniport.validation import Array
+from maniport.util.atomic_io import written_whole
+from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
+from maniport.util.optional import matplotlib
+from maniport.util.validation import Array
 
 matplotlib()  # raises MissingPackageError
 

@@ -15,7 +15,7 @@ from maniport.errors import InvalidInputError
 from maniport.report.page.content import Panel
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, ROLES, TARGET
 from maniport.report.series import courses, is_gap
-from maniport.validation import Array, as_choice, as_positive_semidefinite, as_times, require_shape
+from maniport.util.validation import Array, as_choice, as_positive_semidefinite, as_times, require_shape
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 

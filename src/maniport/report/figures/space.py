@@ -12,8 +12,6 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.errors import InvalidInputError
-from maniport.spd.ellipsoid import axes
-from maniport.subsample import evenly_spaced
 from maniport.report.figures.curves import (
     LINE_STYLES,
     TEXT,
@@ -28,7 +26,9 @@ from maniport.report.figures.curves import (
 )
 from maniport.report.roles import PERSON, REFERENCE, TARGET
 from maniport.report.series import is_gap, map_of
-from maniport.validation import (
+from maniport.spd.ellipsoid import axes
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import (
     Array,
     as_count,
     as_finite,

@@ -16,7 +16,6 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
-from maniport.atomic_io import written_whole
 from maniport.errors import InvalidInputError
 from maniport.report.metrics import Report
 from maniport.report.page.content import (
@@ -32,6 +31,7 @@ from maniport.report.page.content import (
     as_json,
 )
 from maniport.report.roles import ROLES
+from maniport.util.atomic_io import written_whole
 from maniport.version import __version__
 
 __all__ = [

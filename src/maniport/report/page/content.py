@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
-from maniport.subsample import evenly_spaced
+from maniport.motion.follow import status
 from maniport.report.roles import ROLES
 from maniport.report.series import is_gap
-from maniport.motion.follow import status
-from maniport.validation import Array, as_choice, as_times
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_choice, as_times
 
 STATES = {
     status.FOLLOWED: ("#D9E0E6", "#3A4652"),
@@ -123,7 +123,7 @@ class DomainMap:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Arms, curves and a map with one clock."""
+    """ArmGroup, curves and a map with one clock."""
 
     time: Array  # (n,) ascending [s]
     bodies: tuple[Body, ...]  # side by side, with one scale

@@ -12,16 +12,16 @@ from maniport.arms.chain import LEFT
 from maniport.arms.human import BREADTH
 from maniport.arms.restriction import mirrored
 from maniport.errors import FileFormatError
+from maniport.learning.agreement import axis_deviations
 from maniport.pipeline import LearnedProfile, TransferResult
 from maniport.pipeline.execution import Execution
-from maniport.learning.agreement import axis_deviations
-from maniport.spd.ellipsoid import lengths, line_angles
-from maniport.subsample import evenly_spaced
 from maniport.report.metrics import DEFINITIONS
 from maniport.report.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part
 from maniport.report.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.report.series import Course, courses, map_of
-from maniport.validation import Array
+from maniport.spd.ellipsoid import lengths, line_angles
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
 
 ERRORS, ELLIPSOIDS, HUMAN_JOINTS = "Distance and position error", "Ellipsoids", "Joints of the person"
 

@@ -6,12 +6,12 @@ from itertools import zip_longest
 
 import numpy as np
 
-from maniport.arms import Arms
+from maniport.arms import ArmGroup
 from maniport.pipeline import BothResult
 from maniport.pipeline.both_result import FOLDERS
 from maniport.report.page.content import STATES, Body, Motion, Panel, Part
 from maniport.report.page.motions import ELLIPSOIDS, ERRORS, HUMAN_JOINTS, opening_time
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 
 def motion_of_both(result: BothResult, each: Sequence[Motion]) -> Motion:
@@ -77,7 +77,7 @@ def together(first: Body, *others: Body) -> Body:
     return replace(first, beside=tuple(beside))
 
 
-def joints_of_both(robot: Arms, each: Sequence[Sequence[Panel]]) -> dict[str, tuple[Panel, ...]]:
+def joints_of_both(robot: ArmGroup, each: Sequence[Sequence[Panel]]) -> dict[str, tuple[Panel, ...]]:
     """Group panels of the joints of each arm: those that the arms share, and the others alternating."""
     shared, own = dict[str, Panel](), [list[Panel]() for _ in each]
     for panels, columns, mine in zip(each, robot.columns, own, strict=True):

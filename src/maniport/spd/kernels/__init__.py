@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels.loops import WIDTH, compose_loop, congruence_loop, distance_loop, eigh_loop, hessian_loop
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
 

@@ -9,7 +9,7 @@ All arrays are C-contiguous float64; results are written to the last arguments.
 
 import numpy as np
 
-from maniport.jit import kernel, part
+from maniport.util.jit import kernel, part
 
 WIDTH = 64
 """Matrices of a block: with 32 a decomposition takes 15 % longer, with more, 6×6 matrices leave the fastest cache."""

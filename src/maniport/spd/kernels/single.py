@@ -1,8 +1,8 @@
 """Parts of kernels that map one ellipsoid; all matrices have the shape (n, n)."""
 
-from maniport.jit import part
 from maniport.spd.kernels.loops import diagonalize_one
-from maniport.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE
+from maniport.util.jit import part
+from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE
 
 
 @part

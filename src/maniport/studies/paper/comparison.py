@@ -6,9 +6,9 @@ from itertools import product
 from types import MappingProxyType
 from typing import Any
 
+from maniport.report.metrics import Metric, Section, Table
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
-from maniport.report.metrics import Metric, Section, Table
 
 MATCHED, LOWER, HIGHER = "within 20 %", "lower", "higher"
 

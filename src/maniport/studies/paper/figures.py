@@ -7,17 +7,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from maniport.arms import Arm
+from maniport.report import figures
+from maniport.report.page import Line, Motion, Panel
+from maniport.report.page.motions import body_of, ellipsoid_panels
+from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.spd import distance, powm, whiten
 from maniport.spd.matrix_functions import congruence
 from maniport.studies.paper import human_robot, known_truth, trajectories
 from maniport.studies.paper.outcome import Draw, fit_quietly
 from maniport.studies.paper.tables import OURS, TOY, TRAJECTORIES, our_adapter, paper_table
-from maniport.report import figures
-from maniport.report.page import Line, Motion, Panel
-from maniport.report.page.motions import body_of, ellipsoid_panels
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.transfer import DomainAdapter
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 SHOWN = "H-Eval-4"  # The human trajectory that the paper shows: the extended arm moves upwards
 

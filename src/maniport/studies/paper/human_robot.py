@@ -7,11 +7,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from maniport.arms import Arm
-from maniport.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.estimator import clone
 from maniport.spd import exp, log, logm, to_vector, transport
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress, Step, counted, pieces
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
 from maniport.studies.paper.tables import (
@@ -26,7 +24,9 @@ from maniport.studies.paper.tables import (
     paper_table,
 )
 from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy
-from maniport.validation import Array
+from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
+from maniport.util.progress import Progress, Step, counted, pieces
+from maniport.util.validation import Array
 
 ALL = 400  # Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th
 SAME_FRAME = np.eye(3)  # How the Panda is mounted relative to the person

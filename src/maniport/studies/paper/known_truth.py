@@ -10,7 +10,6 @@ import numpy as np
 
 from maniport.spd import mean
 from maniport.spd.regularization import Regularization
-from maniport.steps import Progress, Step, counted, pieces
 from maniport.studies.paper import trajectories
 from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
 from maniport.studies.paper.tables import (
@@ -27,7 +26,8 @@ from maniport.studies.paper.tables import (
 )
 from maniport.transfer.rigid_adapter import RigidMap
 from maniport.transfer.rotation_group import random_rotation
-from maniport.validation import Array
+from maniport.util.progress import Progress, Step, counted, pieces
+from maniport.util.validation import Array
 
 SEPARATE, SAME = "random, drawn separately for each arm", "random, the same joint samples for both arms"
 SOBOL = "Sobol samples, drawn separately for each arm"

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.defaults import DAMPING
 from maniport.errors import ManiportWarning
 from maniport.estimator import clone
 from maniport.evaluation import RMSE, rmse
 from maniport.studies.paper.tables import OURS, PaperRow, in_words
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
-from maniport.validation import Array
+from maniport.util.defaults import DAMPING
+from maniport.util.validation import Array
 
 DRAWS = 10  # Random sets, over which errors are averaged
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from maniport.errors import ConvergenceWarning, IdentifiabilityWarning
-from maniport.notebook import ShownInNotebooks
+from maniport.report.metrics import Metric, Report, Section, Table, describe, warning
+from maniport.report.runs import software
 from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.comparison import COMPARED, HEADS, comparison_sections
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import OURS
-from maniport.report.metrics import Metric, Report, Section, Table, describe, warning
-from maniport.report.runs import software
+from maniport.util.notebook import ShownInNotebooks
 
 WHAT = "data", "samples", "method", "evaluation"
 """Names of what is measured on what, which is the same in the paper and in each of our settings."""

@@ -5,19 +5,19 @@ import time as clock
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from maniport.atomic_io import folder_written_whole, require_free
 from maniport.errors import InvalidInputError
-from maniport.steps import Progress
+from maniport.report.metrics import facts_of
+from maniport.report.renderings import files_of, write_facts
 from maniport.studies.methods import compare_methods
 from maniport.studies.paper import report
 from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
 from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
 from maniport.studies.paper.report import Reproduction
-from maniport.report.metrics import facts_of
-from maniport.report.renderings import files_of, write_facts
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
-from maniport.validation import as_choice, as_count
+from maniport.util.atomic_io import folder_written_whole, require_free
+from maniport.util.progress import Progress
+from maniport.util.validation import as_choice, as_count
 
 ALL, HUMAN_ROBOT = "all", "human-robot"
 EXPERIMENTS: dict[str, Callable[..., Experiment]] = {"toy": toy, "two-dof": two_dof, HUMAN_ROBOT: human_robot}
@@ -79,8 +79,8 @@ def _warm_up() -> None:
 
 def _write_report(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables, the arms in motion and the figures that were written before."""
-    from maniport.studies.paper.figures import MOVED
     from maniport.report.page import Motion, Picture, write_page
+    from maniport.studies.paper.figures import MOVED
 
     shown: dict[str, list[Motion | Picture]] = {}
     for name in (one.name for one in reproduction.experiments):
@@ -91,11 +91,11 @@ def _write_report(reproduction: Reproduction, folder: Path) -> None:
 
 def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Experiment:
     """Run one experiment and write its files."""
-    from maniport.optional import matplotlib
+    from maniport.util.optional import matplotlib
 
     matplotlib()  # raises MissingPackageError
-    from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
     from maniport.report import figures
+    from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
 
     experiment = EXPERIMENTS[name](seed, tell, draws=draws)
     tell(experiment.title, 1.0, experiment.found)

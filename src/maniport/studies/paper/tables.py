@@ -12,9 +12,9 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.defaults import DAMPING
 from maniport.transfer import DomainAdapter, EllipsoidCorrespondence, ParallelTransport, RiemannianICP, Search
-from maniport.validation import as_choice
+from maniport.util.defaults import DAMPING
+from maniport.util.validation import as_choice
 
 PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "ours, defaults"
 """How a row is fitted and measured: the paper's settings, the same against the authors' baseline, our defaults."""

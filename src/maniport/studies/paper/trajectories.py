@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, load_arm, rhuman
 from maniport.mocap.path_solver import solve_path
-from maniport.validation import Array
+from maniport.util.validation import Array
 
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Base of the vertical two-joint arm, the student; the teacher's is the identity. A quarter turn about y."""

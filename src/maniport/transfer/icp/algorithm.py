@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.subsample import evenly_spaced
 from maniport.transfer.icp.matches import Correspondence, Matches
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.validation import Array, as_choice, as_count, as_flag, as_number
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_choice, as_count, as_flag, as_number
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Search:
         Keep the first start unless the found rotation clearly brings the clouds nearer; see
         `maniport.transfer.icp.starts.start_is_kept`. False takes the found rotation, as the paper does.
     most_singular : int, optional
-        Match only this many ellipsoids of each domain, those with the largest condition after recentring.
+        Match only this many ellipsoids of each domain, those with the largest condition after mean-transport.
     max_iter : int
         Largest number of iterations from each start.
     tol : float

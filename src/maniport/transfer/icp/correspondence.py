@@ -8,13 +8,13 @@ from typing import ClassVar
 import numpy as np
 
 from maniport.errors import InvalidInputError
-from maniport.optional import optimal_transport
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import congruence
 from maniport.spd.neighbors import NeighborIndex
 from maniport.transfer.icp.matches import Correspondence, Indices, Matches, Matching, Seeking, trimmed_count
 from maniport.transfer.icp.score import EllipsoidCorrespondence, LogEllipsoidCorrespondence
-from maniport.validation import Array, as_choice, as_number
+from maniport.util.optional import optimal_transport
+from maniport.util.validation import Array, as_choice, as_number
 
 LIMIT = 2000
 """Largest number of ellipsoids on a side that are matched as a whole: about 1 s under each rotation, growing with the

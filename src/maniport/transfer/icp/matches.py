@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.validation import Array, as_choice, as_number
+from maniport.util.validation import Array, as_choice, as_number
 
 Indices = NDArray[np.intp]
 

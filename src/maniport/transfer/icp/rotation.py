@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.jit import kernel
 from maniport.spd.kernels import congruence, eigh
 from maniport.transfer.rotation_group import orthonormal, rotation_from_vector, rotation_planes
-from maniport.validation import Array
+from maniport.util.jit import kernel
+from maniport.util.validation import Array
 
 NEAR = 1e-5  # Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from maniport.jit import kernel
 from maniport.spd.kernels import eigh
 from maniport.transfer.icp.matches import Indices, Matches, Matching, Seeking
-from maniport.validation import Array, as_number
+from maniport.util.jit import kernel
+from maniport.util.validation import Array, as_number
 
 EQUAL_EIGENVALUES = 1e-6  # Relative difference below which an eigenvector is undefined and must not decide a match
 

@@ -11,12 +11,12 @@ from scipy.spatial import cKDTree
 
 from maniport.errors import InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.subsample import evenly_spaced
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.algorithm import ICP, Registration
 from maniport.transfer.icp.rotation import RotationProblem
 from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
-from maniport.validation import Array, as_points
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_points
 
 
 def starts(teacher: Array, student: Array, random: np.random.Generator, near_isotropic: float = 0.1) -> list[Array]:

@@ -1,4 +1,4 @@
-// Arms and ellipsoids in space, drawn with WebGL 2.
+// ArmGroup and ellipsoids in space, drawn with WebGL 2.
 
 const FIELD = Math.PI / 7, TUBE = 0.013, KNOB = 0.02, THINNEST = 0.003;
 

@@ -1,0 +1,267 @@
+"""Triangles of mesh files, read without native code.
+
+COLLADA is read here; what a file says of materials, cameras and motion is passed over, broken or not. The other kinds
+are read by trimesh, which is imported on first use.
+What a file announces is compared with what it can hold before that.
+"""
+
+import io
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+from xml.etree.ElementTree import Element, fromstring
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from maniport.arms.chain import Mesh
+from maniport.arms.meshes.visual import joined
+from maniport.errors import FileFormatError
+from maniport.util.input_limits import MESH_BYTES, NODES, TAGS, TRIANGLES, read_whole, require_at_most
+from maniport.util.validation import Array
+
+KINDS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")
+
+
+def scaled(mesh: Mesh, scale: Array) -> Mesh:
+    """A mesh in another scale; a negative one mirrors it, and triangles are turned so that their outside stays so."""
+    points, triangles = mesh
+    return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
+
+
+def load_mesh(path: Path) -> Mesh:
+    """Points and triangles of a mesh file."""
+    content = read_whole(path, KINDS, MESH_BYTES)
+    read = _read_collada if path.suffix.lower() == ".dae" else _read_by_trimesh
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            parts = [_checked(path, *part) for part in read(path, content)]
+    except FileFormatError:
+        raise
+    except Exception as error:  # noqa: BLE001 - libraries trip over damaged files in all ways that Python has
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise FileFormatError(f"{path}: cannot be read as a mesh: {reason}") from None
+    if not any(len(triangles) for _, triangles in parts):
+        raise FileFormatError(f"{path}: holds no triangle")
+    points, triangles = joined(parts)
+    require_at_most(len(triangles), TRIANGLES, "triangles", path)
+    return points, triangles
+
+
+def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
+    """A part whose triangles name points that there are, at places that there are."""
+    points, triangles = np.asarray(points, dtype=np.float64).reshape(-1, 3), np.asarray(triangles).reshape(-1, 3)
+    require_at_most(max(points.size, triangles.size) // 3, TRIANGLES, "points or triangles", path)
+    if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(points)):
+        wild = triangles[(triangles < 0) | (triangles >= len(points))][0]
+        raise FileFormatError(f"{path}: holds a triangle with point number {wild}; there are {len(points)}")
+    if not np.all(np.isfinite(points)):
+        raise FileFormatError(f"{path}: holds points that are not finite")
+    return points, triangles.astype(np.int32)
+
+
+def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
+    """Parts of a file in its own axes; larger polygons are cut into triangles."""
+    from trimesh.exchange.load import mesh_loaders
+    from trimesh.geometry import triangulate_quads
+
+    kind = path.suffix.lower()[1:]
+    if kind == "stl":
+        announced = 84 + 50 * int.from_bytes(content[80:84], "little")
+        content = content[:announced] if announced >= 84 else content  # some programs append to it
+    elif kind == "ply":
+        header = content[: content.find(b"end_header")]
+        for count in re.findall(rb"^\s*element\s+\S+\s+(\d+)", header, re.MULTILINE):
+            require_at_most(int(count[:20]), len(content), "elements announced, more than bytes", path)
+    elif kind in ("gltf", "glb"):
+        binary = kind == "glb"
+        text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if binary else content
+        _require_sane(path, json.loads(text.decode("utf-8")))
+    loaded: dict[str, Any] = mesh_loaders[kind](
+        io.BytesIO(content), file_type=kind, resolver=_Beside(path), skip_materials=True
+    )
+    meshes = loaded.get("geometry", {"": loaded})
+    poses = _placed(loaded["graph"]) if kind in ("gltf", "glb") else [(name, np.eye(4)) for name in meshes]
+    triangles = 0
+    for name, pose in poses:
+        part = meshes[name]
+        if part.get("faces") is not None and len(part["faces"]):
+            triangles += len(part["faces"])
+            require_at_most(triangles, TRIANGLES, "triangles", path)
+            points = np.asarray(part["vertices"], dtype=np.float64)
+            yield points @ pose[:3, :3].T + pose[:3, 3], triangulate_quads(part["faces"])
+
+
+def _placed(graph: list[dict[str, Any]]) -> Iterator[tuple[str, Array]]:
+    """Names of the meshes of a glTF and their poses, once for each node that shows them."""
+    above = {entry["frame_to"]: (entry["frame_from"], entry["matrix"]) for entry in graph}
+    for entry in graph:
+        if "geometry" in entry:
+            frame, pose, steps = entry["frame_to"], np.eye(4), 0
+            while frame in above:
+                frame, matrix = above[frame]
+                pose, steps = matrix @ pose, steps + 1
+                if steps > len(above):
+                    raise ValueError("its nodes stand within one another in a circle")
+            yield entry["geometry"], pose
+
+
+def _require_sane(path: Path, header: Any) -> None:
+    """Raise unless a glTF's arrays are no larger than what they are taken from and its nodes are a tree."""
+    require_at_most(len(header.get("nodes", ())), NODES, "nodes", path)
+    views = header.get("bufferViews", ())
+    for accessor in header.get("accessors", ()):
+        count, view = accessor.get("count", 0), accessor.get("bufferView")
+        if not isinstance(count, int) or count < 0 or view is None or "sparse" in accessor:
+            raise FileFormatError(f"{path}: has an accessor with count {count!r} of view {view!r}; that is not read")
+        most = int(views[view]["byteLength"])
+        require_at_most(count, most, "entries announced by an accessor, more than bytes", path)
+    children = [child for node in header.get("nodes", ()) for child in node.get("children", ())]
+    if len(children) != len(set(children)):
+        raise FileFormatError(f"{path}: has a node within two others")
+
+
+class _Beside(dict[str, bytes]):
+    """Buffers in the folder of a glTF, by their names."""
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.path, self.left = path, MESH_BYTES
+
+    def __missing__(self, name: str) -> bytes:
+        file = self.path.parent / unquote(name)
+        if not file.resolve().is_relative_to(self.path.parent.resolve()):
+            raise FileFormatError(f"{self.path}: names the buffer {name!r}, which lies outside its folder")
+        self[name] = read_whole(file, (), self.left)
+        self.left -= len(self[name])
+        return self[name]
+
+
+def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
+    """Parts of a file in metres; the axis that it says to be upward is not heeded, as ROS does not."""
+    require_at_most(content.count(b"<"), TAGS, "tags", path)
+    root = fromstring(content)
+    things: dict[str, Element] = {}
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+        things.setdefault(f"#{element.get('id')}", element)
+    shown = root.find("scene/instance_visual_scene")
+    scene = root.find("library_visual_scenes/visual_scene") if shown is None else things.get(shown.get("url", ""))
+    if scene is None:
+        raise FileFormatError(f"{path}: cannot be read as a mesh: it shows no scene")
+    unit = root.find("asset/unit")
+    start = np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0])
+    parts: dict[int, list[Mesh]] = {}
+    triangles = 0
+    for geometry, pose in _shown(path, scene, start, things):
+        if id(geometry) not in parts:
+            parts[id(geometry)] = list(_polygons(geometry, things))
+        for points, rows in parts[id(geometry)]:
+            triangles += len(rows)
+            require_at_most(triangles, TRIANGLES, "triangles", path)
+            yield points @ pose[:3, :3].T + pose[:3, 3], rows
+
+
+def _shown(path: Path, scene: Element, pose: Array, things: dict[str, Element]) -> Iterator[tuple[Element, Array]]:
+    """Each geometry where a node shows it; nodes may show other nodes, which makes few many."""
+    waiting = [(scene, pose)]
+    count = 0
+    while waiting:
+        node, pose = waiting.pop()
+        count += 1
+        require_at_most(count, NODES, "nodes, each counted as often as it is shown", path)
+        below = []
+        for child in node:
+            if child.tag == "node":
+                below.append((child, pose))
+            elif child.tag.startswith("instance_") and child.get("url", "") in things:
+                below.append((things[child.get("url", "")], pose))
+            elif child.tag == "skin":
+                shape = pose @ _matrix(child.find("bind_shape_matrix"))
+                below.append((things.get(child.get("source", ""), child), shape))
+            elif node.tag == "node":
+                pose = pose @ _step(child)
+        waiting += reversed(below)
+        if node.tag == "geometry":
+            yield node, pose
+
+
+def _step(element: Element) -> Array:
+    """What one of the transformations of a node does; those of cameras and what is none do nothing."""
+    step = np.eye(4)
+    if element.tag == "matrix":
+        return _matrix(element)
+    if element.tag == "translate":
+        step[:3, 3] = _floats(element)
+    elif element.tag == "scale":
+        step[[0, 1, 2], [0, 1, 2]] = _floats(element)
+    elif element.tag == "rotate":
+        *axis, degrees = _floats(element)
+        step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+    elif element.tag == "skew":
+        raise ValueError("a node is skewed, which is not read")
+    return step
+
+
+def _matrix(element: Element | None) -> Array:
+    return np.eye(4) if element is None else _floats(element).reshape(4, 4)
+
+
+def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
+    """Points and triangles of each list of polygons, of the points those that it uses."""
+    for shape in geometry.iterfind("mesh/*"):
+        offsets = [int(entry.get("offset", "0")) for entry in shape.findall("input")]
+        vertex = next((entry for entry in shape.findall("input") if entry.get("semantic") == "VERTEX"), None)
+        if shape.tag in ("tristrips", "trifans"):
+            raise ValueError(f"it holds <{shape.tag}>, which are not read; write triangles")
+        if shape.tag not in ("triangles", "polylist", "polygons") or vertex is None:
+            continue
+        width, column = max(offsets) + 1, int(vertex.get("offset", "0"))
+        lists = [_integers(p).reshape(-1, width)[:, column] for p in shape.findall("p")]
+        counts = _integers(shape.find("vcount")) if shape.tag == "polylist" else np.array([len(each) for each in lists])
+        corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
+        rows = corners.reshape(-1, 3) if shape.tag == "triangles" else _fans(corners, counts)
+        if len(rows):
+            yield _used(_positions(things[vertex.get("source", "")], things), rows)
+
+
+def _positions(vertices: Element, things: dict[str, Element]) -> Array:
+    """Points of a mesh, shape (n, 3)."""
+    position = next(entry for entry in vertices.findall("input") if entry.get("semantic") == "POSITION")
+    accessor = things[position.get("source", "")].find("technique_common/accessor")
+    if accessor is None:
+        raise ValueError("its points have no accessor")
+    numbers = _floats(things[accessor.get("source", "")])
+    count, stride, offset = (int(accessor.get(name, "0")) for name in ("count", "stride", "offset"))
+    if count < 0 or stride < 3 or offset < 0 or offset + count * stride > len(numbers):
+        raise ValueError(f"{count} points of {stride} numbers are announced; there are {len(numbers)} numbers")
+    return numbers[offset : offset + count * stride].reshape(count, stride)[:, :3]
+
+
+def _used(points: Array, rows: np.ndarray) -> Mesh:
+    """A mesh without the points that none of its triangles has; several lists may share very many."""
+    if rows.min() < 0 or rows.max() >= len(points):
+        raise ValueError(f"a triangle names the point {rows.max() if rows.max() >= len(points) else rows.min()}")
+    kept, rows = np.unique(rows, return_inverse=True)
+    return points[kept], rows.reshape(-1, 3).astype(np.int32)
+
+
+def _fans(corners: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Triangles of polygons, one behind the other in `corners`, of so many corners each; shape (n, 3)."""
+    if counts.sum(dtype=np.float64) != len(corners) or counts.min(initial=0) < 0:
+        raise ValueError(f"its polygons announce {counts.sum(dtype=np.float64):.0f} corners; there are {len(corners)}")
+    most = np.maximum(counts - 2, 0)
+    first = np.repeat(np.cumsum(counts) - counts, most)
+    second = first + 1 + np.arange(most.sum()) - np.repeat(np.cumsum(most) - most, most)
+    return np.asarray(corners[np.stack([first, second, second + 1], axis=1)])
+
+
+def _floats(element: Element) -> Array:
+    return np.fromstring(element.text or "", dtype=np.float64, sep=" ")
+
+
+def _integers(element: Element | None) -> np.ndarray:
+    return np.fromstring("" if element is None else element.text or "", dtype=np.int64, sep=" ")

@@ -1,0 +1,1 @@
+"""The parts of `maniport.transfer.LengthField`: map, kernels, inverse, fit, report."""

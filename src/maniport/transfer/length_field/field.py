@@ -1,0 +1,210 @@
+"""The map that rescales eigenvalues: its image, its derivative, and its features about an axis of symmetry.
+
+A student whose first joint goes round can turn every ellipsoid about that joint's axis. The field then depends only on
+features that no such turn changes, so that it needs to see each ellipsoid only once.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import cho_factor, cho_solve
+
+from maniport.errors import InvalidInputError, NotSPDError
+from maniport.spd.kernels import compose, congruence, eigh, in_parts, mandel_basis
+from maniport.spd.matrix_functions import from_vector, to_vector
+from maniport.transfer.length_field.kernels import map_many
+from maniport.util.validation import SPD_TOLERANCE, Array, as_numbers
+
+KAPPA = 1e-4  # κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it
+
+NO_AXIS = np.zeros(0)
+
+
+@dataclass(frozen=True)
+class LengthsMap:
+    """f(T) = exp(L + h(x, L) + ℓ̄ I) with L = s log T + c I and x = vec L (Mandel)."""
+
+    power: float  # s
+    shift: float  # c
+    level: float  # ℓ̄
+    width: float  # w
+    centers: Array  # c_j, (m, D), D = d (d + 1) / 2
+    lengths: Array  # a_jr, (m, 3)
+    axis: Array  # unit vector (3,), or (0,) where there is none
+
+    def unscaled(self) -> "LengthsMap":
+        """Return the map without its field."""
+        return replace(self, lengths=0.0 * self.lengths)
+
+    def terms(self) -> tuple[Array, Array, Array, Array]:
+        """Terms for `maniport.transfer.length_field.kernels`: base, harmonics, centers and their squares, lengths."""
+        base = np.array([self.power, self.shift, self.level, self.width**-2, self._softening**2])
+        centers = self.features(self.centers)
+        weighed = np.column_stack([centers, -0.5 * np.sum(centers**2, axis=1)]) / self.width**2
+        return base, harmonics(self.axis), weighed, np.ascontiguousarray(self.lengths)
+
+    @property
+    def _softening(self) -> float:
+        """Distance from the axis below which features no longer change at once, so that they are smooth there."""
+        return 0.5 * self.width
+
+    def apply(self, points: Array, epsilon: float | None = None) -> Array:
+        """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it."""
+        base, *terms = self.terms()
+        points, results = np.ascontiguousarray(points), np.empty(points.shape)
+        numbers = np.array([0.0, 0.0, -1.0 if epsilon is None else epsilon, KAPPA, *base])
+        mounting = np.eye(points.shape[-1])
+
+        def work(first: int, last: int) -> None:
+            if map_many(points[first:last], mounting, numbers, *terms, results[first:last]):
+                raise NotSPDError("points, or their images, are too ill-conditioned for floating-point numbers")
+
+        in_parts(work, len(points), points.shape[-1])
+        return results
+
+    def base(self, points: Array) -> tuple[Array, Array]:
+        """Eigenvalues (n, d) and -vectors (n, d, d) of L of SPD matrices (n, d, d)."""
+        values, vectors = eigh(points)
+        return self.power * np.log(values) + self.shift, vectors
+
+    def features(self, x: Array) -> Array:
+        """φ(x), shape (n, D), of vectors (n, D)."""
+        return features(x @ harmonics(self.axis).T, self._softening) if len(self.axis) else x
+
+    def kernel(self, x: Array) -> Array:
+        """Kernel values (n, m) at vectors (n, D)."""
+        x, centers = self.features(x), self.features(self.centers)
+        squares = np.sum(x**2, axis=1)[:, None] + np.sum(centers**2, axis=1) - 2.0 * x @ centers.T
+        return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / self.width**2))
+
+    def logarithms(self, values: Array, vectors: Array) -> Array:
+        """Log f − ℓ̄ I, shape (n, d, d), where L has these eigenvalues and -vectors."""
+        x = to_vector(compose(values, vectors))
+        return compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
+
+    def slopes(self, values: Array, vectors: Array, equal: float = 1e-5) -> Array:
+        """Derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
+        x = to_vector(compose(values, vectors))
+        near, d = self.kernel(x), values.shape[1]
+        field, t = near @ self.lengths, powers(values)
+        # ∂k_j/∂φ = k_j (φ(c_j) − φ(x)) / w²
+        phi, centers = self.features(x), self.features(self.centers)
+        drawn = near @ (self.lengths[:, :, None] * centers[:, None]).reshape(len(centers), -1)
+        pulls = (drawn.reshape(*field.shape, phi.shape[1]) - field[:, :, None] * phi[:, None]) / self.width**2
+        if len(self.axis):
+            turn = harmonics(self.axis)
+            pulls = pulls @ (features_changing(x @ turn.T, self._softening) @ turn)
+        along = np.einsum("nrk,nir->nik", pulls, t)
+        rates = axiswise(field, powers_changing(values))
+        gaps = values[:, :, None] - values[:, None, :]
+        apart = np.abs(gaps) > equal
+        # tanh is analytic, so that its divided differences are exact where the eigenvalues are not too near
+        images = axiswise(field, t)
+        ratios = (images[:, :, None] - images[:, None, :]) / np.where(apart, gaps, 1.0)
+        stretch = 1.0 + np.where(apart, ratios, 0.5 * (rates[:, :, None] + rates[:, None, :]))
+        basis = congruence(np.swapaxes(vectors, -1, -2)[:, None], mandel_basis(d))  # (n, D, d, d): Vᵀ E_k V
+        turned = stretch[:, None] * basis
+        turned[..., np.arange(d), np.arange(d)] += np.swapaxes(along, 1, 2)
+        return np.swapaxes(to_vector(congruence(vectors[:, None], turned)), 1, 2)
+
+    def singular_values(self, points: Array) -> Array:
+        """Smallest singular values (n,) of `slopes` at SPD matrices; negative where the determinant is."""
+        return least_singular(self.slopes(*self.base(points)))
+
+    def novelty(self, points: Array, jitter: float = 1e-6) -> Array:
+        """1 − kᵀ K⁻¹ k of the kernel values at SPD matrices (n, d, d), from 0 to 1; `jitter` keeps K regular."""
+        near = self.kernel(to_vector(compose(*self.base(points))))
+        among = self.kernel(self.centers) + jitter * np.eye(len(self.centers))
+        explained = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
+        return np.asarray(np.clip(1.0 - explained, 0.0, 1.0))
+
+
+def least_singular(slopes: Array) -> Array:
+    """Smallest singular values (n,) of matrices (n, D, D), negative where the determinant is."""
+    return np.asarray(np.linalg.svd(slopes, compute_uv=False)[:, -1] * np.sign(np.linalg.det(slopes)))
+
+
+def powers(values: Array) -> Array:
+    """tanh(ℓ/2)^r, r = 0, 1, 2, shape (..., 3)."""
+    t = np.tanh(0.5 * values)
+    return np.stack([np.ones_like(t), t, t * t], axis=-1)
+
+
+def powers_changing(values: Array) -> Array:
+    """Derivatives of `powers` by ℓ, shape (..., 3)."""
+    t = np.tanh(0.5 * values)
+    rate = 0.5 * (1.0 - t * t)
+    return np.stack([np.zeros_like(t), rate, 2.0 * t * rate], axis=-1)
+
+
+def axiswise(field: Array, t: Array) -> Array:
+    """Σ_r t_ir g_r, shape (n, d), of what a point has for each r, (n, 3), and each axis, (n, d, 3)."""
+    return np.asarray(np.einsum("nr,nir->ni", field, t))
+
+
+def damped(points: Array, epsilon: float) -> Array:
+    """Build y (y + ε) / (y + κ ε) of the eigenvalues y of matrices (..., d, d), which releasing the damping undoes."""
+    values, vectors = eigh(points)
+    flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
+    lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
+    return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
+
+
+def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:
+    """Return a unit vector, shape (3,), or none, shape (0,), for None."""
+    if axis is None:
+        return NO_AXIS
+    direction = as_numbers(axis, name, 3)
+    length = np.linalg.norm(direction)
+    if size != 3 or not length > 0.0:
+        raise InvalidInputError(
+            f"{name} must be None or, for 3×3 ellipsoids, a direction; found {axis!r} for d = {size}"
+        )
+    return direction / length
+
+
+def harmonics(axis: Array) -> Array:
+    """Orthogonal matrix (6, 6) that takes vec L to how its parts change in a turn about the axis; (0, 6) for none."""
+    if not len(axis):
+        return np.zeros((0, 6))
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(axis, across), axis])
+    xx, yy, zz, xy, xz, yz = to_vector(congruence(frame, from_vector(np.eye(6)))).T
+    return np.stack([zz, (xx + yy) / np.sqrt(2.0), xz, yz, (xx - yy) / np.sqrt(2.0), xy])
+
+
+def features(parts: Array, soft: float) -> Array:
+    """Smooth functions (n, 6) of `harmonics` (n, 6) that no turn about the axis changes."""
+    along, mean, a, b, c, e = parts.T
+    once, twice, both = _radii(parts, soft)
+    together, against = (a * a - b * b) * c + 2.0 * a * b * e, 2.0 * a * b * c - (a * a - b * b) * e
+    scale = 1.0 / (once * both)
+    return np.stack([along, mean, once, twice, together * scale, against * scale], axis=1)
+
+
+def features_changing(parts: Array, soft: float) -> Array:
+    """Derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
+    _, _, a, b, c, e = parts.T
+    once, twice, both = _radii(parts, soft)
+    scale, found = 1.0 / (once * both), np.zeros((len(parts), 6, 6))
+    found[:, 0, 0] = found[:, 1, 1] = 1.0
+    found[:, 2, 2:4] = parts[:, 2:4] / once[:, None]
+    found[:, 3, 4:6] = parts[:, 4:6] / twice[:, None]
+    zero = np.zeros_like(a)
+    shrinking = np.stack([a / once**2, b / once**2, zero, zero], axis=1)
+    shrinking += np.stack([a, b, 4.0 * c, 4.0 * e], axis=1) / both[:, None] ** 2
+    squares, product = a * a - b * b, 2.0 * a * b
+    rates = (
+        (squares * c + product * e, [2.0 * (a * c + b * e), 2.0 * (a * e - b * c), squares, product]),
+        (product * c - squares * e, [2.0 * (b * c - a * e), 2.0 * (a * c + b * e), product, -squares]),
+    )
+    for row, (value, rate) in enumerate(rates, start=4):
+        found[:, row, 2:] = scale[:, None] * (np.stack(rate, axis=1) - value[:, None] * shrinking)
+    return found
+
+
+def _radii(parts: Array, soft: float) -> tuple[Array, Array, Array]:
+    once, twice = (np.sum(parts[:, first : first + 2] ** 2, axis=1) for first in (2, 4))
+    return np.sqrt(once + soft**2), np.sqrt(twice + soft**2), np.sqrt(once + 4.0 * twice + soft**2)

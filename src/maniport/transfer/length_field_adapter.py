@@ -1,0 +1,259 @@
+"""The length field: rescale eigenvalues toward the student's feasible set and keep the teacher's axes."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError, NotInvertibleError
+from maniport.spd.kernels import compose
+from maniport.spd.matrix_functions import to_vector
+from maniport.spd.regularization import Regularization
+from maniport.transfer.adapter import DomainAdapter
+from maniport.transfer.length_field.field import KAPPA, LengthsMap, as_axis, damped
+from maniport.transfer.length_field.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
+from maniport.transfer.length_field.inverse import MOST_FOLDED, Inverse
+from maniport.transfer.length_field.report import reported
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array, as_count, as_number, as_positive_semidefinite
+
+if TYPE_CHECKING:
+    from maniport.transfer.control import CompiledMap
+
+
+HELD_OUT = 400  # Most samples that are held out of the fit
+
+
+class LengthField(DomainAdapter):
+    """Keep every axis and rescale its length toward the feasible ellipsoids.
+
+    The images of a rigid map are 0.2 to 0.5 on average from the student's feasible set. Ellipsoids with the same axes
+    and other lengths come near it: one smooth scalar function gives the change of an axis's logarithmic length from
+    the ellipsoid and that length. With the teacher's ellipsoids T in the student's frame and damped,
+
+        f(T) = exp(L + h(x, L)),   L = log(k Tˢ) − ℓ̄ I,   x = vec L,   ℓ̄ added back at the end,
+
+    where s makes the dispersions equal and k the volumes of the means, ℓ̄ is the mean logarithm of the student's mean,
+    and h(x, ℓ) = Σ_r tanh(ℓ/2)^r Σ_j exp(−|φ(x) − φ(c_j)|² / 2w²) a_jr, r = 0, 1, 2, with centers c_j among the
+    samples. φ(x) = x, or where the student's first joint goes round features that no turn about its axis changes. The
+    map is smooth also where two lengths are equal, its results are SPD for every input, and far from the samples it is
+    k Tˢ. The coefficients come in rounds: the projector finds the nearest feasible ellipsoids to the images, a weighted
+    ridge regression moves the lengths toward them. `docs/method.md`, section 13.
+
+    Where the map folds it has no inverse. `inverse_transform` refuses images that are found to come from several
+    ellipsoids, and all images of a map that folds at too many of its centers.
+
+    Parameters
+    ----------
+    damping, floor, mounting
+        As in `ParallelTransport`; without damping and floor, the damping of the projector, if it has one. The damping
+        is taken off each eigenvalue: y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
+    projector : callable, optional
+        Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any function of ellipsoids
+        with the student's damping, shape (n, d, d), that returns the nearest ones, damped alike; see
+        `maniport.transfer.length_field.fit.Projector`. Default: the student's samples; images are then at least as far
+        away as neighboring samples. It is not saved with the adapter.
+    n_samples : int
+        Most of the teacher's samples to fit to, evenly spread over its domain.
+    n_centers : int, optional
+        Number of centers, the farthest among the samples. Default: 300, or all of fewer samples.
+    width : float
+        w by the student's dispersion.
+    ridge : float
+        Penalty of the field's own norm; more makes it smoother and leaves it farther from the nearest ellipsoids.
+    n_rounds : int
+
+    Attributes
+    ----------
+    cost_ : float
+        Mean distance from the samples' images to the nearest feasible ellipsoids.
+    report_ : FieldReport
+        The same, and the map's smoothness, at held-out samples; see `maniport.transfer.length_field.report`.
+    from_samples_ : bool
+        Whether there was no projector.
+    width_ : float
+        w.
+    centers_ : ndarray, shape (m, D)
+        c_j, D = d (d + 1) / 2.
+    lengths_ : ndarray, shape (m, 3)
+        a_jr.
+    axis_ : ndarray, shape (3,) or (0,)
+        Axis of symmetry of the feasible set, a unit vector in the student's frame; empty where there is none.
+    released_damping_ : float
+        (1 − √κ) ε, the damping that is taken off an eigenvalue of ε; larger ones lose up to (1 − κ) ε.
+    rotation_, dispersion_ratio_
+        The identity, and s.
+    """
+
+    def __init__(
+        self,
+        damping: float | None = None,
+        floor: float | None = None,
+        mounting: ArrayLike | None = None,
+        projector: Any = None,
+        n_samples: int = 2048,
+        n_centers: int | None = None,
+        width: float = 0.8,
+        ridge: float = 2e-4,
+        n_rounds: int = 6,
+    ):
+        super().__init__(damping, floor, mounting)
+        self.projector = projector
+        self.n_samples = n_samples
+        self.n_centers = n_centers
+        self.width = width
+        self.ridge = ridge
+        self.n_rounds = n_rounds
+
+    def _fit(self, teacher: Array, student: Array) -> None:
+        most, width = as_count(self.n_samples, "n_samples", minimum=2), as_number(self.width, "width", above=0.0)
+        ridge, rounds = as_number(self.ridge, "ridge", above=0.0), as_count(self.n_rounds, "n_rounds")
+        self._describe(teacher, student)
+        for name, domain in (("teacher", teacher), ("student", student)):
+            if len(domain) <= domain.shape[-1]:
+                raise InvalidInputError(
+                    f"{name} must hold more than {domain.shape[-1]} ellipsoids of this size for a field of lengths; "
+                    f"found {len(domain)}"
+                )
+        self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
+        self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
+        damping = float(self.student_damping_ or self.floor or 0.0)
+        if getattr(self.projector, "needs_damping", False) and damping == 0.0:
+            raise InvalidInputError(f"LengthField needs damping or floor with the projector {self.projector!r}")
+        projector = NearestSamples(student) if self.projector is None else as_projector(self.projector)
+        self.width_, self.centers_, self.lengths_ = width * self.student_dispersion_, np.zeros((0, 1)), np.zeros((0, 3))
+        seen, held_out = _split(self._field(), teacher, most)
+        samples = Samples(self._field(), seen, projector, damping)
+        self.centers_ = samples.x[centers_among(samples.x, self._count(len(seen)))]
+        self.lengths_ = np.zeros((len(self.centers_), 3))
+        field, history = fitted(self._field(), samples, ridge, rounds)
+        self.lengths_, self.history_, self.cost_ = field.lengths, np.array(history), history[-1]
+        self.converged_, self.n_iter_, self.from_samples_ = True, rounds, self.projector is None
+        self.stop_reason_ = f"{rounds} rounds toward the {'nearest samples' if self.from_samples_ else 'feasible set'}"
+        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_
+        if not self._silent:
+            points = held_out if len(held_out) else seen[:HELD_OUT]
+            self.report_ = reported(field, Samples(field, points, projector, damping), len(held_out))
+
+    def _count(self, samples: int) -> int:
+        """Return the number of centers."""
+        count = min(300, samples) if self.n_centers is None else as_count(self.n_centers, "n_centers")
+        if count > samples:
+            raise InvalidInputError(f"n_centers must be at most the number of samples, {samples}; found {count}")
+        return count
+
+    def _regularization(self, epsilon: float = 0.0) -> Regularization:
+        own = super()._regularization(epsilon)
+        if own == Regularization():
+            return Regularization(getattr(self.projector, "damping", None))
+        return own
+
+    def _field(self) -> LengthsMap:
+        """Return the fitted map."""
+        d, s = len(self.teacher_mean_), float(self.dispersion_ratio_)
+        teacher, student = (float(np.linalg.slogdet(mean)[1]) / d for mean in (self.teacher_mean_, self.student_mean_))
+        # log k makes the determinants of the means agree; less ℓ̄ it is −s log det(T̄) / d
+        return LengthsMap(
+            power=s,
+            shift=-s * teacher,
+            level=student,
+            width=float(self.width_),
+            centers=self.centers_,
+            lengths=self.lengths_,
+            axis=self.axis_,
+        )
+
+    def _map(self, points: Array) -> tuple[Array, float]:
+        return self._field().apply(points), self.released_damping_
+
+    def _images(self, points: Array) -> Array:
+        return self._field().apply(points, self._released_epsilon())
+
+    def _released_epsilon(self) -> float | None:
+        return float(self.student_damping_) or None
+
+    def _damped_again(self, points: ArrayLike) -> Array:
+        epsilon = self._released_epsilon()
+        if epsilon is None:
+            return super()._damped_again(points)
+        return damped(as_positive_semidefinite(points, "points", self._dimension()), epsilon)
+
+    def _map_back(self, points: Array) -> Array:
+        inverse = Inverse.of(self._field())
+        if inverse.folded > MOST_FOLDED:
+            raise NotInvertibleError(
+                f"the map folds at {inverse.folded:.0%} of its centers, more than {MOST_FOLDED:.0%}: too many of its "
+                "images come from several ellipsoids of the teacher for an inverse"
+            )
+        back = inverse(points)
+        lost = np.flatnonzero(np.isnan(back[:, 0, 0]))
+        if len(lost):
+            raise NotInvertibleError(
+                f"points[{lost[0]}] lies where the map folds or nearly so, and is the image of no single ellipsoid of "
+                f"the teacher; {len(lost)} of {len(points)} do"
+            )
+        return back
+
+    def singular_values(self, points: ArrayLike) -> Array:
+        """Smallest singular values of the derivative of the image's logarithm by that of k Tˢ: where the map folds.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., d, d)
+            Ellipsoids of the teacher.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            1 where lengths are moved by equal amounts or not at all, near 0 where the map folds and has no inverse,
+            negative where it reverses orientation.
+        """
+        return self._at(points, LengthsMap.singular_values)
+
+    def novelty(self, points: ArrayLike) -> Array:
+        """Distance of ellipsoids of the teacher from the samples, as the field's kernel measures it.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., d, d)
+
+        Returns
+        -------
+        ndarray, shape (...)
+            0 at a center, near 1 where no sample is near and the map is k Tˢ: the variance of a Gaussian process with
+            the field's kernel, given the centers, over that without them. It does not predict the gap.
+        """
+        return self._at(points, LengthsMap.novelty)
+
+    def _at(self, points: ArrayLike, function: Callable[[LengthsMap, Array], Array]) -> Array:
+        d = self._dimension()
+        seen = self.teacher_side(points, "points")
+        return function(self._field(), seen.reshape(-1, d, d)).reshape(seen.shape[:-2])
+
+    def compiled(self) -> "CompiledMap":
+        """Return the map as a callable for one ellipsoid at a time, for control loops.
+
+        It gives what `transform` gives, up to rounding. It takes about three microseconds for
+        d = 3 and allocates nothing when it is given `out`. Take it once, after `fit`; a later `fit` does not change it.
+        """
+        d = self._dimension()
+        from maniport.transfer.control import compiled_map
+        from maniport.transfer.length_field.kernels import map_one
+
+        base, *terms = self._field().terms()
+        release = self.teacher_damping_, self.floor or 0.0, self._released_epsilon() or -1.0, KAPPA
+        mounting = np.eye(d) if self.mounting_ is None else self.mounting_
+        terms = [np.array(term, dtype=np.float64, order="C") for term in (mounting, [*release, *base], *terms)]
+        return compiled_map(map_one, d, *terms)
+
+
+def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
+    """Split ellipsoids (n, d, d) into at most `most` to fit to, and an eighth that is held out; alike in any order."""
+    values, vectors = base.base(teacher)
+    keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
+    order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues
+    count = min(HELD_OUT, len(order) // 8)
+    apart = evenly_spaced(len(order), count) if count >= 16 else evenly_spaced(0, 0)
+    rest = np.delete(order, apart)
+    return teacher[rest[evenly_spaced(len(rest), most)]], teacher[order[apart]]

@@ -1,1 +1,0 @@
-"""The parts of `maniport.transfer.LengthsField`: map, kernels, inverse, fit, report."""

@@ -1,0 +1,258 @@
+"""Write files and folders atomically: a reader never finds half of one, whatever ends the process that writes.
+
+Everything is written to a temporary file or folder in the target's folder, which then takes the target's place. It is
+locked while it is written, and the system releases the lock when the process ends. The next process that writes the
+same target removes unlocked leftovers of killed processes. Leftovers stay where the file system has no locks, and those
+of other computers stay, since some locks hold on one computer only.
+"""
+
+import os
+import platform
+import re
+import secrets
+import shutil
+import zlib
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from maniport.errors import OutputError, argument
+from maniport.util.input_limits import as_path
+
+try:
+    import fcntl
+except ImportError:  # Windows: no locks, hence no removal
+    fcntl = None  # type: ignore[assignment]
+
+EARLIER = ".earlier"  # Suffix of the former target where two folders cannot be exchanged in one operation
+
+_targets: dict[Path, Path] = {}  # Targets that this process is writing, by temporary path
+_last: Path | None = None
+
+
+@contextmanager
+def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary path next to `path`; when the block ends well it takes the place of `path`."""
+    file = as_path(path)
+    with _output_errors(file):
+        target = _writable_target(file)
+        with temporary_beside(target) as temporary:
+            yield temporary
+            place(temporary, target)
+
+
+@contextmanager
+def folder_written_whole(
+    folder: str | os.PathLike[str], own: Collection[str], overwrite: bool = False
+) -> Iterator[Path]:
+    """Give a temporary folder; when the block ends well it takes the place of `folder`, else it is removed.
+
+    An existing folder is replaced only with `overwrite`, and only if it holds no other entries than `own`.
+    """
+    path = as_path(folder, "folder")
+    with _output_errors(path):
+        target = _writable_target(path, folder=True)
+        _require_own(path, own, overwrite)
+        with temporary_beside(target, folder=True) as staging:
+            yield staging
+            _require_own(path, own, overwrite)  # files that others wrote there in the meantime stay as well
+            place(staging, target)
+
+
+def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
+    """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts."""
+    file = as_path(path)
+    with _output_errors(file), temporary_beside(_writable_target(file, folder), folder):
+        pass
+
+
+def require_free(folder: Path, own: Collection[str], overwrite: bool = False) -> None:
+    """Raise `OutputError` unless results may be written to `folder`; called before any long work starts."""
+    require_room(folder, folder=True)
+    _require_own(folder, own, overwrite)
+
+
+@contextmanager
+def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
+    """Give a new empty file or folder in the folder of `target`; when the block ends it is removed."""
+    clean(target)
+    lock = None
+    while lock is None:
+        path = target.with_name(f"{_prefix(target)}{secrets.token_hex(4)}{target.suffix}")
+        _targets[path] = target  # registered first, so that an interruption finds it
+        try:
+            lock = _create_locked(path, folder)
+        finally:
+            if lock is None:
+                _forget(path)
+    try:
+        yield path
+    finally:
+        _forget(path)
+        os.close(lock)
+
+
+def place(temporary: Path, target: Path) -> None:
+    """Move a temporary file or folder to `target`, which is the old or the new one at any moment."""
+    if not target.is_dir():
+        os.replace(temporary, target)
+    elif not _exchange(temporary, target):
+        earlier = _earlier(temporary)
+        os.rename(target, earlier)
+        os.rename(temporary, target)
+    global _last
+    if not any(other in target.parents for other in _targets):  # a part of a larger result does not count
+        _last = target
+
+
+def clean(target: Path) -> None:
+    """Remove leftovers of killed processes of this computer next to a target; restore a target that one had moved."""
+    name = re.compile(f"{re.escape(_prefix(target))}[0-9a-f]{{8}}{re.escape(target.suffix)}({re.escape(EARLIER)})?")
+    with suppress(OSError):  # a folder that cannot be listed is mostly not writable either, which is reported there
+        leftovers = [entry for entry in os.listdir(target.parent) if name.fullmatch(entry)]
+        for path in {target.with_name(entry.removesuffix(EARLIER)) for entry in leftovers}:
+            _clean_one(path, target)
+
+
+def discard() -> None:
+    """Remove whatever this process is writing; it must not write afterwards."""
+    for path in list(_targets):
+        _forget(path)
+
+
+def last_result() -> Path | None:
+    """Path of the result that this process completed last."""
+    return _last
+
+
+@contextmanager
+def _output_errors(target: Path) -> Iterator[None]:
+    """Raise the operating system's errors as `OutputError` with the name of the target."""
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
+
+
+def _writable_target(path: Path, folder: bool = False) -> Path:
+    """Follow symbolic links; raise `OutputError` or `OSError` where nothing can be written. Writes nothing."""
+    target = Path(os.path.realpath(path))
+    if not target.name:
+        raise OutputError(f"cannot write {str(path)!r}: it is the root of the file system")
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {str(path)!r}: there is no folder {str(target.parent)!r}")
+    with suppress(FileNotFoundError):
+        os.stat(target)  # a name may be too long, links may form a loop
+    if target.is_dir() and not folder:
+        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
+    if target.exists() and not (target.is_dir() or target.is_file()):
+        raise OutputError(f"cannot write {str(path)!r}: it is a pipe, a socket or a device")
+    return target
+
+
+def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
+    """Raise `OutputError` where the content of `folder` must not be replaced."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"cannot write {str(folder)!r}: it is a file")
+    if folder.is_dir():
+        held = sorted(entry.name for entry in folder.iterdir())
+        if others := [name for name in held if name not in own]:
+            raise OutputError(f"{str(folder)!r} holds other things ({_some(others)}); give a new folder with -o")
+        if held and not overwrite:
+            raise OutputError(
+                f"{str(folder)!r} holds an earlier result ({_some(held)}); give {argument('overwrite')} to replace it, "
+                "or a new folder"
+            )
+    if folder.exists() and not os.access(folder, os.W_OK):
+        raise OutputError(f"cannot write {str(folder)!r}: permission denied")
+
+
+def _some(names: list[str]) -> str:
+    """List the first names, and count the others."""
+    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+
+
+def _prefix(target: Path) -> str:
+    """Start of temporary names: 50 characters of the target's, which may be long, and a number for the computer."""
+    return f".{target.stem[:50]}.{zlib.crc32(platform.node().encode()):08x}-"
+
+
+def _earlier(temporary: Path) -> Path:
+    return temporary.with_name(temporary.name + EARLIER)
+
+
+def _create_locked(path: Path, folder: bool) -> int | None:
+    """Create a file or folder; return the descriptor that locks it, None if another process removed it meanwhile."""
+    if folder:
+        path.mkdir()
+    else:
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    try:
+        lock = _lock(path)
+    except (BlockingIOError, FileNotFoundError):
+        return None
+    except OSError:  # no locks here
+        return os.open(os.devnull, os.O_RDONLY)
+    if path.exists():
+        return lock
+    os.close(lock)
+    return None
+
+
+def _lock(path: Path) -> int:
+    """Lock a file or folder; raises `OSError` when it is locked, gone, or nothing can be locked here."""
+    if fcntl is None:
+        raise OSError("no locks")
+    descriptor = os.open(path, (os.O_RDONLY if path.is_dir() else os.O_RDWR) | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _clean_one(path: Path, target: Path) -> None:
+    """Remove one temporary file or folder, unless a process is writing it."""
+    try:
+        lock = _lock(path)
+    except FileNotFoundError:  # it took its place, and only the former target is left
+        _remove(path, target)
+    except OSError:
+        return
+    else:
+        _remove(path, target)
+        os.close(lock)
+
+
+def _forget(path: Path) -> None:
+    """Remove a temporary file or folder of this process."""
+    _remove(path, _targets[path])
+    del _targets[path]
+
+
+def _remove(path: Path, target: Path) -> None:
+    """Remove a temporary file or folder and the former target, which is restored if there is no new one."""
+    earlier = _earlier(path)
+    with suppress(OSError):
+        if not target.exists():
+            os.rename(earlier, target)
+    for entry in (path, earlier):
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                entry.unlink()
+
+
+def _exchange(first: Path, second: Path) -> bool:
+    """Exchange two folders in one operation of Linux; False where the system cannot."""
+    import ctypes
+
+    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    with suppress(AttributeError, OSError, TypeError):
+        rename = ctypes.CDLL(None).renameat2
+        return bool(rename(here, os.fsencode(first), here, os.fsencode(second), exchange) == 0)
+    return False

@@ -1,0 +1,196 @@
+"""Read and write data files: arrays (.npz), ellipsoids and paths, and settings in YAML."""
+
+import math
+import os
+import zipfile
+from collections.abc import Collection, Hashable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike
+
+from maniport.errors import FileFormatError, nearest_first
+from maniport.util.atomic_io import written_whole
+from maniport.util.input_limits import ARRAYS_BYTES, MEGABYTE, SETTINGS_BYTES, existing_file, read_whole
+from maniport.util.validation import Array, as_finite, as_positive_semidefinite, as_times, require_shape
+
+
+def save_arrays(path: str | os.PathLike[str], arrays: dict[str, Any], compress: bool = True) -> None:
+    """Write named arrays to an ``.npz`` file, whole or not at all."""
+    with written_whole(path) as temporary, open(temporary, "wb") as stream:
+        (np.savez_compressed if compress else np.savez)(stream, **arrays)
+
+
+def load_arrays(path: str | os.PathLike[str], what: str, names: Collection[str] | None = None) -> dict[str, Any]:
+    """Read arrays of an ``.npz`` file."""
+    with _archive(path, what) as archive:
+        chosen = {name: info for name, info in _members(archive).items() if names is None or name in names}
+        unpacked = sum(info.file_size for info in chosen.values())
+        if unpacked > ARRAYS_BYTES:
+            raise FileFormatError(
+                f"{what} {str(path)!r}: its arrays have {unpacked / MEGABYTE:.4g} MB; at most "
+                f"{ARRAYS_BYTES / MEGABYTE:.4g} MB are read"
+            )
+        return {name: _array(archive, info) for name, info in chosen.items()}
+
+
+def array_names(path: str | os.PathLike[str], what: str) -> list[str]:
+    """Names of the arrays in an ``.npz`` file; raises as `load_arrays` does."""
+    with _archive(path, what) as archive:
+        return sorted(_members(archive))
+
+
+@contextmanager
+def _archive(path: str | os.PathLike[str], what: str) -> Iterator[zipfile.ZipFile]:
+    """Open an ``.npz`` file; every error of zipfile and NumPy becomes a `FileFormatError`."""
+    file = existing_file(path, (), ARRAYS_BYTES)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            yield archive
+    except FileFormatError:
+        raise
+    except Exception as error:  # noqa: BLE001 - decompressors and NumPy raise errors of a dozen types on damaged files
+        raise FileFormatError(f"{what} {str(path)!r} is not a readable .npz file: {error}") from None
+
+
+def _members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """Members by the names of their arrays; a name with the ending ``.npy`` precedes one without."""
+    infos = sorted(archive.infolist(), key=lambda info: info.filename.endswith(".npy"))
+    return {info.filename.removesuffix(".npy"): info for info in infos}
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Any:
+    """Read one array of an archive."""
+    try:
+        with archive.open(info) as stream:
+            return read_npy(stream, info.file_size)
+    except Exception as error:  # noqa: BLE001 - errors of any type, as in `_archive`
+        raise ValueError(f"the array {info.filename.removesuffix('.npy')!r}: {error}") from None
+
+
+def read_npy(stream: IO[bytes], size: int) -> Any:
+    """Read an array from a stream of `size` bytes in NumPy's format; may raise errors of any type."""
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    if math.prod(shape) * max(dtype.itemsize, 1) > size:
+        raise ValueError(f"its header declares the shape {shape} of {dtype}, more than there is")
+    stream.seek(0)
+    array = np.lib.format.read_array(stream, allow_pickle=False)
+    if array.dtype.kind in "UV":
+        array.tolist()  # raises an error where characters are no Unicode, which is not checked in reading
+    return array
+
+
+def save_ellipsoids(path: str | os.PathLike[str], manipulability: ArrayLike, time: ArrayLike | None = None) -> None:
+    """Write ellipsoids (n, d, d), and their times (n,) in seconds where there are any, to an ``.npz`` file."""
+    points = as_finite(manipulability, "manipulability")
+    require_shape(points, "manipulability", ("n", "d", "d"), " with n ≥ 1")
+    arrays = {"manipulability": as_positive_semidefinite(points, "manipulability")}
+    if time is not None:
+        arrays["time"] = as_finite(time, "time")
+        require_shape(arrays["time"], "time", (len(points),))
+    save_arrays(path, arrays)
+
+
+def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
+    """Read ellipsoids (n, d, d) and, where the file has them, their times (n,) in seconds."""
+    arrays = _with_array(path, "ellipsoid file", "manipulability")
+    points = arrays["manipulability"]
+    if points.ndim != 3 or not len(points):
+        raise FileFormatError(
+            f"ellipsoid file {str(path)!r}: 'manipulability' must have shape (n, d, d) with n ≥ 1; found {points.shape}"
+        )
+    ellipsoids = as_positive_semidefinite(points, f"manipulability in {str(path)!r}")
+    if "time" not in arrays:
+        return ellipsoids, None
+    time = as_times(arrays["time"], f"time in {str(path)!r}")
+    if len(time) != len(points):
+        raise FileFormatError(
+            f"ellipsoid file {str(path)!r}: {len(points)} ellipsoids, but 'time' has shape {time.shape}"
+        )
+    return ellipsoids, time
+
+
+def _with_array(path: str | os.PathLike[str], what: str, name: str) -> dict[str, Any]:
+    """The array of that name, and its times where there are any."""
+    arrays = load_arrays(path, what, (name, "time"))
+    if name not in arrays:
+        raise FileFormatError(
+            f"{what} {str(path)!r} has no array {name!r}; it holds {array_names(path, what) or 'nothing'}"
+        )
+    return arrays
+
+
+def save_path(path: str | os.PathLike[str], positions: ArrayLike, time: ArrayLike | None = None) -> None:
+    """Write positions (n, 3) [m], and their times (n,) in seconds where there are any, to an ``.npz`` file."""
+    arrays = {"path": as_finite(positions, "path")}
+    require_shape(arrays["path"], "path", ("n", 3))
+    if time is not None:
+        arrays["time"] = as_finite(time, "time")
+    save_arrays(path, arrays)
+
+
+def load_path(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
+    """Read positions (n, 3) [m] and, where the file has them, their times (n,) in seconds."""
+    arrays = _with_array(path, "path file", "path")
+    positions = as_finite(arrays["path"], f"path in {str(path)!r}")
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise FileFormatError(f"path file {str(path)!r}: 'path' must have shape (n, 3); found {positions.shape}")
+    time = as_times(arrays["time"], f"time in {str(path)!r}", len(positions)) if "time" in arrays else None
+    return positions, time
+
+
+def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[str, Any]:
+    """Read a YAML or JSON file that holds one mapping."""
+    file = Path(path)
+    text = read_whole(file, (".yaml", ".yml", ".json"), SETTINGS_BYTES)
+    try:
+        content = yaml.load(text.decode("utf-8-sig"), Loader=_StrictLoader)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{file}: not a text file: {error.reason} at byte {error.start}") from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise FileFormatError(f"{file}: not readable as YAML{where}: {error.problem}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise FileFormatError(f"{file}: not readable as YAML: {error}") from None
+    return require_mapping(content, keys, str(file))
+
+
+def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str, Any]:
+    """Require a mapping that has no keys but some; `where` says what it is, such as ``"limits.yaml: joints"``."""
+    allowed = ", ".join(keys)
+    if not isinstance(content, dict):
+        kind = "nothing" if content is None else type(content).__name__
+        raise FileFormatError(f"{where} must be a mapping with the keys {allowed}; found {kind}")
+    for key in content:
+        if key not in keys:
+            near = ", ".join(nearest_first(key, keys))
+            raise FileFormatError(f"{where}: unknown key {key!r}; allowed are, nearest first: {near}")
+    return content
+
+
+class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
+    """Refuses aliases, which make a small file grow without bounds, and keys that stand twice."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise yaml.composer.ComposerError(None, None, f"aliases (*{event.anchor}) are not read", event.start_mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Hashable] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, Hashable) and key in seen:
+                problem = f"the key {key!r} stands twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            if isinstance(key, Hashable):
+                seen.add(key)
+        mapping: dict[Hashable, Any] = super().construct_mapping(node, deep)
+        return mapping
