@@ -259,4 +259,4 @@ def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, mo
 def test_all_public_names_exist():
     """Every name in `maniport.__all__` can be reached."""
     assert [name for name in maniport.__all__ if getattr(maniport, name, None) is None] == []
-    assert {*maniport.__all__} == {"__version__", *maniport._HOMES, *maniport._ROOMS}
+    assert {*maniport.__all__} == {"__version__", *maniport._MODULE_OF, *maniport._PACKAGES}

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from maniport import arms
-from maniport import arms
 from maniport.mocap import performed
 
 SIDES = ("elbow_medial", "elbow_lateral", "wrist_ulnar", "wrist_radial")
