@@ -94,7 +94,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
         student = mp.sample_domain(arm, 4096, 1)
         samples = PlanControl().planner(arm, VELOCITY, 0)
         for name, person, clock, profile, path in todo:
-            adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3))
+            adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)
             target, tolerance = adapter.transform(profile), 0.012 if name == "ladder" else 0.005
             options = {"damping": adapter.student_regularization, "planner": samples, "position_tolerance": tolerance}
@@ -103,7 +103,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     continue
                 with changed(variant):
                     begin = time.process_time()
-                    result = follow(arm, target, clock, path, effort="ablation", random_state=seed, **options)
+                    result = follow(arm, target, clock, path, planning_effort="ablation", random_state=seed, **options)
                     seconds = time.process_time() - begin
                 motion = result.motion
                 assert motion.position_error is not None

@@ -15,7 +15,7 @@ from .peers.paper_icp import PaperICP
 
 TIMEOUT = 300.0  # s
 
-AS_THE_PEER = {"search": Search(margin=0.0, compete=False), "n_resamples": 0}
+AS_THE_PEER = {"search": Search(joint_limit_margin=0.0, compete=False), "n_resamples": 0}
 """The paper's method takes the cheapest rotation as it is and repeats no fit on resampled domains."""
 
 

@@ -53,7 +53,7 @@ def measured(rounds: int) -> dict[str, float]:
     """Serve a sender several times; the least of what each time gave."""
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(*PART), mp.load_arm("panda")
     person = mp.fit_arm(recording)
-    adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3))
+    adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
     shown = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(shown))

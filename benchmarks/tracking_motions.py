@@ -33,7 +33,7 @@ EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""
 
 ADAPTED = "mean and dispersion"
-"""Parallel transport with the mounting known: person and robot face the same way."""
+"""Parallel transport with the base_rotation known: person and robot face the same way."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +105,15 @@ stretch where the person does."""
 
 
 def adapters() -> dict[str, DomainAdapter]:
-    """Mean and dispersion, then the other methods, with the mounting known; not fitted."""
-    known: dict[str, Any] = {"damping": DAMPING, "mounting": np.eye(3)}
+    """Mean and dispersion, then the other methods, with the base_rotation known; not fitted."""
+    known: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
     return {
         ADAPTED: mp.ParallelTransport(**known),
         "raw copy": mp.RawCopy(**known),
         "recentred": mp.MeanTransport(**known),
         # by default it keeps its start here, which is mean and dispersion
         "ICP, refined": mp.RiemannianICP(
-            **known, n_resamples=0, random_state=0, search=Search(margin=0.0, compete=False)
+            **known, n_resamples=0, random_state=0, search=Search(joint_limit_margin=0.0, compete=False)
         ),
         "nearest neighbour": mp.NearestNeighbor(damping=DAMPING),
     }

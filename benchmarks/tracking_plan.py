@@ -48,7 +48,7 @@ RESULT = "d, median / 95 %"
 
 @dataclass(frozen=True)
 class Asked:
-    """Bounds; None where nothing is asked for. Limits, collisions and the node floor are always asked for.
+    """Bounds; None where nothing is asked for. Limits, collisions and the pointwise optimum are always asked for.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Asked:
             ("tip at most in mm", beside[1], tip[1], ".1f"),
             ("length in s", float(plan.control_time[-1]), self.lasts, ".1f"),
             ("seconds to find it", seconds, self.seconds, ".1f"),
-            ("rms over node floor", plan.certificate, ASKED_RATIO, ".3f"),
+            ("rms over pointwise optimum", plan.pointwise_ratio, ASKED_RATIO, ".3f"),
             *((name, share, 1.0 + 1e-9, ".3f") for name, share in shares.items()),
             ("collisions", plan.room.share, 0.0, ".4f"),
         ]
@@ -109,7 +109,7 @@ class Case:
     seed: int = 0
 
 
-SLOW: dict[str, Any] = {"tempo": 0.25, "position_tolerance": EXACT}
+SLOW: dict[str, Any] = {"speed_scale": 0.25, "position_tolerance": EXACT}
 LEAN: dict[str, Any] = {"tilt": "free"}
 CASES = (
     Case("ladder, flange, fixed place, 1/4 of the pace", "ladder", FLANGE,
@@ -161,7 +161,7 @@ def found(case: Case) -> Found:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ManiportWarning)  # of a rotation that the clouds leave open
         domains = mp.sample_domain(fit.arm, TEACHER_SAMPLES, 0), mp.sample_domain(robot, STUDENT_SAMPLES, 1)
-        adapter = method_of(RIGID if case.frame == FLANGE else LENGTHS, damping=DAMPING, mounting=np.eye(3))
+        adapter = method_of(RIGID if case.frame == FLANGE else LENGTHS, damping=DAMPING, base_rotation=np.eye(3))
         adapter = knowing(adapter, robot, VELOCITY, planner.bank, 0).fit(*domains)
     target, damping = adapter.transform(fit.arm.manipulability(fit.joint_angles)), adapter.student_regularization
 
@@ -203,7 +203,7 @@ def _there(
             planner.limits.arm,
             time=time[rows],
             whole=hand if reaching else None,
-            atlas=planner.atlas,
+            reachability_map=planner.reachability_map,
             bank=planner.bank,
             damping=damping,
             random_state=case.seed,
@@ -235,7 +235,7 @@ def _case(case: Case, found: Found) -> Row:
     note = "; ".join(
         [
             f"missed: {', '.join(missed) or 'nothing'}",
-            f"largest d {plan.distance.max():.2f}, node floor {spread(plan.node_floor)}",
+            f"largest d {plan.distance.max():.2f}, pointwise optimum {spread(plan.pointwise_best)}",
             f"tip {np.median(error):.2f} / {np.percentile(error, 95):.2f} / {error.max():.2f} mm",
             f"{plan.control_time[-1]:.1f} s long, the person's {person:.1f} s",
             f"of its limit: {use}",
@@ -244,7 +244,9 @@ def _case(case: Case, found: Found) -> Row:
             f"planner, place and plan {', '.join(duration(one) for one in found.seconds)} of one core",
         ]
     )
-    figure = f"{spread(plan.distance)}, rms {_rms(plan.distance):.3f}, {plan.certificate:.3f} of the node floor"
+    figure = (
+        f"{spread(plan.distance)}, rms {_rms(plan.distance):.3f}, {plan.pointwise_ratio:.3f} of the pointwise optimum"
+    )
     return Row(f"planned: {case.name}: {RESULT}", figure, "", figure, wanted, not missed, note)
 
 
@@ -282,10 +284,10 @@ def twelve(outcomes: list[Outcome]) -> Iterator[Row]:
         + ", ".join(f"{name} {ratio - 1.0:+.1%}" for name, ratio in ratios.items())
         + f"; without margin at most {max(beyond.values()) - 1.0:+.1%}",
     )
-    floors = {o.motion: plan.certificate for plan, o in zip(plans, here, strict=True)}
+    floors = {o.motion: plan.pointwise_ratio for plan, o in zip(plans, here, strict=True)}
     most = max(floors, key=lambda name: floors[name])
     yield Row(
-        "planned: rms of d over that of the node floor, the worst motion",
+        "planned: rms of d over that of the pointwise optimum, the worst motion",
         f"{floors[most]:.3f}",
         "",
         f"{floors[most]:.3f}",

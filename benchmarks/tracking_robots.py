@@ -66,7 +66,7 @@ class Chain:
     planned_error, tracked_error : ndarray, shape (n,)
         How far the tip is beside its path [m].
     ratio, use, collisions : ndarray, shape (1,)
-        Of the plan: its rms over that of its node floor, the largest share of a limit, the share of steps that collide.
+        Of the plan: its rms over that of its pointwise optimum, the largest share of a limit, the share of steps that collide.
     seconds : ndarray, shape (1,)
         Of one core, for sampling the arm, the place and the plan [s].
     """
@@ -86,7 +86,7 @@ def chain(name: str, motion: Motion) -> Chain:
     """Adapt a motion to a robot, place it, plan it, and let the tracker follow it from a start of its own choice."""
     robot = _load(name)
     student, teacher = mp.sample_domain(robot, STUDENT_SAMPLES, 1), mp.sample_domain(motion.person, TEACHER_SAMPLES, 0)
-    adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3)).fit(teacher, student)
+    adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
     planner = PlanControl().planner(robot, VELOCITY, 0)
@@ -96,7 +96,7 @@ def chain(name: str, motion: Motion) -> Chain:
         adapter.transform(motion.profile),
         planner.limits.arm,
         time=time,
-        atlas=planner.atlas,
+        reachability_map=planner.reachability_map,
         bank=bank,
         damping=damping,
     )
@@ -106,11 +106,11 @@ def chain(name: str, motion: Motion) -> Chain:
     seconds = clock.process_time() - begin
     # with the same margin of the joints' limits: beyond it lie postures that are nearer, which the plan may not take
     tracked = track(planner.limits.arm, placed.profile, time=time, path=placed.path, bank=bank, damping=damping)
-    single = (plan.certificate, plan.limit_use.shares.max(), plan.room.share, seconds)
+    single = (plan.pointwise_ratio, plan.limit_use.shares.max(), plan.room.share, seconds)
     return Chain(
         plan.distance,
         tracked.distance,
-        plan.node_floor,
+        plan.pointwise_best,
         plan.position_error,
         tracked.position_error,
         *(np.array([value]) for value in single),
@@ -153,11 +153,11 @@ def _row(name: str, what: str, found: list[Chain]) -> Row:
         what,
         spread(joined["planned"]),
         f"tracker: {spread(joined['tracked'])}",
-        f"{ratio:.2f} of the node floor, rms {worse:+.0%} of the tracker's",
+        f"{ratio:.2f} of the pointwise optimum, rms {worse:+.0%} of the tracker's",
         ASKED,
         bool(ratio <= RATIO and worse <= 0.0 and use <= 1.0 + 1e-9 and collisions == 0.0),
         f"{_load(name).dof} joints; the worst of the motions; the least at each point by itself "
-        f"{spread(joined['floor'])}; tip beside its path {tips[0]} mm (95 %, largest), the tracker's {tips[1]} mm; of "
+        f"{spread(joined['eigenvalue_floor'])}; tip beside its path {tips[0]} mm (95 %, largest), the tracker's {tips[1]} mm; of "
         f"a limit at most {use:.3f}; collisions {collisions:.2%}; place and plan {duration(joined['seconds'].max())}",
     )
 

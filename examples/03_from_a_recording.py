@@ -40,10 +40,10 @@ def main(folder):
 
         # 2. The arm of a person of this size, and its angles; its base frame is the trunk.
         #    Where person and model differ too much, a warning says so, and what to do about it.
-        with warnings.catch_warnings(record=True) as doubts:
+        with warnings.catch_warnings(record=True) as quality_warnings:
             warnings.simplefilter("always")
             fit = mp.fit_arm(recording, "myoarm")
-        for doubt in doubts:
+        for doubt in quality_warnings:
             print(f"  doubtful: {doubt.message}")
         lengths = ", ".join(f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items())
         print(f"  {lengths}; largest change from frame to frame {fit.largest_step[0]:.1f}°")

@@ -3,7 +3,7 @@
 You learn what a fit can know. Teacher and student are the same Panda here, but the student hangs on a wall, so that the
 truth is known: everything is turned by 90°. The domains alone do not tell: from where the search starts
 no turn brings them clearly nearer, and even at the truth they leave the turn about the robot's base axis open, since
-the robot can do the same all around it. The adapter says so. Five known pairs settle it, or knowing the mounting.
+the robot can do the same all around it. The adapter says so. Five known pairs settle it, or knowing the base_rotation.
 
     python 04_fit_and_question_an_adapter.py [FOLDER]
 """
@@ -43,7 +43,7 @@ def main(folder):
         "parallel transport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "ICP": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student),
         "ICP, five pairs": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student, (few, hung(few))),
-        "mounting known": mp.ParallelTransport(damping=0.01, mounting=WALL).fit(teacher, student),
+        "base_rotation known": mp.ParallelTransport(damping=0.01, base_rotation=WALL).fit(teacher, student),
     }
     for name, adapter in fits.items():
         error = np.sqrt(np.mean(adapter.errors(profile, truth) ** 2))

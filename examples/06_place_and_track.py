@@ -3,7 +3,7 @@
 You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
 path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
 reach in another. The motion is planned as a whole, takes the time that the robot's limits ask for, and is at rest when
-it begins and ends. The node floor is what each point could reach by itself; the certificate is the ratio to it.
+it begins and ends. The pointwise optimum is what each point could reach by itself; the pointwise_ratio is the ratio to it.
 
     python 06_place_and_track.py [FOLDER]
 """
@@ -33,7 +33,7 @@ def main(folder):
 
     # 2. What each arm can do, and the map between the two; the robot faces where the person faces.
     robot = mp.load_arm("panda")
-    adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
+    adapter = mp.ParallelTransport(damping=0.01, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
     target, damping = adapter.transform(profile), adapter.student_regularization
 
@@ -45,7 +45,7 @@ def main(folder):
     motion = plan_motion(
         robot, placed.profile, time=person.time, path=placed.path, damping=damping, position_tolerance=TOLERANCE
     )
-    print(f"{motion.control_time[-1]:.1f} s, {motion.certificate:.2f} times the node floor")
+    print(f"{motion.control_time[-1]:.1f} s, {motion.pointwise_ratio:.2f} times the pointwise optimum")
     for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):
         most = f"{off.max():.2f} (largest, at {motion.time[off.argmax()]:.1f} s)"
         print(f"{name} {np.median(off):.2f} (median), {np.percentile(off, 95):.2f} (95 %), {most}")

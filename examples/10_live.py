@@ -26,7 +26,7 @@ HIDDEN = 24.5, 25.0  # when nobody is seen [s]
 def calibrated(recording, robot, clock):
     """What knows the person and the robot."""
     person = mp.fit_arm(recording)
-    adapter = mp.ParallelTransport(damping=0.01, mounting=np.eye(3))
+    adapter = mp.ParallelTransport(damping=0.01, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
     shown = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(shown))

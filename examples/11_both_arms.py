@@ -21,7 +21,7 @@ def main(folder):
     recording = mp.read_recording("both-arms").crop(5.1, 6.6)
     arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     print(f"{arms.name}: {arms.dof} joints, from {arms.joint_names[0]} to {arms.joint_names[-1]}")
-    result = mp.transfer_both(recording, robot=arms, method="parallel-transport", effort="quick")
+    result = mp.transfer_both(recording, robot=arms, method="parallel-transport", planning_effort="quick")
     apart = np.linalg.norm(result.fits.hands[1] - result.fits.hands[0], axis=-1)
     tips = np.linalg.norm(np.diff(arms.forward(result.motion.joint_positions)[:, :, :3, 3], axis=1)[:, 0], axis=-1)
     scale = result.left.execution.placement.scale

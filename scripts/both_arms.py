@@ -1,6 +1,6 @@
 """Robots with two arms follow the shipped recording of both hands: each arm beside its motion alone, in a table.
 
-    python scripts/both_arms.py [--robots pandas baxter talos-held talos] [--effort full] [--tips placed]
+    python scripts/both_arms.py [--robots pandas baxter talos-held talos] [--planning-effort full] [--tips placed]
 
 Alone means the arm without the other one, along the same path, with the joints that the two share to itself.
 Processor time is that of one thread; that of an arm alone is the mean of both, and counts its planner, as that of both
@@ -44,7 +44,7 @@ class Task:
     """Processor time [s]."""
 
 
-def task_of(fits: ArmFits, arms: ArmGroup, effort: str) -> Task:
+def task_of(fits: ArmFits, arms: ArmGroup, planning_effort: str) -> Task:
     """Both hands' paths in one place, with target ellipsoids by parallel transport."""
     profiles = []
     for fit, arm in zip(fits.each, arms.each, strict=True):
@@ -52,26 +52,26 @@ def task_of(fits: ArmFits, arms: ArmGroup, effort: str) -> Task:
         adapter = mp.ParallelTransport().fit(teacher, student)
         profiles.append(adapter.transform(fit.arm.manipulability(fit.joint_angles)))
     began = clock.process_time()
-    placed = place_paths(fits.hands, profiles, arms.each, time=fits.time, effort=effort)
+    placed = place_paths(fits.hands, profiles, arms.each, time=fits.time, planning_effort=planning_effort)
     spent = clock.process_time() - began
     print("   ", placed[0], placed[1], sep="\n    ", flush=True)
     return Task(tuple(one.profile for one in placed), tuple(one.path for one in placed), fits.time, spent)
 
 
-def alone(arms: ArmGroup, task: Task, effort: str) -> tuple[list[PlannedMotion], float]:
+def alone(arms: ArmGroup, task: Task, planning_effort: str) -> tuple[list[PlannedMotion], float]:
     """Each arm by itself, and the mean processor time [s]."""
     began = clock.process_time()
     motions = [
-        plan_motion(arm, profile, time=task.time, path=path, effort=effort)
+        plan_motion(arm, profile, time=task.time, path=path, planning_effort=planning_effort)
         for arm, profile, path in zip(arms.each, task.profiles, task.paths, strict=True)
     ]
     return motions, 0.5 * (clock.process_time() - began)
 
 
-def together(arms: ArmGroup, task: Task, effort: str, tips: str) -> tuple[PlannedArms, float]:
+def together(arms: ArmGroup, task: Task, planning_effort: str, tips: str) -> tuple[PlannedArms, float]:
     """Both, and the processor time [s]."""
     began = clock.process_time()
-    found = plan_arms(arms, task.profiles, time=task.time, paths=task.paths, effort=effort, tips=tips)
+    found = plan_arms(arms, task.profiles, time=task.time, paths=task.paths, planning_effort=planning_effort, tips=tips)
     return found, clock.process_time() - began
 
 
@@ -87,23 +87,23 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def told(name: str, fits: ArmFits, arms: ArmGroup, effort: str, tips: str) -> list[str]:
+def told(name: str, fits: ArmFits, arms: ArmGroup, planning_effort: str, tips: str) -> list[str]:
     """Lines about one robot."""
-    task = task_of(fits, arms, effort)
-    (single, one), (both, two) = alone(arms, task, effort), together(arms, task, effort, tips)
+    task = task_of(fits, arms, planning_effort)
+    (single, one), (both, two) = alone(arms, task, planning_effort), together(arms, task, planning_effort, tips)
     lines = [f"{name}: {arms.dof} joints, shared: {', '.join(arms.shared) or 'none'}"]
     for side, mine, motion in zip(("left", "right"), single, both.each, strict=True):
         ratio = rms(motion.distance) / rms(mine.distance)
         lines.append(
             f"  {side:5}  rms d {rms(motion.distance):.3f}, alone {rms(mine.distance):.3f}: {ratio:.3f} times"
             f"{'' if ratio <= DIFFERENT else ' (!)'}; tip {beside(motion.position_error)}; alone "
-            f"{np.percentile(1e3 * mine.position_error, 95):.1f} mm; certificate "
-            f"{motion.certificate:.3f}, alone {mine.certificate:.3f}"
+            f"{np.percentile(1e3 * mine.position_error, 95):.1f} mm; pointwise_ratio "
+            f"{motion.pointwise_ratio:.3f}, alone {mine.pointwise_ratio:.3f}"
         )
     room, use = both.room, both.limit_use
     lines += [] if both.beside_way is None else [f"  way    from tip to tip {beside(both.beside_way)}"]
     lines += [
-        f"  pair   {'refined together' if both.together else 'each as alone'}; certificate {both.certificate:.3f}; "
+        f"  pair   {'refined together' if both.together else 'each as alone'}; pointwise_ratio {both.pointwise_ratio:.3f}; "
         f"{both.time[-1]:.1f} s, alone {', '.join(f'{m.time[-1]:.1f}' for m in single)} s, the person "
         f"{np.ptp(task.time):.1f} s",
         f"  limits {', '.join(f'{what} {share:.3f} ({joint})' for what, (joint, share, _) in use.largest.items())}",
@@ -118,7 +118,7 @@ def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=["pandas", "baxter", "talos-held", "talos"])
-    parser.add_argument("--effort", choices=("full", "quick"), default="full")
+    parser.add_argument("--planning-effort", choices=("full", "quick"), default="full")
     parser.add_argument("--tips", choices=("placed", "relative"), default="placed")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -126,7 +126,7 @@ def main() -> None:
     print(f"{RECORDING.name}: {len(fits)} frames, {np.ptp(fits.time):.1f} s")
     for robot in given.robots:
         name, asked = ROBOTS[robot]
-        print("\n".join(told(name, fits, mp.load_arms(**asked), given.effort, given.tips)), flush=True)
+        print("\n".join(told(name, fits, mp.load_arms(**asked), given.planning_effort, given.tips)), flush=True)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
     python scripts/bound_of_motion.py "freeform" "xArm7"
 
-The node floor takes each point by itself; its postures at neighboring points may lie on different branches. Here the
+The pointwise optimum takes each point by itself; its postures at neighboring points may lie on different branches. Here the
 least root mean square of d is sought of what goes from point to point no faster than the joints may, in the time that
-the planned motion takes, its tip on the path: a shortest path through many nodes, the postures of the node floor and of
+the planned motion takes, its tip on the path: a shortest path through many nodes, the postures of the pointwise optimum and of
 the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
 nor what lies between the points, and another column allows 1.5 times the speed. The result is no bound: a shortest
 path through so many nodes may miss better ones, which half as many nodes estimate, and a position error gains, too.
@@ -49,7 +49,7 @@ HEAD = ("motion", "planned", "at the limits of speed", "half as many nodes", "at
 
 
 def main(words: list[str]) -> None:
-    """Print a table in Markdown: root mean squares of d over that of the node floor."""
+    """Print a table in Markdown: root mean squares of d over that of the pointwise optimum."""
     print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
     for name, plan in cases(words):
         count = int(np.clip(NODES * STAGES / len(plan.time), NODES, MOST_NODES))
@@ -68,10 +68,10 @@ def cases(words: list[str]) -> Iterator[tuple[str, PlannedMotion]]:
     people = list(motions())
     for one in people:
         if asked(f"Panda, {one.name}"):
-            yield f"Panda, {one.name}", _planned(robot_arm(), one, margin=False)
+            yield f"Panda, {one.name}", _planned(robot_arm(), one, joint_limit_margin=False)
         for robot in tracking_robots.ROBOTS:
             if one.name in tracking_robots.MOTIONS and asked(f"{robot}, {one.name}"):
-                yield f"{robot}, {one.name}", _planned(tracking_robots._load(robot), one, margin=True)
+                yield f"{robot}, {one.name}", _planned(tracking_robots._load(robot), one, joint_limit_margin=True)
     for case in tracking_plan.CASES:
         if asked(case.name):
             yield case.name, tracking_plan.found(case).plan
@@ -80,11 +80,11 @@ def cases(words: list[str]) -> Iterator[tuple[str, PlannedMotion]]:
 def _planned(arm: Arm, motion: Motion, margin: bool) -> PlannedMotion:
     """As the benchmarks do it: placed for an arm with the margin of its limits, or for one without."""
     domains = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0), mp.sample_domain(arm, STUDENT_SAMPLES, 1)
-    adapter = mp.ParallelTransport(damping=DAMPING, mounting=np.eye(3)).fit(*domains)
+    adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(*domains)
     target, damping, time = adapter.transform(motion.profile), adapter.student_regularization, motion.robot_time
     planner = PlanControl().planner(arm, VELOCITY, 0)
     if margin:
-        same = {"time": time, "atlas": planner.atlas, "bank": planner.bank}
+        same = {"time": time, "reachability_map": planner.reachability_map, "bank": planner.bank}
         placed = place_path(motion.hand, target, planner.limits.arm, damping=damping, **same)
     else:
         placed = place_path(motion.hand, target, arm, damping=damping, bank=tracking_runs.bank())
@@ -94,14 +94,14 @@ def _planned(arm: Arm, motion: Motion, margin: bool) -> PlannedMotion:
 
 
 def least(plan: PlannedMotion, count: int) -> dict[object, float]:
-    """Ratios to the node floor at some points: of the plan, and of the best way found at each of `PACES`."""
+    """Ratios to the pointwise optimum at some points: of the plan, and of the best way found at each of `PACES`."""
     step = -(-len(plan.time) // STAGES)
     rows = np.unique(np.append(np.arange(0, len(plan.time), step), len(plan.time) - 1))
     planner = Planner.of(plan.limits, VELOCITY, True, 0)
     objective = Objective(planner.limits.arm, VELOCITY, plan.damping, EXACT_WEIGHT)
     targets, time, known = objective.targets(plan.target, plan.path)[rows], plan.time[rows], plan.joint_positions[rows]
     floor, random = pointwise_best(targets, planner.bank, known), np.random.default_rng(0)
-    nodes = _free(planner, planner.atlas.nodes(targets, count, random))
+    nodes = _free(planner, planner.reachability_map.nodes(targets, count, random))
     for q in (floor.joint_positions, known):
         nodes = _merged(nodes, Roadmap(q, targets.cost(q), np.arange(len(q) + 1)))
     speeds = planner.limits.velocity * np.diff(time, prepend=time[0] - 1.0)[:, None]
@@ -131,7 +131,7 @@ def _around(
     arm, owner = planner.limits.arm, np.repeat(np.arange(len(way)), count)
     sizes = spread * random.uniform(0.05, 1.0, (len(owner), 1))
     q = np.clip(way[owner] + sizes * random.standard_normal((len(owner), arm.dof)), arm.lower, arm.upper)
-    q[:, planner.atlas.idle] = way[owner][:, planner.atlas.idle]
+    q[:, planner.reachability_map.idle] = way[owner][:, planner.reachability_map.idle]
     there = targets[owner]
     q, away = moved_to_positions(arm, q, there.positions)
     near = away <= IN_PLACE

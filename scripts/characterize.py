@@ -103,7 +103,7 @@ def length_field(whole: bool) -> Iterator[Row]:
             continue
         for draw in range(5 if whole else 1):
             projector = mp.FeasibleProjector(case.arm, VELOCITY)
-            adapter = mp.LengthField(damping=DAMPING, mounting=np.eye(3), projector=projector)
+            adapter = mp.LengthField(damping=DAMPING, base_rotation=np.eye(3), projector=projector)
             values = measured(adapter, case, 100 + draw, VELOCITY)
             yield (
                 f"{case.robot}, {case.person}, draw {draw}",

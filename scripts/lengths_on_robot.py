@@ -116,7 +116,7 @@ def lines(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.n
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, seed)
     demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
     for method in (RIGID, LENGTHS):
-        adapter = method_of(method, damping=DAMPING, mounting=np.eye(3))
+        adapter = method_of(method, damping=DAMPING, base_rotation=np.eye(3))
         adapter = knowing(adapter, robot, VELOCITY, planner.bank, seed).fit(teacher, student)
         targets[method] = adapter.transform(demonstrated)
     damping, time = adapter.student_regularization, SLOWER * (motion.time - motion.time[0])
@@ -127,7 +127,7 @@ def lines(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.n
             asked, rigid, path = target, targets[RIGID], None
             if with_path:
                 placed = place_path(
-                    motion.hand, target, planner.limits.arm, time=time, atlas=planner.atlas, bank=planner.bank,
+                    motion.hand, target, planner.limits.arm, time=time, reachability_map=planner.reachability_map, bank=planner.bank,
                     damping=damping, random_state=seed,
                 )  # fmt: skip
                 asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path

@@ -177,7 +177,7 @@ def main() -> None:
         projector = None if given.samples else FeasibleProjector(case.arm, spec)
         rows = []
         for draw in range(given.draws):
-            options = {"damping": DAMPING, "mounting": np.eye(3)}
+            options = {"damping": DAMPING, "base_rotation": np.eye(3)}
             adapter = ParallelTransport(**options) if given.rigid else LengthField(**options, projector=projector)
             rows.append(measured(adapter, case, 100 + draw, spec))
             print(told(f"  draw {draw}", rows[-1]), flush=True)

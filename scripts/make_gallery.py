@@ -47,14 +47,16 @@ def with_and_without(folder: Path) -> Figure:
 def path_and_floor(motion: PlannedMotion) -> Figure:
     """The tip's path with the ellipsoids, and how far they are off, above what each point could reach (example 06)."""
     figure, (side, axes) = panels(2, 3.6)
-    error, floor = motion.distance, motion.node_floor
+    error, floor = motion.distance, motion.pointwise_best
     side.plot(motion.path[:, 1], motion.path[:, 2], color=REFERENCE.color, linewidth=0.8, linestyle="--", zorder=1)
     dots = side.scatter(*motion.path[:, 1:].T, c=error, s=9, cmap="viridis", zorder=2)
     side.set(xlabel="y [m]", ylabel="z [m]")
     side.set_title("the tip's path, seen from the front", fontsize=TEXT)
     side.set_aspect("equal", adjustable="datalim")
     figure.colorbar(dots, ax=side).set_label("distance d", fontsize=TEXT)
-    axes.fill_between(motion.time, floor, color=REFERENCE.pale, alpha=0.5, label="node floor: nothing reaches below")
+    axes.fill_between(
+        motion.time, floor, color=REFERENCE.pale, alpha=0.5, label="pointwise optimum: nothing reaches below"
+    )
     axes.plot(motion.time, error, color=ACHIEVED.color, label="the planned motion", linewidth=1.4)
     axes.set(xlabel="time [s]", ylabel="distance d", ylim=(0.0, 1.3 * error.max()))
     axes.legend(loc="upper right", frameon=False, fontsize=TEXT)

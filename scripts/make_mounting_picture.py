@@ -14,23 +14,23 @@ from make_gallery import small
 from maniport.report import figures
 from maniport.report.roles import PERSON, TARGET
 
-MOUNTINGS = {"--mounting 0,0,90": (0.0, 0.0, 90.0), "--mounting 0,90,0": (0.0, 90.0, 0.0)}
+MOUNTINGS = {"--base-rotation 0,0,90": (0.0, 0.0, 90.0), "--base-rotation 0,90,0": (0.0, 90.0, 0.0)}
 POSTURE = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8])  # [rad]
 REACHING = np.radians([60.0, 40.0, 0.0, 70.0, 0.0, 0.0, 0.0])
 
 
 def main(picture: Path) -> None:
-    """Draw person and robots in the frame of the person's trunk; the robot's base is turned back by the mounting."""
+    """Draw person and robots in the frame of the person's trunk; the robot's base is turned back by the base_rotation."""
     person, robot = mp.load_arm("myoarm"), mp.load_arm("panda")
     target = person.manipulability(REACHING)[None]
     lines = {"person": person.skeleton(REACHING)[None]}
     for name, angles in MOUNTINGS.items():
-        mounting = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-        lines[name] = robot.skeleton(POSTURE)[None] @ mounting
+        base_rotation = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
+        lines[name] = robot.skeleton(POSTURE)[None] @ base_rotation
     roles = {name: (PERSON if name == "person" else TARGET).name for name in lines}
     figure = figures.arms(lines, dict.fromkeys(lines, target), roles=roles)
     small(figure, picture)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "start" / "mounting.png"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "start" / "base_rotation.png"))

@@ -34,7 +34,7 @@ def arms():
 @pytest.fixture(scope="module")
 def moved(recording, arms):
     """A run in which both arms move."""
-    return transfer_both(recording, robot=arms, effort="quick", **GIVEN)
+    return transfer_both(recording, robot=arms, planning_effort="quick", **GIVEN)
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,9 @@ def test_one_motion_moves_both(moved, arms):
 
 def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
     """Tips that keep the way between them alone are turned as is asked, and what both costs is told."""
-    found = transfer_both(recording, robot=arms, effort="quick", tips="relative", orientation="constant", **GIVEN)
+    found = transfer_both(
+        recording, robot=arms, planning_effort="quick", tips="relative", orientation="constant", **GIVEN
+    )
     hands = np.linalg.norm(found.fits.hands[1] - found.fits.hands[0], axis=1)
     np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.way, axis=1) / hands), 0.0, atol=1e-9)
     assert np.percentile(found.motion.beside_way, 95) < 5e-3
@@ -173,7 +175,7 @@ def test_exports_are_of_a_motion(still, tmp_path):
         ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be those of each"),
         ({"tips": "absolute"}, InvalidInputError, "unknown tips 'absolute'"),
         ({"tips": "relative", "workspace": [(0, 1)] * 3}, InvalidInputError, "workspace says where paths are placed"),
-        ({"orientation": (0, 0, -1), "keep": "whole"}, InvalidInputError, "keep must be 'pointing'"),
+        ({"orientation": (0, 0, -1), "orientation_axes": "whole"}, InvalidInputError, "keep must be 'pointing'"),
         ({"gain": 1.0}, TypeError, "both arms are planned, not tracked"),
         ({"spec": "velocity"}, InvalidInputError, "spec must be an EllipsoidSpec"),
     ],

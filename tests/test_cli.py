@@ -95,7 +95,18 @@ def test_transfer_writes_a_folder(run, tmp_path, monkeypatch):
     for name, size in (("n_teacher", 64), ("n_student", 128)):
         monkeypatch.setitem(transfer_recording.__kwdefaults__, name, size)
     out = tmp_path / "out"
-    words = ("transfer", shipped_recording("freeform"), "-o", out, "--start", 2, "--stop", 2.5, "--effort", "quick")
+    words = (
+        "transfer",
+        shipped_recording("freeform"),
+        "-o",
+        out,
+        "--start",
+        2,
+        "--stop",
+        2.5,
+        "--planning-effort",
+        "quick",
+    )
     exports = [word for name in FORMATS if name != write.SCENE for word in ("--export", name)]
     code, text, err = run(*words, *exports, "--method", "parallel-transport", "--json")
     assert code == 0, err
@@ -106,7 +117,7 @@ def test_transfer_writes_a_folder(run, tmp_path, monkeypatch):
 
 def test_track_and_place(run, profile, tmp_path):
     """`place` ranks placements in the workspace above the table and writes one; `track` writes joints.csv."""
-    options = ("--effort", "quick", "--json")
+    options = ("--planning-effort", "quick", "--json")
     box = ("--workspace", 0.2, "inf", -0.3, 0.3, "-inf", "inf", "--table", 0.0)
     code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", *options)
     assert code == 0, err
@@ -116,7 +127,7 @@ def test_track_and_place(run, profile, tmp_path):
     assert np.all(path >= np.array([0.2, -0.3, 0.0]) - 1e-8)
     assert path[:, 1].max() <= 0.3 + 1e-8
     np.testing.assert_array_equal(time, load_ellipsoids(tmp_path / "placed" / "placed_profile.npz")[1])
-    code, out, err = run("track", *profile, "--tempo", 0.5, *options, "-o", tmp_path / "out")
+    code, out, err = run("track", *profile, "--speed-scale", 0.5, *options, "-o", tmp_path / "out")
     assert code == 0, err
     assert json.loads(out)["motion"]["distance"]["p95"] < 0.2
     assert (tmp_path / "out" / "joints.csv").read_text().startswith("time_s,panda_joint1_rad")
@@ -217,11 +228,11 @@ def track(run, monkeypatch, tmp_path):
 def test_units_of_the_command_line_are_converted(track):
     """Millimeters, degrees and per cent become meters, radians and shares."""
     panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
-    words = ("--position-tolerance", 12, "--tempo", 0.5, "--margin", 5, "--home", home, "--table", 0)
+    words = ("--position-tolerance", 12, "--speed-scale", 0.5, "--joint-limit-margin", 5, "--home", home, "--table", 0)
     code, err, asked = track(*words, "--orientation", "0,0,-1")
     assert (code, err) == (0, "")
     assert asked["position_tolerance"] == pytest.approx(0.012)
-    assert asked["tempo"] == 0.5
+    assert asked["speed_scale"] == 0.5
     assert asked["direction"] == [0.0, 0.0, -1.0]
     np.testing.assert_allclose(asked["home"], np.radians([float(word) for word in home.split(",")]))
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
@@ -236,13 +247,13 @@ def test_units_of_the_command_line_are_converted(track):
         (("--home", "0,-100,0,-135,0,90,45"), "--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°"),
         (("--home", "0,60,0,-160,0,5,0"), "home: in this posture panda_link0 and panda_link6"),
         (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
-        (("--margin", 50), "--margin [%] must be a number in [0, 40]; found 50"),
+        (("--joint-limit-margin", 50), "--joint-limit-margin [%] must be a number in [0, 40]; found 50"),
         (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found 0"),
         (("--export", "ros"), "unknown export 'ros'; there are, nearest first: 'ros2'"),
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
         (("--orientation", "demonstrated"), "--orientation: a profile holds no hand; give free or a direction"),
-        (("--orientation", "0,0,-1", "--keep", "whole"), "keep must be 'pointing'; found 'whole'"),
+        (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "keep must be 'pointing'; found 'whole'"),
         (("--workspace", 0.5, 0.2, 0, 1, 0, 1), "workspace[0][1] must be a number above 0.5; found 0.2"),
     ],
 )

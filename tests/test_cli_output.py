@@ -49,7 +49,7 @@ LIGHT = {
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
-    "demo": "demo --effort quick -o {tmp}/demo --overwrite",
+    "demo": "demo --planning-effort quick -o {tmp}/demo --overwrite",
     "figures": "figures {tmp}/demo -o {tmp}/figures",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 -o {tmp}/learned --overwrite",
 }

@@ -60,11 +60,11 @@ def short_work():
 
     def quick(*recording, method=AUTO, **job):
         named = "parallel-transport" if method == AUTO else method
-        return transfer_recording(*recording, method=named, **{**SMALL, **job, "effort": "quick"})
+        return transfer_recording(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
 
     def quick_both(*recording, method=AUTO, **job):
         named = "parallel-transport" if method == AUTO else method
-        return transfer_both(*recording, method=named, **{**SMALL, **job, "effort": "quick"})
+        return transfer_both(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
 
     with (
         mock.patch("maniport.pipeline.transfer_both", quick_both),

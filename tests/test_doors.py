@@ -55,7 +55,7 @@ def result(moment, files):
     method = LogEuclideanShift(damping=0.01)
     with few_places():
         found = mp.transfer_recording(
-            recording, person="stiff_shoulder", robot=files / "six.json", method=method, tempo=0.5,
+            recording, person="stiff_shoulder", robot=files / "six.json", method=method, speed_scale=0.5,
             tasks=[HeightTask("link5", 0.0, cost=10.0)], **SMALL,
         )  # fmt: skip
     assert not hasattr(method, "shift_")  # a clone was fitted

@@ -34,7 +34,7 @@ class Nested(Estimator):
 @pytest.mark.parametrize(
     "estimator",
     [
-        mp.ParallelTransport(mounting=np.eye(3), damping=0.1),
+        mp.ParallelTransport(base_rotation=np.eye(3), damping=0.1),
         mp.RiemannianICP(random_state=3),
         mp.ProfileGMM(n_components=2),
         Nested([Nested(), {"a": Nested(count=7)}], 4),

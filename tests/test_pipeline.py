@@ -16,7 +16,7 @@ from maniport.report import as_numbers, facts_of
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
 from maniport.util.files import load_ellipsoids, load_path
 
-SMALL = {"n_teacher": 64, "n_student": 128, "effort": "quick"}
+SMALL = {"n_teacher": 64, "n_student": 128, "planning_effort": "quick"}
 STILL = SMALL | {"move": False}
 
 
@@ -121,8 +121,8 @@ def test_the_mounting_turns_results_and_baselines(clip):
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     half_turn = np.diag([-1.0, -1.0, 1.0])
     plain, turned, half = (
-        transfer_recording(clip, method="parallel-transport", mounting=mounting, **STILL)
-        for mounting in (None, turn, half_turn)
+        transfer_recording(clip, method="parallel-transport", base_rotation=base_rotation, **STILL)
+        for base_rotation in (None, turn, half_turn)
     )
     copy = turn @ turned.demonstrated_profile @ turn.T
     gaps = mp.nearest_feasible(turned.robot, copy, damping=turned.adapter.student_regularization).distance
@@ -184,9 +184,9 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
         ({"robot": "pand"}, UnknownNameError, "'panda'"),
         ({"person": "myarm"}, UnknownNameError, "'myoarm'"),
         ({"damping": -1.0}, InvalidInputError, "damping"),
-        ({"floor": 1e-4}, InvalidInputError, "exclude"),
-        ({"mounting": np.ones((3, 3))}, InvalidInputError, "mounting"),
-        ({"tempo": 0}, InvalidInputError, "tempo"),
+        ({"eigenvalue_floor": 1e-4}, InvalidInputError, "exclude"),
+        ({"base_rotation": np.ones((3, 3))}, InvalidInputError, "base_rotation"),
+        ({"speed_scale": 0}, InvalidInputError, "speed_scale"),
         ({"n_student": 1}, InvalidInputError, "student"),
         ({"random_state": -1}, InvalidInputError, "random_state"),
     ],
@@ -232,9 +232,9 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
 
 
 def test_tempo_and_placement(panda, own):
-    """Half the tempo takes twice the time; a distant path is placed, and the placed path and profile are followed."""
+    """Half the speed_scale takes twice the time; a distant path is placed, and the placed path and profile are followed."""
     time, profile, path = own
-    slow = follow(panda, profile, time, path + 2.0, tempo=0.5, effort="quick")
+    slow = follow(panda, profile, time, path + 2.0, speed_scale=0.5, planning_effort="quick")
     assert 2.0 * np.ptp(time) <= slow.motion.control_time[-1] < 2.1 * np.ptp(time)
     np.testing.assert_array_equal(slow.plan.demonstrated_time, time)
     np.testing.assert_allclose(slow.motion.path, slow.placement.path, atol=1e-12)
@@ -247,13 +247,13 @@ def test_tempo_and_placement(panda, own):
     ("change", "word"),
     [
         ({"time": None}, "no times"),
-        ({"tempo": 0.0}, "tempo"),
+        ({"speed_scale": 0.0}, "speed_scale"),
         ({"positions": np.zeros((20, 3))}, "must have shape"),
         ({"time": np.arange(20.0), "place": False}, "one row for each"),
     ],
 )
 def test_wrong_targets_are_named(panda, own, change, word):
-    """Missing times, a tempo of zero, and unequal lengths."""
+    """Missing times, a speed_scale of zero, and unequal lengths."""
     time, profile, path = own
     arguments = {"time": time, "positions": path} | change
     with pytest.raises(InvalidInputError, match=word):

@@ -27,7 +27,7 @@ from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import rotation_from_vector
 from maniport.util.validation import Array, as_spd
 
-REGULARIZATIONS: tuple[dict[str, float], ...] = ({}, {"damping": 0.01}, {"floor": 1e-3})
+REGULARIZATIONS: tuple[dict[str, float], ...] = ({}, {"damping": 0.01}, {"eigenvalue_floor": 1e-3})
 ROUNDING = 1e-9
 
 
@@ -37,13 +37,13 @@ def check_adapter(
     """Check that a method of transfer keeps the contract of `DomainAdapter`, as all shipped methods do.
 
     Shapes, SPD results, one ellipsoid as many, order of the points, input left alone, bad input refused by name, a
-    failed fit that leaves the adapter as it was, parameters and clones, files, pickles, the mounting, regularisation,
+    failed fit that leaves the adapter as it was, parameters and clones, files, pickles, the base_rotation, regularisation,
     the inverse where there is one, and that equal domains change nothing.
 
     Parameters
     ----------
     adapter : DomainAdapter
-        Fitted or not, with the parameters that shall be checked; clones of it are fitted. Damping, floor and mounting
+        Fitted or not, with the parameters that shall be checked; clones of it are fitted. Damping, floor and base_rotation
         are set by the check.
     dimensions : sequence of int
         Sizes d of the ellipsoids that the method takes; with the first everything is checked, with each other one
@@ -83,7 +83,7 @@ class Case:
 
     def make(self, **options: Any) -> DomainAdapter:
         """Return an unfitted adapter."""
-        chosen = {"damping": None, "floor": None, "mounting": None, **self.remedy, **options}
+        chosen = {"damping": None, "eigenvalue_floor": None, "base_rotation": None, **self.remedy, **options}
         made: DomainAdapter = clone(self.prototype).set_params(**chosen)
         return made
 
@@ -161,7 +161,7 @@ def _law_inverse_returns_or_is_refused(case: Case) -> None:
         return
     assert back.shape == (2, 3, d, d)
     assert case.fitted.inverse_transform(case.images[:0]).shape == (0, d, d)
-    lifted = case.fitted.teacher_regularization.apply(new) if case.fitted.floor is not None else new
+    lifted = case.fitted.teacher_regularization.apply(new) if case.fitted.eigenvalue_floor is not None else new
     assert_allclose(back.reshape(new.shape), lifted, atol=1e-6 * np.abs(new).max())
 
 
@@ -209,11 +209,11 @@ def _same(other: DomainAdapter, case: Case) -> None:
 
 
 def _law_the_mounting_is_a_turn_beforehand(case: Case) -> None:
-    """Fitted with the mounting R, it does with T what it does without with R T Rᵀ."""
+    """Fitted with the base_rotation R, it does with T what it does without with R T Rᵀ."""
     teacher, student, new = case.domains
     turned, seen = congruence(case.turn, teacher), congruence(case.turn, new)
-    plain = case.make(mounting=np.eye(case.d)).fit(turned, student)
-    mounted = case.make(mounting=case.turn).fit(teacher, student)
+    plain = case.make(base_rotation=np.eye(case.d)).fit(turned, student)
+    mounted = case.make(base_rotation=case.turn).fit(teacher, student)
     images = plain.transform(seen)
     assert_allclose(mounted.transform(new), images, rtol=1e-7, atol=1e-7 * np.abs(images).max())
     turn = case.turn[:3, :3] if case.d == 6 else case.turn
@@ -227,9 +227,9 @@ def _law_regularization_is_that_of_the_contract(case: Case) -> None:
     for points, found in zip(case.domains, (adapter.teacher_damping_, adapter.student_damping_), strict=False):
         assert_allclose(found, rho * np.trace(points, axis1=1, axis2=2).mean() / case.d, rtol=1e-12)
     assert 0.0 <= adapter.released_damping_ <= adapter.student_damping_
-    if "floor" in case.remedy:
+    if "eigenvalue_floor" in case.remedy:
         lowest = eigh(adapter.teacher_side(case.domains[0]))[0][:, 0]
-        assert lowest.min() >= case.remedy["floor"] * (1.0 - 1e-6)
+        assert lowest.min() >= case.remedy["eigenvalue_floor"] * (1.0 - 1e-6)
 
 
 def _law_score_is_minus_the_root_mean_squared_gap(case: Case) -> None:
@@ -244,13 +244,15 @@ def _equal_domains_change_nothing(case: Case) -> None:
     domain = case.domains[0]
     adapter = case.make().fit(domain, domain[::-1])
     kept = adapter.student_damping_ - adapter.released_damping_  # what of the damping the method leaves in
-    allowed = 1.001 * kept + case.remedy.get("floor", 0.0) + 1e-8 * np.abs(domain).max()
+    allowed = 1.001 * kept + case.remedy.get("eigenvalue_floor", 0.0) + 1e-8 * np.abs(domain).max()
     assert np.abs(adapter.transform(domain) - domain).max() <= allowed, "equal domains must change nothing"
 
 
 def _door_init_only_stores(case: Case) -> None:
     given: dict[str, Any] = {name: object() for name in case.prototype.get_params(deep=False)}
-    assert set(given) >= {"damping", "floor", "mounting"}, "damping, floor and mounting are parameters of every method"
+    assert set(given) >= {"damping", "eigenvalue_floor", "base_rotation"}, (
+        "damping, floor and base_rotation are parameters of every method"
+    )
     adapter = type(case.prototype)(**given)
     assert all(getattr(adapter, name) is value for name, value in given.items()), "__init__ must only store"
 
@@ -291,8 +293,8 @@ def _door_bad_input_is_refused_by_name(case: Case) -> None:
         _refused(words, case.make().fit, good, points, start="student")
     for words, points in {**bad, f"hold {d}×{d}": np.array([np.eye(d + 1)] * 3)}.items():
         _refused(words, case.fitted.transform, points, start="points")
-    _refused("exclude", case.make(damping=0.01, floor=0.01).fit, good, good)
-    _refused("mounting", case.make(mounting=2.0 * np.eye(d)).fit, good, case.domains[1])
+    _refused("exclude", case.make(damping=0.01, eigenvalue_floor=0.01).fit, good, good)
+    _refused("base_rotation", case.make(base_rotation=2.0 * np.eye(d)).fit, good, case.domains[1])
     for remedy in REGULARIZATIONS[1:]:
         as_spd(case.make(**remedy).fit(singular, 2.0 * singular).transform(singular), "images")
 

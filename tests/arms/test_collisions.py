@@ -65,7 +65,7 @@ def panda():
 @pytest.fixture(scope="module")
 def collisions(panda):
     """The Panda with its hand, over a table and before a box."""
-    return Collisions.of(panda, table=0.0, boxes=[[0.5, 0.1, 0.3, 0.2, 0.3, 0.2, 0.4]])
+    return Collisions.of(panda, table=0.0, obstacles=[[0.5, 0.1, 0.3, 0.2, 0.3, 0.2, 0.4]])
 
 
 def test_distances_of_cubes_are_those_of_geometry(gantry):

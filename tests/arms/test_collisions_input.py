@@ -1,4 +1,4 @@
-"""What faulty tables, boxes and SRDFs get, and what good ones change."""
+"""What faulty tables, obstacles and SRDFs get, and what good ones change."""
 
 import numpy as np
 import pytest
@@ -20,11 +20,14 @@ def panda():
         ({"table": 0.05}, r"table: the plane at z = 0\.05 m goes through the robot's base .* at most 0\.010 m"),
         ({"table": 3.0}, "lies above it: 'panda_link0' reaches from z = 0.000 to 0.140 m"),
         ({"padding": -0.1}, "padding must be a number of at least 0"),
-        ({"boxes": [[0, 0, 0, 4, 4, 4]]}, r"boxes: 'box 1' holds or cuts the robot's base: 'panda_link0' is 2\.\d+ m"),
-        ({"boxes": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' holds or cuts the robot's base"),
-        ({"boxes": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' leaves 'panda_link1' no way out"),
-        ({"boxes": [[1, 2, 3]]}, r"boxes must be a file, .* shape \(n, 6\) or \(n, 7\); found shape \(1, 3\)"),
-        ({"boxes": [[1, 2, 3, 1, 1, 0]]}, "box 1: size must be 3 numbers above 0; found 0 at index 2"),
+        (
+            {"obstacles": [[0, 0, 0, 4, 4, 4]]},
+            r"obstacles: 'box 1' holds or cuts the robot's base: 'panda_link0' is 2\.\d+ m",
+        ),
+        ({"obstacles": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' holds or cuts the robot's base"),
+        ({"obstacles": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' leaves 'panda_link1' no way out"),
+        ({"obstacles": [[1, 2, 3]]}, r"obstacles must be a file, .* shape \(n, 6\) or \(n, 7\); found shape \(1, 3\)"),
+        ({"obstacles": [[1, 2, 3, 1, 1, 0]]}, "box 1: size must be 3 numbers above 0; found 0 at index 2"),
     ],
 )
 def test_what_cannot_stand_around_a_robot(panda, around, message):
@@ -46,28 +49,34 @@ def test_a_table_above_a_robot_without_a_drawn_base_is_refused(tmp_path):
 
 
 def test_boxes_from_a_file_and_from_rows_are_the_same(panda, tmp_path):
-    """A file with names, a list of boxes and an array are the same boxes."""
-    path = tmp_path / "boxes.yaml"
-    path.write_text("boxes:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
+    """A file with names, a list of obstacles and an array are the same obstacles."""
+    path = tmp_path / "obstacles.yaml"
+    path.write_text("obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
                     "  crate: {center: [0.4, -0.4, 0.1], size: [0.2, 0.3, 1e-1], yaw: 0.5}\n")  # fmt: skip
     rows = [[0.5, 0.2, 0.4, 0.3, 0.6, 0.02, 0.0], [0.4, -0.4, 0.1, 0.2, 0.3, 0.1, 0.5]]
     q = panda.sample(128, 0)
-    found = Collisions.of(panda, boxes=path).nearest(q)
+    found = Collisions.of(panda, obstacles=path).nearest(q)
     assert {"shelf", "crate"} < set(found.first)
-    for boxes in (read_boxes(path), np.array(rows)):
-        np.testing.assert_array_equal(Collisions.of(panda, boxes=boxes).clearance(q), found.distance)
+    for obstacles in (read_boxes(path), np.array(rows)):
+        np.testing.assert_array_equal(Collisions.of(panda, obstacles=obstacles).clearance(q), found.distance)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("box: {}", r"b\.yaml: unknown key 'box'; allowed are, nearest first: boxes"),
-        ("boxes: [1]", "boxes must be a mapping of names to boxes"),
-        ("boxes: {shelf: 3}", "boxes: shelf must be a mapping with the keys center, size, yaw; found int"),
-        ("boxes: {shelf: {center: [0, 0, 1]}}", "boxes: shelf: 'size' is missing"),
-        ("boxes: {shelf: {centre: [0, 0, 1]}}", "boxes: shelf: unknown key 'centre'; .*: center"),
-        ("boxes: {shelf: {center: [0, 1, x], size: [1, 1, 1]}}", "boxes: shelf: center must be an array of numbers"),
-        ("boxes: {a: {center: [0, 1, 1], size: [1, -1, 1]}}", "boxes: a: size must be 3 numbers above 0; found -1"),
+        ("box: {}", r"b\.yaml: unknown key 'box'; allowed are, nearest first: obstacles"),
+        ("obstacles: [1]", "obstacles must be a mapping of names to obstacles"),
+        ("obstacles: {shelf: 3}", "obstacles: shelf must be a mapping with the keys center, size, yaw; found int"),
+        ("obstacles: {shelf: {center: [0, 0, 1]}}", "obstacles: shelf: 'size' is missing"),
+        ("obstacles: {shelf: {centre: [0, 0, 1]}}", "obstacles: shelf: unknown key 'centre'; .*: center"),
+        (
+            "obstacles: {shelf: {center: [0, 1, x], size: [1, 1, 1]}}",
+            "obstacles: shelf: center must be an array of numbers",
+        ),
+        (
+            "obstacles: {a: {center: [0, 1, 1], size: [1, -1, 1]}}",
+            "obstacles: a: size must be 3 numbers above 0; found -1",
+        ),
     ],
 )
 def test_faulty_files_of_boxes(tmp_path, text, message):

@@ -7,10 +7,10 @@ from maniport.transfer import DomainAdapter
 class LogEuclideanShift(DomainAdapter):
     """f(T) = exp(log T + D), with D the difference of the two domains' mean logarithms."""
 
-    def __init__(self, damping=None, floor=None, mounting=None):
+    def __init__(self, damping=None, eigenvalue_floor=None, base_rotation=None):
         self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
+        self.eigenvalue_floor = eigenvalue_floor
+        self.base_rotation = base_rotation
 
     def _fit(self, teacher, student):
         self.shift_ = spd.logm(student).mean(axis=0) - spd.logm(teacher).mean(axis=0)

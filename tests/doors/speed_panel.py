@@ -14,7 +14,7 @@ def write_page_with_speed(path, result):
     motion = result.execution.motion
     tips = result.robot.forward(motion.joint_positions)[:, :3, 3]
     speed = np.linalg.norm(np.gradient(tips, motion.time, axis=0), axis=1)
-    panel = Panel("Speed of the tip", "m/s", (Line("", speed),), "At the robot's tempo.")
+    panel = Panel("Speed of the tip", "m/s", (Line("", speed),), "At the robot's speed_scale.")
     shown = motion_of(result)
     shown = replace(shown, panels={**shown.panels, "Speed": (panel,)})
     write_page(path, facts_of(result), {"motion": [shown]})

@@ -14,11 +14,11 @@ def domains(make_cloud, rng):
     return make_cloud(rng, 60), 3.0 * make_cloud(rng, 80, spread=0.3)
 
 
-@pytest.mark.parametrize("regularization", [{}, {"damping": 0.01}, {"floor": 1e-4}])
+@pytest.mark.parametrize("regularization", [{}, {"damping": 0.01}, {"eigenvalue_floor": 1e-4}])
 def test_raw_copy_changes_the_frame_only(domains, turn_about, regularization):
     """The student gets R_b T R_bᵀ; of damping at most a millionth stays."""
     turn = turn_about(35.0, axis=1)
-    adapter = RawCopy(mounting=turn, **regularization).fit(*domains)
+    adapter = RawCopy(base_rotation=turn, **regularization).fit(*domains)
     images = adapter.transform(domains[0])
     np.testing.assert_allclose(images, turn @ domains[0] @ turn.T, atol=2e-6 * adapter.student_damping_ + 1e-12)
     np.testing.assert_allclose(adapter.inverse_transform(images), domains[0], atol=1e-6)
@@ -27,7 +27,7 @@ def test_raw_copy_changes_the_frame_only(domains, turn_about, regularization):
 def test_mean_transport_matches_the_means_and_nothing_else(domains, turn_about):
     """The teacher's mean becomes the student's, and all distances stay: a congruence by S̄^½ (R_b T̄ R_bᵀ)^-½ R_b."""
     turn, points = turn_about(35.0, axis=1), domains[0]
-    adapter = MeanTransport(mounting=turn).fit(*domains)
+    adapter = MeanTransport(base_rotation=turn).fit(*domains)
     teacher, student = (spd.mean(cloud) for cloud in domains)
     factor = spd.sqrtm(student) @ spd.invsqrtm(turn @ teacher @ turn.T) @ turn
     images = adapter.transform(points)

@@ -117,12 +117,12 @@ def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
     gantry = Arm.from_dh("gantry", rows, [-1.0] * 3, [1.0] * 3, kinds=["prismatic"] * 3)  # M = I everywhere
     small = np.linspace(0.0, 0.5, 5)
     targets = np.array([np.diag([4.0, 1.0, one]) for one in small])
-    adapter = RawCopy(floor=0.2).fit(targets, targets)
+    adapter = RawCopy(eigenvalue_floor=0.2).fit(targets, targets)
     found = evaluate(adapter, targets, targets, targets, robot=gantry, n_domain=0, n_identity=0, rows=())
     distances = np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2)))
     gap = found.adapter.feasibility_gap
     assert (gap.mean, gap.largest) == pytest.approx((distances.mean(), distances.max()), rel=1e-6)
-    assert "floor" in found.settings["feasibility gap"]
+    assert "eigenvalue_floor" in found.settings["feasibility gap"]
 
 
 def test_bad_input_is_refused(problem, arms):

@@ -70,12 +70,12 @@ def test_distortion_and_rank_correlation_on_a_line():
 
 @pytest.mark.parametrize("adapter", [ParallelTransport(damping=0.01), RawCopy()], ids=repr)
 def test_identity_test_of_equal_samples_is_passed_exactly(make_cloud, rng, turn_about, adapter):
-    """Where both sets are the same cloud nothing changes, whatever the mounting; the adapter stays as it is."""
-    points, mounting = make_cloud(rng, 40), turn_about(90.0)
-    adapter = adapter.silent().set_params(mounting=mounting)
+    """Where both sets are the same cloud nothing changes, whatever the base_rotation; the adapter stays as it is."""
+    points, base_rotation = make_cloud(rng, 40), turn_about(90.0)
+    adapter = adapter.silent().set_params(base_rotation=base_rotation)
     assert identity_test(adapter, points, points) < 1e-9
     assert not hasattr(adapter, "rotation_")
-    np.testing.assert_array_equal(adapter.mounting, mounting)
+    np.testing.assert_array_equal(adapter.base_rotation, base_rotation)
 
 
 def test_mean_transport_moves_by_the_distance_of_the_means(make_cloud, rng):

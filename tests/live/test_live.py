@@ -42,7 +42,7 @@ def require_limits(live, limits, collisions, time, moments):
 
 
 def test_limits_are_kept_whatever_comes(small_result, frames):
-    """Drop-outs, leaps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
+    """Drop-outs, jumps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
     draw = np.random.default_rng(0)
     live = mp.Live.of(small_result, clock=None)

@@ -51,7 +51,7 @@ def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
     second.save(tmp_path / "person.npz")
     positions, time = frames
     given = lines(positions, time).replace(b"\n", b"\nnonsense\n", 1)
-    code, (first, start, error, *rest), err = run(tmp_path / "person.npz", "--every", given=given)
+    code, (first, start, error, *rest), err = run(tmp_path / "person.npz", "--no-drop", given=given)
     assert code == 0
     arm = small_result.robot
     assert first["points"] == list(Live.of(small_result).points)
@@ -65,7 +65,7 @@ def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
     assert "99.9 %" in err
     code, (_, answer, *_), err = run(tmp_path / "person.npz", given=lines(*frames))
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
-    assert "--every processes all of them" in err
+    assert "--no-drop processes all of them" in err
 
 
 def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):

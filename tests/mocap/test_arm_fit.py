@@ -173,7 +173,7 @@ def test_exchanged_markers_are_told(person, pair, segment, joint):
     assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
     assert abs(fit.twist_residual[segment][fit.time == row["max_at_s"]][0]) == row["max"]
     cured = fit_arm(wrong, person, markers={f"{joint}_axis": ([pair[1]], [pair[0]])})
-    assert not any("exchanged" in text or "differ" in text for text in cured.doubts)
+    assert not any("exchanged" in text or "differ" in text for text in cured.quality_warnings)
     assert cured.residual_summary()[f"{segment} about its axis"]["median"] < 16
 
 
@@ -193,7 +193,7 @@ def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
     told = [str(one.message) for one in caught if "elbow_flexion" in str(one.message)]
     noted = [text for text in fit.notes if "elbow_flexion would go beyond its limit of 130°" in text]
     assert (len(told), len(noted)) == ((1, 0) if excess > 10.0 else (0, 1))
-    assert any("elbow_flexion" in text for text in fit.doubts) == (excess > 10.0)
+    assert any("elbow_flexion" in text for text in fit.quality_warnings) == (excess > 10.0)
 
 
 # ---- derivatives --------------------------------------------------------------------------------------------------

@@ -58,7 +58,7 @@ def test_the_shipped_recording_shows_both_in_the_same_frames(both_arms):
         assert max(residuals["upper arm"]["median"], residuals["forearm"]["median"]) < 2.5
         assert fit.determined.all()
     assert 0.1 < np.median(np.linalg.norm(both_arms.hands[1] - both_arms.hands[0], axis=-1)) < 1.0
-    assert sum("frames in the middle are left out" in doubt for doubt in both_arms.doubts) == 1
+    assert sum("frames in the middle are left out" in doubt for doubt in both_arms.quality_warnings) == 1
     assert len(both_arms.crop(3.0, 4.0)) < 41
 
 

@@ -26,7 +26,7 @@ def skeleton(made):
 @pytest.mark.parametrize(("name", "unit"), [("ladder", "CMU"), ("freeform", "mm")])
 def test_shipped_recordings_are_not_contradicted(name, unit):
     """Who gives the right unit and axis is not doubted, whether the person hangs, reaches or bends."""
-    assert read_recording(name, unit=unit, up="y").doubts == ()
+    assert read_recording(name, unit=unit, up="y").quality_warnings == ()
 
 
 @pytest.mark.parametrize("unit", ["m", "mm", "inch"])
@@ -41,7 +41,7 @@ def test_a_unit_that_makes_no_person_is_refused(bvh_file, unit):
 @pytest.mark.parametrize("up", ["z", "x", "-y"])
 def test_an_axis_along_which_nobody_stands_is_doubted(bvh_file, up):
     """The doubt says how far off upright the trunk is, and which axis is nearer."""
-    (doubt,) = read_recording(bvh_file(), up=up).doubts
+    (doubt,) = read_recording(bvh_file(), up=up).quality_warnings
     assert f"up='{up}' lets the trunk (Spine to Neck) stand {180 if up == '-y' else 90}° off upright" in doubt
     assert "up='y' lets it stand 0° off" in doubt
 
@@ -85,7 +85,9 @@ def test_of_several_bodies_one_is_taken(tmp_path, made):
     file = tmp_path / "two.npz"
     Recording(names, positions, markers.time).save(file)
     both = read_recording(file)
-    assert both.doubts[0].startswith("the points are those of several bodies: A, B; the first that has a whole arm")
+    assert both.quality_warnings[0].startswith(
+        "the points are those of several bodies: A, B; the first that has a whole arm"
+    )
     for given, body in ((None, "A"), ({"shoulder": "B:RSHO"}, "B")):
         roles = assign_roles(both, given)
         assert {name[:2] for role in ("shoulder", "elbow", "wrist") for name in roles[role]} == {f"{body}:"}

@@ -59,7 +59,7 @@ def test_keypoints_of_video_are_fitted_several_times_closer(arm):
     assert joints < 0.5 * raw_joints
     assert ellipsoids < 0.5 * raw_ellipsoids
     assert joints < 2.5
-    assert any("jitter by" in doubt and "were smoothed" in doubt for doubt in mended.doubts)
+    assert any("jitter by" in doubt and "were smoothed" in doubt for doubt in mended.quality_warnings)
     assert any("elsewhere for a moment" in note for note in mended.notes)
 
 
@@ -79,9 +79,9 @@ def test_mended_faults_leave_the_fit_as_it_is(arm):
     fit = fit_arm(faulty, markers=markers, side="right")
     assert np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.3
     assert any("hand: exactly at the origin in 3 frames" in note for note in fit.notes)
-    assert [text for text in fit.doubts if "each other's places in 20 frames" in text]
-    assert [text for text in fit.doubts if "1000 times as large" in text]
-    assert not fit_arm(clean, side="right").doubts
+    assert [text for text in fit.quality_warnings if "each other's places in 20 frames" in text]
+    assert [text for text in fit.quality_warnings if "1000 times as large" in text]
+    assert not fit_arm(clean, side="right").quality_warnings
 
 
 def test_leaps_of_a_real_recording_are_told_smoothed_or_cut(arm):
@@ -89,16 +89,16 @@ def test_leaps_of_a_real_recording_are_told_smoothed_or_cut(arm):
     recording = read_recording("ladder").crop(11, 14)
     kept = fit_arm(recording)
     assert kept.largest_step[0] > 60
-    assert "joints leap in" in kept.doubts[-1]
-    assert "most elv_angle" in kept.doubts[-1]
-    assert "leaps='smooth' goes over them evenly" in kept.doubts[-1]
-    smooth, split = fit_arm(recording, leaps="smooth"), fit_arm(recording, leaps="split")
+    assert "joints leap in" in kept.quality_warnings[-1]
+    assert "most elv_angle" in kept.quality_warnings[-1]
+    assert "jumps='smooth' goes over them evenly" in kept.quality_warnings[-1]
+    smooth, split = fit_arm(recording, jumps="smooth"), fit_arm(recording, jumps="split")
     assert smooth.largest_step[0] < 50
-    assert "All joints go evenly from 0.15 s before" in smooth.doubts[-1]
+    assert "All joints go evenly from 0.15 s before" in smooth.quality_warnings[-1]
     np.testing.assert_array_equal(smooth.joint_angles[70:], kept.joint_angles[70:])
     assert split.largest_step[0] < 50
     assert len(split) < len(kept)
     np.testing.assert_array_equal(split.joint_angles, kept.joint_angles[split.frames])
-    assert "The longest part between them is used" in split.doubts[-1]
-    with pytest.raises(UnknownNameError, match=r"unknown leaps 'smoth'; there are, nearest first: 'smooth'"):
-        fit_arm(recording, leaps="smoth")
+    assert "The longest part between them is used" in split.quality_warnings[-1]
+    with pytest.raises(UnknownNameError, match=r"unknown jumps 'smoth'; there are, nearest first: 'smooth'"):
+        fit_arm(recording, jumps="smoth")

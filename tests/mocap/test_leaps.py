@@ -4,7 +4,7 @@ import pytest
 from maniport.mocap.jumps import (
     FASTEST_JOINT,
     calibration_pose,
-    leaps,
+    joint_jumps,
     treated,
     without_leaps,
 )
@@ -25,10 +25,10 @@ def leaping():
 
 def test_leaps_are_found_where_they_are_and_nowhere_else(leaping):
     """Steps faster than joints are told with time, joint and size; what is missing between frames is none."""
-    assert leaps(leaping, TIME, FRAMES).tolist() == [50, 52]
-    assert not len(leaps(SWING, TIME, FRAMES))
-    assert not len(leaps(SWING[:1], TIME[:1], FRAMES[:1]))
-    assert not len(leaps(leaping[[0, 50]], TIME[[0, 50]], FRAMES[[0, 50]]))
+    assert joint_jumps(leaping, TIME, FRAMES).tolist() == [50, 52]
+    assert not len(joint_jumps(SWING, TIME, FRAMES))
+    assert not len(joint_jumps(SWING[:1], TIME[:1], FRAMES[:1]))
+    assert not len(joint_jumps(leaping[[0, 50]], TIME[[0, 50]], FRAMES[[0, 50]]))
     _, kept, text = treated(leaping, TIME, FRAMES, ("elv_angle", "elbow_flexion"), "split")
     assert "2 of 120 frames" in text
     assert "1.67 s, 1.73 s" in text
@@ -38,8 +38,8 @@ def test_leaps_are_found_where_they_are_and_nowhere_else(leaping):
 
 def test_joints_go_evenly_over_leaps(leaping):
     """No joint leaps on, none leaves the range of the frames around, and frames elsewhere stay to the last bit."""
-    even, around = without_leaps(leaping, TIME, FRAMES, leaps(leaping, TIME, FRAMES))
-    assert not len(leaps(even, TIME, FRAMES))
+    even, around = without_leaps(leaping, TIME, FRAMES, joint_jumps(leaping, TIME, FRAMES))
+    assert not len(joint_jumps(even, TIME, FRAMES))
     near = np.minimum(np.abs(TIME - TIME[50]), np.abs(TIME - TIME[52])) < around + 1e-9
     np.testing.assert_array_equal(even[~near], leaping[~near])
     assert around == 0.15

@@ -36,8 +36,8 @@ def test_crop_keeps_the_interval_with_its_ends():
     """Cropping keeps start ≤ time ≤ stop."""
     np.testing.assert_allclose(wave().crop(0.2, 0.3).time, np.arange(20, 31) / 100)
     end = float(wave().time[-1])
-    assert wave().crop(stop=end + 0.01).doubts == ()  # until the last frame is over
-    assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).doubts[0]
+    assert wave().crop(stop=end + 0.01).quality_warnings == ()  # until the last frame is over
+    assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).quality_warnings[0]
 
 
 @given(st.floats(5.0, 400.0))

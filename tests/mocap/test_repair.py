@@ -102,5 +102,5 @@ def test_jitter_is_smoothed_as_far_as_the_data_say(swinging):
     error = np.linalg.norm(clean.point("wrist") - swinging.point("wrist"), axis=-1)
     assert np.sqrt(np.mean(error**2)) < 0.5 * 0.01 * np.sqrt(3)
     np.testing.assert_array_equal(clean.point("elbow"), swinging.point("elbow"))
-    assert "wrist jitter by" in clean.doubts[0]
-    assert "smooth='off' leaves them as they are" in clean.doubts[0]
+    assert "wrist jitter by" in clean.quality_warnings[0]
+    assert "smooth='off' leaves them as they are" in clean.quality_warnings[0]

@@ -107,7 +107,7 @@ def test_trc_with_other_separators(tmp_path, markers, sign, comma):
     assert (after.names, after.up, len(after.time)) == (before.names, before.up, len(before.time))
     assert_allclose(after.positions, before.positions, atol=1e-12)
     assert_allclose(after.time, before.time, atol=1e-12)
-    assert (len(before.doubts), len(after.doubts)) == (0, 1)
+    assert (len(before.quality_warnings), len(after.quality_warnings)) == (0, 1)
 
 
 def test_what_stands_for_a_missing_number(tmp_path, markers):

@@ -4,7 +4,7 @@ import pytest
 
 from maniport.arms import VELOCITY, load_arm
 from maniport.arms.collisions import Collisions
-from maniport.motion import Atlas, MotionLimits, Planner, SeedBank, robot_model
+from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank, robot_model
 
 
 @pytest.fixture(scope="session")
@@ -30,5 +30,5 @@ def planner(panda):
     """A planner for it with few samples, which knows collisions."""
     limits = MotionLimits.of(panda)
     collisions = Collisions.of(limits.arm)
-    atlas = Atlas(limits.arm, VELOCITY, 20_000, collisions=collisions)
-    return Planner(limits, atlas, SeedBank.build(limits.arm, 4096), collisions)
+    reachability_map = ReachabilityMap(limits.arm, VELOCITY, 20_000, collisions=collisions)
+    return Planner(limits, reachability_map, SeedBank.build(limits.arm, 4096), collisions)

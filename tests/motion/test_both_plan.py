@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from maniport.arms.chain import pose
 from maniport.errors import InvalidInputError
-from maniport.motion import ArmsPlanner, Atlas, Objective, Planner, SeedBank, plan_arms, plan_motion
+from maniport.motion import ArmsPlanner, Objective, Planner, ReachabilityMap, SeedBank, plan_arms, plan_motion
 from maniport.motion.both.together import BothTargets
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
@@ -43,8 +43,8 @@ def known(arms, collisions=False):
     for arm, columns, alone in zip(
         limits.arm.each, limits.arm.columns, apart.each if apart else (None, None), strict=True
     ):
-        atlas = Atlas(arm, spec, 8_000, collisions=alone)
-        planners.append(Planner(limits.of_joints(arm, columns), atlas, SeedBank.build(arm, 2048), alone))
+        reachability_map = ReachabilityMap(arm, spec, 8_000, collisions=alone)
+        planners.append(Planner(limits.of_joints(arm, columns), reachability_map, SeedBank.build(arm, 2048), alone))
     return ArmsPlanner(limits, spec, tuple(planners), apart)
 
 
@@ -66,7 +66,7 @@ def beside():
 def separate(apart):
     """A motion of both where they do not meet."""
     arms, planner = apart
-    return plan_arms(arms, **task(arms, swung(), swung(1.0)), planner=planner, effort="quick")
+    return plan_arms(arms, **task(arms, swung(), swung(1.0)), planner=planner, planning_effort="quick")
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
@@ -77,11 +77,11 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     for i, motion in enumerate(separate.each):
         alone = plan_motion(
             arms.each[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], planner=planner.each[i],
-            effort="quick",
+            planning_effort="quick",
         )  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
-        assert_array_equal(motion.node_floor, alone.node_floor)
+        assert_array_equal(motion.pointwise_best, alone.pointwise_best)
 
 
 def test_a_pair_is_one_motion(apart, separate):
@@ -95,8 +95,8 @@ def test_a_pair_is_one_motion(apart, separate):
     assert separate.limit_use.within
     assert_array_equal(separate.control_velocities[[0, -1]], 0.0)
     squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.each]) for name in
-               ("distance", "node_floor")]  # fmt: skip
-    assert_allclose(separate.certificate, np.sqrt(squares[0] / squares[1]))
+               ("distance", "pointwise_best")]  # fmt: skip
+    assert_allclose(separate.pointwise_ratio, np.sqrt(squares[0] / squares[1]))
 
 
 def test_arms_that_would_meet_are_kept_apart(beside):
@@ -105,7 +105,7 @@ def test_arms_that_would_meet_are_kept_apart(beside):
     asked = task(arms, swung(), swung(0.3))
     shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
     asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
-    found = plan_arms(arms, **asked, planner=planner, position_tolerance=0.02, effort="quick")
+    found = plan_arms(arms, **asked, planner=planner, position_tolerance=0.02, planning_effort="quick")
     assert found.together  # only where the arms come near one another
     assert found.room.known
     assert found.room.share == 0.0
@@ -118,7 +118,7 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     arms, planner = beside
     asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
-    placed, found = (plan_arms(arms, **asked, planner=planner, effort="quick", tips=tips)
+    placed, found = (plan_arms(arms, **asked, planner=planner, planning_effort="quick", tips=tips)
                      for tips in ("placed", "relative"))  # fmt: skip
     assert_allclose(found.way, asked["paths"][1] - asked["paths"][0])
     tips = arms.forward(found.joint_positions)[:, :, :3, 3]
@@ -128,7 +128,7 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     for one, other in zip(found.each, placed.each, strict=True):
         assert one.path is None
         assert np.linalg.norm(one.distance) < 0.95 * np.linalg.norm(other.distance)
-    assert 0.95 < found.certificate < 1.2
+    assert 0.95 < found.pointwise_ratio < 1.2
     assert found.room.share == 0.0
     assert found.limit_use.within
 

@@ -82,13 +82,13 @@ def test_tracking_takes_the_limit(arm, collisions):
 
 def test_wrong_arguments(arm, collisions):
     """Ranges are checked, and an arm of which no surface is known has no such limit."""
-    assert "margin=0.02" in repr(CollisionLimit(collisions))
+    assert "joint_limit_margin=0.02" in repr(CollisionLimit(collisions))
     assert BrakingLimit.__module__ == "maniport.motion.limits"
     with pytest.raises(InvalidInputError, match="nothing is known that could collide: 'myoarm'"):
         CollisionLimit(Collisions.of(load_arm("myoarm")))
     with pytest.raises(InvalidInputError, match="must be a Collisions object; found Arm"):
         CollisionLimit(arm)
     with pytest.raises(InvalidInputError, match=r"reach must be a number above 0\.1; found 0\.1"):
-        CollisionLimit(collisions, margin=0.1)
+        CollisionLimit(collisions, joint_limit_margin=0.1)
     with pytest.raises(InvalidInputError, match=r"gain must be a number in \(0, 1\]; found 2"):
         CollisionLimit(collisions, gain=2)

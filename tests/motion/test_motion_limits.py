@@ -25,7 +25,7 @@ def test_the_pandas_limits_are_those_of_its_maker(panda):
     assert not any(limits.assumed.values())
     assert_allclose(limits.lower - panda.lower, 0.02 * (panda.upper - panda.lower))
     assert_allclose(panda.upper - limits.upper, 0.02 * (panda.upper - panda.lower))
-    some = MotionLimits.of(panda.restricted(joints=panda.joint_names[1:4]), margin=0.0)
+    some = MotionLimits.of(panda.restricted(joints=panda.joint_names[1:4]), joint_limit_margin=0.0)
     assert_array_equal(some.jerk, [3750.0, 5000.0, 6250.0])
     assert_array_equal(some.lower, panda.lower[1:4])
 
@@ -87,7 +87,9 @@ def test_limits_that_cannot_be_are_refused(panda, tmp_path, given, message):
 
 def test_use_is_found_where_it_is(crane):
     """Of a motion with known derivatives, the largest shares, the joints and the times are right."""
-    limits = MotionLimits.of(crane, {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 100.0}}, margin=0.0)
+    limits = MotionLimits.of(
+        crane, {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 100.0}}, joint_limit_margin=0.0
+    )
     time = np.arange(1201) / 1000.0
     q = np.column_stack([np.sin(2.0 * time + 1.0), np.full(len(time), 0.75)])
     use = limits.use(time, q)
@@ -109,4 +111,4 @@ def test_use_asks_for_a_constant_rate_and_fitting_shapes(crane):
     with pytest.raises(InvalidInputError, match=r"q must have shape \(3, 2\)"):
         limits.use([0.0, 0.1, 0.2], np.zeros((3, 3)))
     with pytest.raises(InvalidInputError, match="margin"):
-        MotionLimits.of(crane, margin=0.5)
+        MotionLimits.of(crane, joint_limit_margin=0.5)

@@ -13,7 +13,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import SeedBank
 from maniport.motion.placement.placement import place_path, place_paths
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.report import facts_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -43,8 +43,13 @@ def moved(arm, way):
 
 @pytest.fixture(scope="module")
 def known(panda, bank):
-    """What all searches for a place have in common; little effort and a small atlas serve."""
-    return {"damping": DAMPING, "bank": bank, "atlas": Atlas(panda, VELOCITY, 20_000), "effort": "quick"}
+    """What all searches for a place have in common; little effort and a small reachability_map serve."""
+    return {
+        "damping": DAMPING,
+        "bank": bank,
+        "reachability_map": ReachabilityMap(panda, VELOCITY, 20_000),
+        "planning_effort": "quick",
+    }
 
 
 def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion):
@@ -53,8 +58,11 @@ def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion
     One place is right for both: the paths keep their relation.
     """
     aside = moved(panda, [0.1, 0.6, 0.0])
-    atlases, banks = (known["atlas"], Atlas(aside, VELOCITY, 20_000)), (known["bank"], SeedBank.build(aside, 4096))
-    both = {"damping": DAMPING, "atlases": atlases, "banks": banks, "effort": "quick"}
+    reachability_maps, banks = (
+        (known["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)),
+        (known["bank"], SeedBank.build(aside, 4096)),
+    )
+    both = {"damping": DAMPING, "reachability_maps": reachability_maps, "banks": banks, "planning_effort": "quick"}
     path, profile = motion
     tips, turn = (path, path[::-1] + np.array([0.1, 0.6, 0.0])), rotation_about(2, 0.7)
     middle = np.concatenate(tips).mean(axis=0)
@@ -75,7 +83,7 @@ def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion
 def test_paths_of_several_arms_must_be_as_many(panda, known, motion):
     """Paths, profiles and points fewer than there are arms are told, by name."""
     path, profile = motion
-    both = {"atlases": (known["atlas"],) * 2, "banks": (known["bank"],) * 2}
+    both = {"reachability_maps": (known["reachability_map"],) * 2, "banks": (known["bank"],) * 2}
     with pytest.raises(InvalidInputError, match=r"profiles must be 2, one for each arm; found 1"):
         place_paths((path, path), (profile,), (panda, panda))
     with pytest.raises(InvalidInputError, match=r"paths\[1\] must have shape"):
@@ -130,12 +138,12 @@ def test_other_parts_turn_too(panda, motion, part):
     joints = start + 0.2 * np.sin(np.outer(TIME[:6], np.ones(7)))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints, part=part)
     bank = SeedBank.build(panda, 4096, spec=EllipsoidSpec(part=part))
-    atlas = Atlas(panda, EllipsoidSpec(part=part), 4096)
+    reachability_map = ReachabilityMap(panda, EllipsoidSpec(part=part), 4096)
     turn = rotation_about(2, -0.5)
     blocks = block_diag(turn, turn) if part == "full" else turn
     placed = place_path(
         path @ turn.T, congruence(blocks, profile), panda, scale=1.0, yaw=0.5, offset=path.mean(axis=0),
-        damping=DAMPING, spec=EllipsoidSpec(part=part), atlas=atlas, bank=bank,
+        damping=DAMPING, spec=EllipsoidSpec(part=part), reachability_map=reachability_map, bank=bank,
     )  # fmt: skip
     assert_allclose(placed.profile, profile, atol=1e-12)
     assert placed.distance.max() < 1e-2
@@ -164,9 +172,9 @@ def test_points_between_those_that_count_are_in_reach(panda, known, motion):
     """A point beyond the arm's reach, next to those by which the place is judged, moves the path to where it is in."""
     path, profile = motion
     whole = np.vstack([path, path[-1] + [0.6, 0.0, 0.0]])
-    common = known | {"atlas": Atlas(panda, VELOCITY, 10_000, collisions=True), "yaw": 0.0}
+    common = known | {"reachability_map": ReachabilityMap(panda, VELOCITY, 10_000, collisions=True), "yaw": 0.0}
     tips = [place_path(path, profile, panda, whole=every, **common).apply(whole[-1]) for every in (path, whole)]
-    unmoved, moved = np.linalg.norm(common["atlas"].offsets(np.stack(tips)), axis=1)
+    unmoved, moved = np.linalg.norm(common["reachability_map"].offsets(np.stack(tips)), axis=1)
     assert moved < 0.02 < 0.05 < unmoved
 
 
@@ -184,7 +192,7 @@ def test_table_keeps_the_path_above(panda, known, motion):
     """With a table in what the arm is kept apart from, no point lies below it; with a leaning base it is refused."""
     path, profile = motion
     apart = Collisions.of(panda, table=0.0)
-    common = known | {"atlas": Atlas(panda, VELOCITY, 4096, collisions=apart)}
+    common = known | {"reachability_map": ReachabilityMap(panda, VELOCITY, 4096, collisions=apart)}
     placed = place_path(path, profile, panda, offset=(0.4, 0.0, None), scale=(0.8, 1.0), **common)
     assert placed.path[:, 2].min() >= -1e-8
     with pytest.raises(InvalidInputError, match="a table is level in the frame of the base"):
@@ -220,7 +228,7 @@ def test_candidates_are_ranked(panda, known, motion):
         ({"offset": (0.0, 1.0)}, "offset must be three numbers"),
         ({"spec": EllipsoidSpec(part="rotation")}, "does not fit"),
         ({"tilt": 4.0}, "tilt must be a number in .0, 3.14"),
-        ({"collisions": 3, "atlas": None}, "collisions must be"),
+        ({"collisions": 3, "reachability_map": None}, "collisions must be"),
         ({"workspace": ((0.0, 1.0), (0.5, 0.5), (None, None))}, "workspace.1..1. must be a number above 0.5"),
         ({"workspace": ((3.0, 4.0), (None, None), (None, None))}, "reaches nothing in x 3.00 to 4.00"),
         ({"workspace": ((0.4, 0.41), (None, None), (None, None))}, "does not fit into it"),

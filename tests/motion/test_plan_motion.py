@@ -1,4 +1,4 @@
-"""A planned motion: from rest to rest within all limits, never quicker than the person, near its node floor."""
+"""A planned motion: from rest to rest within all limits, never quicker than the person, near its pointwise optimum."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ TOUCH = 1e-3
 
 def plan_motion(*arguments, **options):
     """Plan with little effort."""
-    return motion.plan_motion(*arguments, **{"effort": "quick"} | options)
+    return motion.plan_motion(*arguments, **{"planning_effort": "quick"} | options)
 
 
 def motion_of(arm, pace=1.5, seed=0):
@@ -60,7 +60,7 @@ def planned(panda, planner, wanted):
     return plan_motion(panda, **wanted, planner=planner)
 
 
-def require_laws(plan, tempo=1.0):
+def require_laws(plan, speed_scale=1.0):
     """What holds for every planned motion."""
     limits, q = plan.limits, plan.control_positions
     step = np.diff(plan.control_time)
@@ -72,9 +72,9 @@ def require_laws(plan, tempo=1.0):
     assert limits.arm.within_limits(q).all()
     for end in (q[:4], q[-4:]):
         assert_array_equal(np.diff(end, axis=0), 0.0)
-    assert (np.diff(plan.time) >= np.diff(plan.demonstrated_time) / tempo * (1.0 - 1e-9)).all()
+    assert (np.diff(plan.time) >= np.diff(plan.demonstrated_time) / speed_scale * (1.0 - 1e-9)).all()
     assert plan.control_time[0] == 0.0
-    assert (plan.node_floor >= 0.0).all()
+    assert (plan.pointwise_best >= 0.0).all()
 
 
 def test_the_tip_stays_on_its_path_between_sparse_points(panda, planner):
@@ -92,15 +92,15 @@ def test_the_tip_stays_on_its_path_between_sparse_points(panda, planner):
 
 
 def test_leaps_of_the_recording_are_named(planned):
-    """Points at either end of a step that is far and quicker than those around are leaps, of path or ellipsoids."""
+    """Points at either end of a step that is far and quicker than those around are jumps, of path or ellipsoids."""
     n = len(TIME)
     path, ellipsoids = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n), np.tile(np.eye(3), (n, 1, 1))
-    assert not replace(planned, path=path, target=ellipsoids).leaps.any()
+    assert not replace(planned, path=path, target=ellipsoids).jumps.any()
     path[9:] += 0.2
     ellipsoids[4:] *= 3.0
     leaping = replace(planned, path=path, target=ellipsoids)
-    assert np.flatnonzero(leaping.leaps).tolist() == [3, 4, 8, 9]
-    told = as_numbers(facts_of(leaping))["motion"]["leaps"]
+    assert np.flatnonzero(leaping.jumps).tolist() == [3, 4, 8, 9]
+    told = as_numbers(facts_of(leaping))["motion"]["jumps"]
     assert told["points"] == 4
     assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.position_error[[3, 4, 8, 9]].max())
 
@@ -127,13 +127,13 @@ def test_any_arm_follows_itself(panda, planner, name):
 
 
 def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
-    """The floor is below the distance where the tip is in place; the ratio of both is the certificate."""
+    """The floor is below the distance where the tip is in place; the ratio of both is the pointwise_ratio."""
     require_laws(planned)
     assert_array_equal(planned.target, wanted["profile"])
     in_place = planned.position_error < 1e-4
-    assert (planned.distance - planned.node_floor)[in_place].min(initial=0.0) > -TOUCH
-    ratio = np.sqrt(np.mean(planned.distance**2) / np.mean(planned.node_floor**2))
-    assert planned.certificate == pytest.approx(ratio)
+    assert (planned.distance - planned.pointwise_best)[in_place].min(initial=0.0) > -TOUCH
+    ratio = np.sqrt(np.mean(planned.distance**2) / np.mean(planned.pointwise_best**2))
+    assert planned.pointwise_ratio == pytest.approx(ratio)
     assert ratio < 1.2
     assert as_numbers(facts_of(planned))["motion"]["over_node_floor"] == pytest.approx(ratio)
 
@@ -149,7 +149,10 @@ def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planne
 def test_tempo_is_the_largest_speed(panda, planner):
     """Slowly, the motion takes as much longer; fast, as long as the limits make it."""
     wanted = wanted_of(panda, pace=0.7)
-    slow, fast = (plan_motion(panda, **wanted, planner=planner, tempo=tempo, rate=500.0) for tempo in (0.5, 20.0))
+    slow, fast = (
+        plan_motion(panda, **wanted, planner=planner, speed_scale=speed_scale, rate=500.0)
+        for speed_scale in (0.5, 20.0)
+    )
     require_laws(slow, 0.5)
     require_laws(fast, 20.0)
     assert 2.4 <= slow.control_time[-1] < 2.6
@@ -161,7 +164,7 @@ def test_same_seed_same_bytes(panda, planner, wanted):
     """Two runs from the same seed are equal bit for bit."""
     first, again = (plan_motion(panda, **part_of(wanted), planner=planner, random_state=3) for _ in range(2))
     assert_array_equal(first.control_positions, again.control_positions)
-    assert_array_equal(first.node_floor, again.node_floor)
+    assert_array_equal(first.pointwise_best, again.pointwise_best)
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, wanted, planned):
@@ -169,7 +172,7 @@ def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, wanted, pl
     alone = plan_motion(panda, wanted["profile"], time=TIME, planner=planner)
     require_laws(alone)
     assert alone.position_error is None
-    assert np.mean(alone.node_floor) < np.mean(planned.node_floor)
+    assert np.mean(alone.pointwise_best) < np.mean(planned.pointwise_best)
     assert np.mean(alone.distance) < np.mean(planned.distance)
 
 
@@ -218,7 +221,7 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
 
 def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
     """An option that the tracker alone has lets it follow the plan; with others the plan is the motion."""
-    options = part_of(wanted) | {"place": False, "planner": planner, "effort": "quick"}
+    options = part_of(wanted) | {"place": False, "planner": planner, "planning_effort": "quick"}
     plain = follow(panda, **options, position_tolerance=0.01)
     assert plain.motion is plain.plan
     tracked = follow(panda, **options, gain=0.5)
@@ -236,7 +239,7 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
         ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
         ({"speed": 2.0}, TypeError, "speed"),
         ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
-        ({"effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
+        ({"planning_effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
         ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),
         ({"collisions": "yes"}, InvalidInputError, "collisions"),

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.motion.objective import Objective
-from maniport.motion.plan.reachability_map import IN_PLACE, Atlas
+from maniport.motion.plan.reachability_map import IN_PLACE, ReachabilityMap
 from maniport.motion.plan.roadmap import shortest_path
 
 SIX_ROWS = [
@@ -43,7 +43,7 @@ def targets_of(arm, count=6, spec=VELOCITY, seed=3):
 def test_arms_turn_about_their_first_axis(panda, shoulder, name):
     """A turn of the first joint turns the tip about the axis that is found: beside and along it nothing changes."""
     arm = {"panda": panda, "shoulder": shoulder}[name]
-    axis = Atlas(arm, VELOCITY, 64).axis
+    axis = ReachabilityMap(arm, VELOCITY, 64).axis
     assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
     assert_allclose(axis.frame[2], [0, 1, 0] if name == "shoulder" else [0, 0, 1], atol=1e-12)
     assert_allclose(np.linalg.det(axis.frame), 1.0)
@@ -59,11 +59,11 @@ def test_arms_turn_about_their_first_axis(panda, shoulder, name):
 
 def test_joints_without_effect_stay_in_the_middle(panda):
     """The Panda's last joint moves neither its flange nor the ellipsoid there; its other ellipsoids know it."""
-    atlas = Atlas(panda, VELOCITY, 64)
-    assert_array_equal(atlas.idle, [False] * 6 + [True])
-    assert_allclose(atlas.q[:, 6], 0.5 * (panda.lower[6] + panda.upper[6]))
-    assert not Atlas(load_arm("panda", frame="panda_hand_tcp"), EllipsoidSpec(part="full"), 64).idle[:6].any()
-    assert not Atlas(SIX, VELOCITY, 64).idle[:5].any()
+    reachability_map = ReachabilityMap(panda, VELOCITY, 64)
+    assert_array_equal(reachability_map.idle, [False] * 6 + [True])
+    assert_allclose(reachability_map.q[:, 6], 0.5 * (panda.lower[6] + panda.upper[6]))
+    assert not ReachabilityMap(load_arm("panda", frame="panda_hand_tcp"), EllipsoidSpec(part="full"), 64).idle[:6].any()
+    assert not ReachabilityMap(SIX, VELOCITY, 64).idle[:5].any()
 
 
 @pytest.mark.parametrize("name", ["panda", "crane", "shoulder"])
@@ -71,7 +71,7 @@ def test_nodes_have_their_tips_in_place(panda, shoulder, name):
     """Nodes are within the limits and 0.1 mm, cost what the objective says, and are no more than were wanted."""
     arm = {"panda": panda, "crane": CRANE, "shoulder": shoulder}[name]
     targets = targets_of(arm)
-    nodes = Atlas(arm, VELOCITY, 10_000).nodes(targets, 40, np.random.default_rng(0))
+    nodes = ReachabilityMap(arm, VELOCITY, 10_000).nodes(targets, 40, np.random.default_rng(0))
     counts = np.diff(nodes.first)
     assert counts.min() >= 16
     assert counts.max() <= 40
@@ -91,7 +91,7 @@ def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
     q = np.tile(SIX.sample(1, 2), (len(angles), 1))
     q[:, 0] = angles
     targets = Objective.of(wide).targets(wide.manipulability(q), wide.forward(q)[:, :3, 3])
-    nodes = Atlas(wide, VELOCITY, 10_000).nodes(targets, 60, np.random.default_rng(0))
+    nodes = ReachabilityMap(wide, VELOCITY, 10_000).nodes(targets, 60, np.random.default_rng(0))
     way = nodes.q[shortest_path(nodes, np.arange(40.0), np.full((40, 6), 1.0))]
     assert np.abs(np.diff(way[:, 0])).max() < 1.0
     assert np.ptp(way[:, 0]) > 2.0 * np.pi
@@ -100,7 +100,7 @@ def test_a_first_joint_of_two_turns_goes_on_around_the_arm():
 def test_out_of_reach_the_nearest_are_nodes(panda):
     """Where no tip comes to its place, those that come nearest are the nodes."""
     far = Objective.of(panda).targets(np.eye(3)[None], np.array([[3.0, 0.0, 0.3]]))
-    nodes = Atlas(panda, VELOCITY, 5000).nodes(far, 40, np.random.default_rng(0))
+    nodes = ReachabilityMap(panda, VELOCITY, 5000).nodes(far, 40, np.random.default_rng(0))
     assert len(nodes.q) == 16
     assert far.tip_error(nodes.q).max() < 2.5
 
@@ -113,6 +113,6 @@ def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():
     arm = panda.narrowed(lower, upper)
     tip = np.array([[-0.5, 0.0, 0.4]])
     targets = Objective.of(arm).targets(arm.manipulability(arm.sample(1, 0)), tip)
-    nodes = Atlas(arm, VELOCITY, 3000).nodes(targets, 50, np.random.default_rng(0))
+    nodes = ReachabilityMap(arm, VELOCITY, 3000).nodes(targets, 50, np.random.default_rng(0))
     assert len(nodes.q) >= 1
     assert arm.within_limits(nodes.q).all()

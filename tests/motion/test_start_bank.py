@@ -69,6 +69,6 @@ def test_wrong_banks_are_named(panda, bank):
     with pytest.raises(InvalidInputError, match="damping must be above 0"):
         SeedBank.build(panda, 16, damping=None)
     with pytest.raises(InvalidInputError, match="found a floor"):
-        SeedBank.build(panda, 16, damping=Regularization(floor=1e-4))
+        SeedBank.build(panda, 16, damping=Regularization(eigenvalue_floor=1e-4))
     with pytest.raises(NotSPDError, match="indefinite"):
         bank.query(np.diag([-1.0, 1.0, 1.0])[None])

@@ -59,7 +59,7 @@ def objects(small_result):
         "ArmFit": small_result.fit,
         "ParallelTransport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "RiemannianICP": icp,
-        "NearestNeighbor": mp.NearestNeighbor(floor=1e-3).fit(teacher, student),
+        "NearestNeighbor": mp.NearestNeighbor(eigenvalue_floor=1e-3).fit(teacher, student),
         "Identifiability": icp.identifiability_,
         "SeedBank": bank,
         "Placement": small_result.execution.placement,

@@ -42,7 +42,7 @@ def test_transfer_shows_all_curves(small_result, shown):
     panels = shown.panels
     distance, hand = panels["Distance and position error"]
     np.testing.assert_array_equal(distance.lines[0].values, small_result.execution.motion.distance)
-    np.testing.assert_array_equal(distance.lines[1].values, small_result.execution.plan.node_floor)
+    np.testing.assert_array_equal(distance.lines[1].values, small_result.execution.plan.pointwise_best)
     error = 1e3 * small_result.execution.motion.position_error
     np.testing.assert_allclose(hand.lines[0].values, np.maximum(error, 0.01))
     assert len(panels["Ellipsoids"]) == 4
@@ -71,7 +71,7 @@ def test_alike_looks_alike(small_result, shown):
         small_result.adapter.student_side(back @ small_result.execution.motion.target @ back.T), atol=1e-9,
     )  # fmt: skip
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned = regularized(dataclasses.replace(small_result, mounting=quarter))[1]["person"]
+    turned = regularized(dataclasses.replace(small_result, base_rotation=quarter))[1]["person"]
     np.testing.assert_allclose(turned, quarter @ chart.profiles[0].ellipsoids @ quarter.T, atol=1e-9)
 
 

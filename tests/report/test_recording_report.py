@@ -70,7 +70,7 @@ def test_a_contradicted_arm_is_warned_of():
 
 def test_doubts_of_a_recording_go_before_other_warnings(small_result):
     """Whoever gave a unit or an axis that the points contradict reads that first, of the recording and of the run."""
-    doubted = replace(small_result.recording, doubts=("the unit is doubted",))
+    doubted = replace(small_result.recording, quality_warnings=("the unit is doubted",))
     assert facts_of(doubted).warnings[0] == "The unit is doubted."
     run = facts_of(replace(small_result, recording=doubted))
     assert run.warnings[0] == "The unit is doubted."

@@ -55,7 +55,7 @@ def test_numbers_of_a_run(small_result):
     assert numbers["motion"]["distance"]["max"] == motion.distance.max()
     assert numbers["motion"]["distance"]["max_at_s"] == small_result.time[np.argmax(motion.distance)]
     assert numbers["motion"]["tip_error_mm"]["max"] == pytest.approx(1e3 * motion.position_error.max())
-    assert numbers["run"]["mounting"] == np.eye(3).tolist()
+    assert numbers["run"]["base_rotation"] == np.eye(3).tolist()
     assert "/root" not in json.dumps(numbers, allow_nan=False)
     assert re.search(r"\(median\).*\(95th percentile\).*\(max at [\d.]+ s\)", facts.metric("distance").text)
 

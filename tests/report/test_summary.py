@@ -32,7 +32,7 @@ def complete(result):
     n = len(result.time)
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": result.execution.motion.target}  # fmt: skip
-    fit = replace(result.fit, determined=np.ones_like(result.fit.determined), doubts=())
+    fit = replace(result.fit, determined=np.ones_like(result.fit.determined), quality_warnings=())
     execution = replace(result.execution, gap=np.zeros(len(result.time)))
     execution = replace(execution, motion=replace(execution.motion, **tracked))
     return replace(result, fit=fit, execution=execution, warnings=())
@@ -70,7 +70,7 @@ def test_green_needs_that_nothing_is_open(small_result):
         assert "Run it" not in found.summary.advice
         assert key.replace("-", " ") in as_markdown(found).split("## Warnings")[0]
         assert as_numbers(found)["warnings"] == [{"key": key, "text": found.warnings[0]}]
-    doubted = facts_of(replace(whole, fit=replace(whole.fit, doubts=("the model and the person differ",))))
+    doubted = facts_of(replace(whole, fit=replace(whole.fit, quality_warnings=("the model and the person differ",))))
     assert (doubted.warning_keys, doubted.summary.status) == (("human-model",), "amber")
 
 
@@ -109,7 +109,7 @@ def test_what_should_not_be_run_is_not_advised(small_result):
         )
     )
     assert quick.summary.text.startswith("It exceeds its limits of velocity")
-    assert "--tempo 0.5" in quick.summary.command
+    assert "--speed-scale 0.5" in quick.summary.command
     hit = Room(True, "", 0.25, -0.01, 0.0, ("a", "b"))
     struck = facts_of(replace(whole, execution=replace(whole.execution, room=hit)))
     assert struck.summary.text.startswith("The robot collides in 25.0% of the time.")
@@ -127,7 +127,7 @@ def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     execution = small_result.execution
     for words, tolerance, placement in (
         ("--position-tolerance 5", 0.012, execution.placement),
-        ("--tempo 0.5", 0.005, execution.placement),
+        ("--speed-scale 0.5", 0.005, execution.placement),
         ("--place", 0.005, None),
     ):
         motion = replace(execution.motion, **off, position_tolerance=tolerance)
@@ -138,12 +138,12 @@ def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
 
 
 def test_the_next_command_keeps_what_was_asked_for(small_result):
-    """A table, a file of limits or half the tempo hold for the next motion, too, which is slower than that."""
+    """A table, a file of limits or half the speed_scale hold for the next motion, too, which is slower than that."""
     execution, off = small_result.execution, np.full(len(small_result.time), 0.05)
-    asked = replace(execution, options={"--table": "-0.1", "--tempo": "0.5", "--limits": "my limits.yaml"})
+    asked = replace(execution, options={"--table": "-0.1", "--speed-scale": "0.5", "--limits": "my limits.yaml"})
     moved = replace(asked, motion=replace(execution.motion, position_error=off, position_tolerance=0.005))
     words = shlex.split(facts_of(replace(small_result, execution=moved)).summary.command)
-    for name, value in (("--table", "-0.1"), ("--tempo", "0.25"), ("--limits", "my limits.yaml")):
+    for name, value in (("--table", "-0.1"), ("--speed-scale", "0.25"), ("--limits", "my limits.yaml")):
         assert words.count(name) == 1
         assert words[words.index(name) + 1] == value
 

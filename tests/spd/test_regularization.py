@@ -12,14 +12,15 @@ REMEDIES = {
     "none": Regularization(),
     "damping": Regularization(damping=0.1).fitted([FLAT, FLAT]),
     "absolute": Regularization.absolute(0.2),
-    "floor": Regularization(floor=0.2),
+    "eigenvalue_floor": Regularization(eigenvalue_floor=0.2),
 }
 remedies = pytest.mark.parametrize("remedy", REMEDIES.values(), ids=REMEDIES)
 
 
 @pytest.mark.parametrize("shape", [(), (5,), (2, 5)])
 @pytest.mark.parametrize(
-    ("remedy", "values"), [("damping", [4.2, 2.2, 0.2]), ("absolute", [4.2, 2.2, 0.2]), ("floor", [4.0, 2.0, 0.2])]
+    ("remedy", "values"),
+    [("damping", [4.2, 2.2, 0.2]), ("absolute", [4.2, 2.2, 0.2]), ("eigenvalue_floor", [4.0, 2.0, 0.2])],
 )
 def test_a_flat_ellipsoid_gets_volume(remedy, values, shape):
     """ρ times the mean eigenvalue, or ε, is added to every eigenvalue; a floor lifts the lowest. In every batch."""
@@ -30,7 +31,7 @@ def test_a_flat_ellipsoid_gets_volume(remedy, values, shape):
 
 def test_without_a_remedy_it_is_refused_with_advice():
     """The default name is that of the argument."""
-    with pytest.raises(NotSPDError, match=r"^points is singular.*give damping=0\.01 .*floor=1e-4"):
+    with pytest.raises(NotSPDError, match=r"^points is singular.*give damping=0\.01 .*eigenvalue_floor=1e-4"):
         Regularization().apply(FLAT)
 
 
@@ -56,7 +57,7 @@ def test_damping_is_above_zero(epsilon):
         Regularization.absolute(epsilon)
 
 
-@pytest.mark.parametrize("remedy", ["damping", "floor"])
+@pytest.mark.parametrize("remedy", ["damping", "eigenvalue_floor"])
 def test_remedies_are_numbers_above_zero(remedy):
     """The remedy is named; what is a number is kept as one."""
     with pytest.raises(InvalidInputError, match=rf"^{remedy} must be a number above 0; found -0\.5"):
@@ -68,5 +69,5 @@ def test_remedies_are_numbers_above_zero(remedy):
 
 def test_damping_and_a_floor_exclude_one_another():
     """Both are named."""
-    with pytest.raises(InvalidInputError, match=r"exclude one another; found damping=0\.1 and floor=0\.2"):
-        Regularization(damping=0.1, floor=0.2)
+    with pytest.raises(InvalidInputError, match=r"exclude one another; found damping=0\.1 and eigenvalue_floor=0\.2"):
+        Regularization(damping=0.1, eigenvalue_floor=0.2)

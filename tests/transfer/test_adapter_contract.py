@@ -66,7 +66,7 @@ def test_a_fit_that_fails_midway_leaves_the_adapter_as_it_was(name, random_spd):
 
 
 class Deaf(mp.RawCopy):
-    """Forgets the mounting."""
+    """Forgets the base_rotation."""
 
     def _mounted(self, points):
         return points
@@ -90,7 +90,7 @@ class Skewed(mp.RawCopy):
 
 @pytest.mark.parametrize("broken", [Deaf, Greedy, Skewed])
 def test_the_battery_finds_what_is_broken(broken):
-    """A method that forgets the mounting, one that changes its input and one that loses symmetry do not pass."""
+    """A method that forgets the base_rotation, one that changes its input and one that loses symmetry do not pass."""
     with pytest.raises((AssertionError, ValueError), match=r"(?i)not equal|read-only"):
         check_adapter(broken())
 

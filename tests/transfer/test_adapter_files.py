@@ -17,8 +17,8 @@ TURN = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 DAMPINGS = {f"{name}_damping_": 0.1 for name in ("teacher", "student", "released")}
 ADAPTERS = [
     mp.ParallelTransport(),
-    mp.ParallelTransport(damping=0.01, mounting=TURN, scale=False, dispersion="rms"),
-    mp.RiemannianICP(floor=1e-3, random_state=np.int64(7), search=Search(n_starts=0, max_iter=3)),
+    mp.ParallelTransport(damping=0.01, base_rotation=TURN, scale=False, dispersion="rms"),
+    mp.RiemannianICP(eigenvalue_floor=1e-3, random_state=np.int64(7), search=Search(n_starts=0, max_iter=3)),
     mp.RiemannianICP(
         damping=np.float64(0.1),
         correspondence=EllipsoidCorrespondence(exponent=2),
@@ -99,10 +99,13 @@ def test_truncated_and_altered_files_are_refused(saved, tmp_path):
         ({"parameters": {"colour": "red"}}, r"damaged.*unknown parameters \['colour'\]"),
         ({"parameters": [1, 2]}, r"damaged"),
         (
-            {"fitted": {"mounting_": None, "dispersion_ratio_": "one"} | DAMPINGS},
+            {"fitted": {"base_rotation_": None, "dispersion_ratio_": "one"} | DAMPINGS},
             r"damaged.*dispersion_ratio_ must be finite",
         ),
-        ({"fitted": {"mounting_": 1.0, "dispersion_ratio_": 1.0} | DAMPINGS}, r"damaged.*mounting_ .* \(3, 3\)"),
+        (
+            {"fitted": {"base_rotation_": 1.0, "dispersion_ratio_": 1.0} | DAMPINGS},
+            r"damaged.*base_rotation_ .* \(3, 3\)",
+        ),
         ({"fitted": {}}, r"damaged.*missing attributes .*released_damping_"),
         (None, r"damaged"),
     ],

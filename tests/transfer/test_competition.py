@@ -22,9 +22,9 @@ def planar(base=None):
 
 
 def planar_error(n, seed, search=DEFAULTS):
-    """Undivided RMSE on held-out ellipsoids of the planar pair, known mounting, independent Sobol samples."""
+    """Undivided RMSE on held-out ellipsoids of the planar pair, known base orientation, independent Sobol samples."""
     teacher, student = mp.sample_domain(planar(), n, seed), mp.sample_domain(planar(FRAME), n, seed + 100)
-    adapter = mp.RiemannianICP(damping=0.01, mounting=FRAME, n_resamples=0, search=search).fit(teacher, student)
+    adapter = mp.RiemannianICP(damping=0.01, base_rotation=FRAME, n_resamples=0, search=search).fit(teacher, student)
     new = mp.sample_domain(planar(), 300, seed + 200)
     return np.sqrt(np.mean(adapter.errors(new, FRAME @ new @ FRAME.T) ** 2)), adapter
 
@@ -48,7 +48,9 @@ def test_identity_test_of_the_panda(panda_draws):
     """Panda to Panda: the defaults change an ellipsoid by at most 0.15 where nothing should change."""
     for first, second in panda_draws:
         for frame in (None, np.eye(3)):
-            adapter = mp.RiemannianICP(damping=0.01, mounting=frame, n_resamples=0, random_state=0).fit(first, second)
+            adapter = mp.RiemannianICP(damping=0.01, base_rotation=frame, n_resamples=0, random_state=0).fit(
+                first, second
+            )
             assert np.sqrt(np.mean(adapter.errors(first, first) ** 2)) <= 0.15
             assert adapter.start_kept_
 
@@ -66,9 +68,9 @@ def test_a_wrong_start_does_not_win(panda_draws):
 
 
 def test_fit_names_the_flat_axis_and_what_to_give():
-    """Without the mounting, `fit` warns in one sentence, with the axis; with mounting or pairs it is silent."""
+    """Without the base_rotation, `fit` warns in one sentence, with the axis; with base_rotation or pairs it is silent."""
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
-    with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*mounting.*pairs"):
+    with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation.*pairs"):
         mp.RiemannianICP(damping=0.01).fit(teacher, student)
 
 
@@ -76,14 +78,14 @@ def test_fit_names_the_flat_axis_and_what_to_give():
 def test_fit_is_silent_where_the_mounting_or_pairs_are_known():
     """Who has said what the domains cannot tell is not warned."""
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
-    mp.RiemannianICP(damping=0.01, mounting=FRAME).fit(teacher, student)
+    mp.RiemannianICP(damping=0.01, base_rotation=FRAME).fit(teacher, student)
     mp.RiemannianICP(damping=0.01).fit(teacher, student, pairs=(teacher[:3], FRAME @ teacher[:3] @ FRAME.T))
 
 
 def test_resampling_tells_the_spread():
     """`n_resamples` rotations are kept; they spread little about a kept start, much about a flat optimum."""
     teacher, student = mp.sample_domain(planar(), 128, 0), mp.sample_domain(planar(FRAME), 128, 1)
-    known = mp.RiemannianICP(damping=0.01, mounting=FRAME, n_resamples=3, random_state=0).fit(teacher, student)
+    known = mp.RiemannianICP(damping=0.01, base_rotation=FRAME, n_resamples=3, random_state=0).fit(teacher, student)
     assert known.identifiability_.resampled.shape == (3, 3, 3)
     free = mp.RiemannianICP(damping=0.01, n_resamples=3, random_state=0).fit(teacher, student)
     assert free.identifiability_.spread_deg > known.identifiability_.spread_deg

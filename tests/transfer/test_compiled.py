@@ -21,7 +21,7 @@ def clouds(random_spd):
     }
 
 
-@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 0.5}])
+@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"eigenvalue_floor": 0.5}])
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_compiled_map_equals_transform(clouds, remedy, d):
     """Into a new array, a given one or its own, the map is that of `transform`."""
@@ -105,7 +105,7 @@ def test_compiled_map_allocates_nothing(clouds):
         (np.diag([1.0, -1.0, 1.0]), NotSPDError, "positive-definite"),
     ],
 )
-@pytest.mark.parametrize("remedy", [{}, {"floor": 1e-3}])
+@pytest.mark.parametrize("remedy", [{}, {"eigenvalue_floor": 1e-3}])
 def test_compiled_map_refuses_what_it_cannot_map(clouds, point, error, words, remedy):
     """Wrong arrays and matrices that are not SPD get an error, and the output stays as it was."""
     compiled, out = ParallelTransport(**remedy).fit(*clouds[3]).compiled(), np.full((3, 3), 7.0)

@@ -69,6 +69,6 @@ def test_released_damping_is_all_of_it_between_equal_domains(random_singular):
     for adapter in (mp.ParallelTransport(damping=0.01), mp.NearestNeighbor(damping=0.01)):
         adapter.fit(domain, domain)
         assert adapter.released_damping_ == pytest.approx(RELEASED * adapter.student_damping_, rel=1e-9)
-    for adapter in (mp.ParallelTransport(floor=1e-3), mp.NearestNeighbor(floor=1e-3)):
+    for adapter in (mp.ParallelTransport(eigenvalue_floor=1e-3), mp.NearestNeighbor(eigenvalue_floor=1e-3)):
         adapter.fit(domain, domain)
         assert adapter.teacher_damping_ == adapter.student_damping_ == adapter.released_damping_ == 0.0

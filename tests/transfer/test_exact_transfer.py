@@ -68,7 +68,7 @@ def planar(q):
 
 
 def upright(q):
-    """The same of the arm whose base is turned by the mounting."""
+    """The same of the arm whose base is turned by the base_rotation."""
     return MOUNTING @ planar(q) @ MOUNTING.T
 
 
@@ -85,20 +85,20 @@ EVALUATION = {"M-Eval-1": sweep(2, -135.0), "M-Eval-2": sweep(1, -110.0), "M-Eva
 
 
 @pytest.mark.parametrize("training", [TRAJECTORIES, RANDOM], ids=["400 trajectory points", "500 random"])
-@pytest.mark.parametrize("remedy", [{"floor": 1e-4}, {"damping": 0.01}], ids=str)
+@pytest.mark.parametrize("remedy", [{"eigenvalue_floor": 1e-4}, {"damping": 0.01}], ids=str)
 @pytest.mark.parametrize(
     "method",
     [
         mp.RiemannianICP(random_state=0),
         mp.RiemannianICP(random_state=0, search=Search(most_singular=100)),
-        mp.RiemannianICP(mounting=MOUNTING),
-        mp.ParallelTransport(mounting=MOUNTING),
+        mp.RiemannianICP(base_rotation=MOUNTING),
+        mp.ParallelTransport(base_rotation=MOUNTING),
     ],
     ids=["icp", "icp-100-most-singular", "icp-mounting", "pt-mounting"],
 )
 def test_planar_arms_with_the_same_samples(method, training, remedy):
-    """From the same joint samples, or with known mounting, the evaluation trajectories are mapped exactly."""
-    adapter = method.set_params(damping=None, floor=None).set_params(**remedy)
+    """From the same joint samples, or with known base orientation, the evaluation trajectories are mapped exactly."""
+    adapter = method.set_params(damping=None, eigenvalue_floor=None).set_params(**remedy)
     adapter.fit(planar(training), upright(training))
     for name, q in EVALUATION.items():
         assert np.sqrt(np.mean(adapter.errors(planar(q), upright(q)) ** 2)) < 1e-6, name
@@ -126,12 +126,12 @@ def test_best_iterate_is_kept(unequal):
 
 
 def test_start_is_respected(unequal, random_rotation):
-    """Without rivals the search starts at parallel transport, at the identity, or at the known mounting only."""
-    plain, mounting = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
+    """Without rivals the search starts at parallel transport, at the identity, or at the known base orientation only."""
+    plain, base_rotation = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
     adapter = mp.RiemannianICP(search=Search(n_starts=0)).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)
     assert_allclose(adapter.set_params(search=Search(start="identity")).fit(*unequal).start_rotation_, np.eye(3))
-    adapter.set_params(mounting=mounting, search=Search(start="parallel-transport", n_starts=4)).fit(*unequal)
+    adapter.set_params(base_rotation=base_rotation, search=Search(start="parallel-transport", n_starts=4)).fit(*unequal)
     wanted = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
     assert_allclose(adapter.start_rotation_, wanted)
 

@@ -145,13 +145,13 @@ def test_compiled_field_is_transform(d, domains, fitted):
     teacher, student = domains[d]
     turn = np.linalg.qr(np.random.default_rng(d).standard_normal((d, d)))[0] if d != 6 else np.eye(6)
     turn[:, 0] *= np.sign(np.linalg.det(turn))
-    mounted = mp.LengthField(damping=0.01, mounting=turn, projector=bounded, n_centers=20).fit(teacher, student)
+    mounted = mp.LengthField(damping=0.01, base_rotation=turn, projector=bounded, n_centers=20).fit(teacher, student)
     for adapter in (fitted[d], mounted):
         compiled, wanted = adapter.compiled(), adapter.transform(teacher)
         for point, image in zip(teacher[:20], wanted, strict=False):
             own = point.copy()
             assert_allclose(compiled(own, own), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
-    floored = mp.LengthField(floor=0.5, projector=bounded, n_centers=20).fit(teacher, student)
+    floored = mp.LengthField(eigenvalue_floor=0.5, projector=bounded, n_centers=20).fit(teacher, student)
     one_by_one = np.array([floored.compiled()(point) for point in teacher[:20]])
     assert_allclose(one_by_one, floored.transform(teacher[:20]), rtol=1e-9, atol=1e-12)
     with pytest.raises(NotSPDError, match="positive-definite"):

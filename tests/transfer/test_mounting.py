@@ -1,4 +1,4 @@
-"""The mounting belongs to the contract: every method sees the teacher's ellipsoids in the student's frame."""
+"""The base_rotation belongs to the contract: every method sees the teacher's ellipsoids in the student's frame."""
 
 import numpy as np
 import pytest
@@ -17,53 +17,53 @@ methods = pytest.mark.parametrize("name", METHODS)
 
 @methods
 def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_spd):
-    """For d = 6 the mounting may be given as a rotation in space; it turns both halves, and the hand's path."""
+    """For d = 6 the base_rotation may be given as a rotation in space; it turns both halves, and the hand's path."""
     rng = np.random.default_rng(0)
     teacher, student = random_spd(rng, 20, 6), random_spd(rng, 25, 6)
     both = np.kron(np.eye(2), TURN)
-    short, long = (method_of(name, mounting=turn, random_state=0).fit(teacher, student) for turn in (TURN, both))
+    short, long = (method_of(name, base_rotation=turn, random_state=0).fit(teacher, student) for turn in (TURN, both))
     assert_array_equal(short.transform(teacher), long.transform(teacher))
     assert_allclose(short.turn_, TURN, atol=1e-12)
 
 
 @methods
 def test_the_same_frame_costs_no_digit(name, random_spd):
-    """The identity as mounting gives the bits that no mounting gives, but for what ICP searches where it is unknown."""
+    """The identity as base_rotation gives the bits that no base_rotation gives, but for what ICP searches where it is unknown."""
     rng = np.random.default_rng(0)
     teacher, student, new = (random_spd(rng, n, 3) for n in (20, 25, 5))
     plain, known = (
-        method_of(name, mounting=turn, random_state=0, search=Search(n_starts=0)) for turn in (None, np.eye(3))
+        method_of(name, base_rotation=turn, random_state=0, search=Search(n_starts=0)) for turn in (None, np.eye(3))
     )
     assert_array_equal(plain.fit(teacher, student).transform(new), known.fit(teacher, student).transform(new))
-    assert plain.mounting_ is known.mounting_ is None
+    assert plain.base_rotation_ is known.base_rotation_ is None
 
 
 def test_a_method_is_found_by_name_or_taken_as_it_is():
     """By name it gets what is shared, where it has it; an adapter keeps its own parameters, as a clone."""
-    named = method_of("parallel-transport", damping=0.02, mounting=TURN, random_state=3)
+    named = method_of("parallel-transport", damping=0.02, base_rotation=TURN, random_state=3)
     assert (type(named), named.damping) == (mp.ParallelTransport, 0.02)
     own = mp.RiemannianICP(damping=0.5)
-    taken = method_of(own, damping=0.02, mounting=np.eye(3))
+    taken = method_of(own, damping=0.02, base_rotation=np.eye(3))
     assert taken is not own
-    assert (taken.damping, taken.mounting) == (0.5, None)
+    assert (taken.damping, taken.base_rotation) == (0.5, None)
     with pytest.raises(InvalidInputError, match="unknown method 'magic'"):
         method_of("magic")
     with pytest.raises(InvalidInputError, match="or a DomainAdapter; found <class"):
         method_of(mp.RiemannianICP)
-    with pytest.raises(InvalidInputError, match="give the mounting to the method itself"):
-        method_of(own, mounting=TURN)
-    assert method_of(mp.RiemannianICP(mounting=TURN), mounting=TURN).mounting is not None
+    with pytest.raises(InvalidInputError, match="give the base_rotation to the method itself"):
+        method_of(own, base_rotation=TURN)
+    assert method_of(mp.RiemannianICP(base_rotation=TURN), base_rotation=TURN).base_rotation is not None
 
 
 def fits_in_two_frames(teacher, student, new, seed, **options):
-    """Distances of images: of a fit with a mounting, and of one to ellipsoids that were turned by it beforehand."""
+    """Distances of images: of a fit with a base_rotation, and of one to ellipsoids that were turned by it beforehand."""
     turn = special_ortho_group.rvs(3, random_state=seed)
 
     def turned(points):
         seen = turn @ points @ turn.T
         return 0.5 * (seen + np.swapaxes(seen, -1, -2))
 
-    mounted = mp.LengthField(mounting=turn, **options).fit(teacher, student)
+    mounted = mp.LengthField(base_rotation=turn, **options).fit(teacher, student)
     plain = mp.LengthField(**options).fit(turned(teacher), student)
     images = mounted.transform(new), plain.transform(turned(new))
     return spd.distance(*(mounted.student_side(each) for each in images))
@@ -71,7 +71,7 @@ def fits_in_two_frames(teacher, student, new, seed, **options):
 
 @pytest.mark.parametrize("arm", ["panda"])
 def test_the_length_field_of_an_arm_does_not_depend_on_rounding(arm):
-    """A fit with a mounting equals the one to turned ellipsoids, although searches decide between many solutions."""
+    """A fit with a base_rotation equals the one to turned ellipsoids, although searches decide between many solutions."""
     robot, person = mp.load_arm(arm), mp.load_arm("rhuman")
     teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
     projector = FeasibleProjector(robot, bank=SeedBank.build(robot, 2048))

@@ -85,7 +85,7 @@ def test_inverse_returns_singular_ellipsoids(d, damping, seed, random_singular, 
 def test_inverse_of_a_floored_map_returns_floored_ellipsoids(kind, random_singular):
     """With a floor the way back ends at the ellipsoid with its small eigenvalues lifted."""
     rng = np.random.default_rng(0)
-    adapter = search(kind, floor=1e-3).fit(random_singular(rng, 20, 3), random_singular(rng, 25, 3))
+    adapter = search(kind, eigenvalue_floor=1e-3).fit(random_singular(rng, 20, 3), random_singular(rng, 25, 3))
     new = random_singular(rng, 20, 3)
     values, vectors = np.linalg.eigh(new)
     lifted = (vectors * np.maximum(values, 1e-3)[:, None]) @ np.swapaxes(vectors, -1, -2)
@@ -99,12 +99,12 @@ def test_inverse_of_a_floored_map_returns_floored_ellipsoids(kind, random_singul
 @rigid
 @pytest.mark.parametrize("damping", [None, 0.01])
 def test_other_base_frame_of_the_teacher(kind, d, damping, random_spd, random_rotation):
-    """Turning the teacher's base frame by Q, with a mounting of R_b Qᵀ instead of R_b, changes no result."""
+    """Turning the teacher's base frame by Q, with a base_rotation of R_b Qᵀ instead of R_b, changes no result."""
     rng = np.random.default_rng(d)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
-    mounting, q = random_rotation(rng, d), random_rotation(rng, d)
-    plain = search(kind, damping=damping, mounting=mounting).fit(teacher, student)
-    other = search(kind, damping=damping, mounting=mounting @ q.T).fit(turned(q, teacher), student)
+    base_rotation, q = random_rotation(rng, d), random_rotation(rng, d)
+    plain = search(kind, damping=damping, base_rotation=base_rotation).fit(teacher, student)
+    other = search(kind, damping=damping, base_rotation=base_rotation @ q.T).fit(turned(q, teacher), student)
     assert relative_error(other.transform(turned(q, new)), plain.transform(new)) < 1e-8
 
 
@@ -112,12 +112,12 @@ def test_other_base_frame_of_the_teacher(kind, d, damping, random_spd, random_ro
 @rigid
 @pytest.mark.parametrize("damping", [None, 0.01])
 def test_other_base_frame_of_the_student(kind, d, damping, random_spd, random_rotation):
-    """Turning the student's base frame by Q, with a mounting of Q R_b, turns every result by Q."""
+    """Turning the student's base frame by Q, with a base_rotation of Q R_b, turns every result by Q."""
     rng = np.random.default_rng(d)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
-    mounting, q = random_rotation(rng, d), random_rotation(rng, d)
-    plain = search(kind, damping=damping, mounting=mounting).fit(teacher, student)
-    other = search(kind, damping=damping, mounting=q @ mounting).fit(teacher, turned(q, student))
+    base_rotation, q = random_rotation(rng, d), random_rotation(rng, d)
+    plain = search(kind, damping=damping, base_rotation=base_rotation).fit(teacher, student)
+    other = search(kind, damping=damping, base_rotation=q @ base_rotation).fit(teacher, turned(q, student))
     assert relative_error(other.transform(new), turned(q, plain.transform(new))) < 1e-8
 
 
@@ -129,7 +129,7 @@ def test_other_base_frame_of_the_student(kind, d, damping, random_spd, random_ro
 def test_common_congruence(adapter, d, seed, random_spd):
     """Congruence of all data by C is congruence of all results: f'(C T Cᵀ) = C f(T) Cᵀ.
 
-    This holds without a known mounting, regularisation and rival starts: these are not carried along by C.
+    This holds without a known base orientation, regularisation and rival starts: these are not carried along by C.
     """
     rng = np.random.default_rng(seed)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
@@ -176,12 +176,14 @@ def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
 @rigid
 @pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}])
 def test_known_mounting_is_exact(kind, d, remedy, random_spd, random_rotation):
-    """Where the student is the teacher in another base frame, that frame as mounting gives the exact map."""
+    """Where the student is the teacher in another base frame, that frame as base_rotation gives the exact map."""
     rng = np.random.default_rng(d)
-    teacher, new, mounting = random_spd(rng, 40, d), random_spd(rng, 5, d), random_rotation(rng, d)
-    adapter = search(kind, mounting=mounting, **remedy).fit(teacher, turned(mounting, rng.permutation(teacher)))
-    assert_allclose(adapter.transform(new), turned(mounting, new), atol=2e-6 * adapter.student_damping_ + 1e-9)
-    assert adapter.errors(new, turned(mounting, new)).max() < 1e-8
+    teacher, new, base_rotation = random_spd(rng, 40, d), random_spd(rng, 5, d), random_rotation(rng, d)
+    adapter = search(kind, base_rotation=base_rotation, **remedy).fit(
+        teacher, turned(base_rotation, rng.permutation(teacher))
+    )
+    assert_allclose(adapter.transform(new), turned(base_rotation, new), atol=2e-6 * adapter.student_damping_ + 1e-9)
+    assert adapter.errors(new, turned(base_rotation, new)).max() < 1e-8
 
 
 @rigid

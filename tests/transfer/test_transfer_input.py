@@ -44,7 +44,7 @@ def test_bad_domains(name, bad):
     """A domain that cannot be used is refused by name, the same with every regularisation."""
     value, message = BAD_DOMAINS[bad]
     domains = {"teacher": GOOD, "student": GOOD, name: value}
-    for remedy in ({}, {"damping": 0.01}, {"floor": 1e-4}):
+    for remedy in ({}, {"damping": 0.01}, {"eigenvalue_floor": 1e-4}):
         with pytest.raises(InvalidInputError, match=message) as caught:
             mp.ParallelTransport(**remedy).fit(**domains)
         assert str(caught.value).startswith(name)
@@ -59,24 +59,27 @@ def test_domains_of_different_size():
 def test_singular_ellipsoids_need_a_remedy():
     """Without regularisation a singular ellipsoid is refused, and both remedies are named."""
     for domains in ((SINGULAR, GOOD), (GOOD, SINGULAR)):
-        with pytest.raises(NotSPDError, match=r"\[3\] is singular.*damping=0\.01.*floor=1e-4"):
+        with pytest.raises(NotSPDError, match=r"\[3\] is singular.*damping=0\.01.*eigenvalue_floor=1e-4"):
             mp.ParallelTransport().fit(*domains)
-    with pytest.raises(NotSPDError, match=r"points\[3\] is singular.*damping=0\.01.*floor=1e-4"):
+    with pytest.raises(NotSPDError, match=r"points\[3\] is singular.*damping=0\.01.*eigenvalue_floor=1e-4"):
         mp.ParallelTransport().fit(GOOD, 2.0 * GOOD).transform(SINGULAR)
-    for remedy in ({"damping": 0.01}, {"floor": 1e-4}):
+    for remedy in ({"damping": 0.01}, {"eigenvalue_floor": 1e-4}):
         mp.spd.logm(mp.ParallelTransport(**remedy).fit(SINGULAR, 2.0 * SINGULAR).transform(SINGULAR))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"damping": 0.01, "floor": 1e-4}, r"damping and floor exclude one another; found damping=0\.01 and floor"),
+        (
+            {"damping": 0.01, "eigenvalue_floor": 1e-4},
+            r"damping and floor exclude one another; found damping=0\.01 and floor",
+        ),
         ({"damping": -0.01}, r"damping must be a number above 0; found -0\.01"),
         ({"damping": 0.0}, r"damping must be a number above 0"),
         ({"damping": np.nan}, r"damping must be a number above 0; found"),
         ({"damping": "much"}, r"damping must be a number above 0; found 'much'"),
         ({"damping": [0.1, 0.2]}, r"damping must be a number above 0"),
-        ({"floor": -1e-4}, r"floor must be a number above 0; found -0\.0001"),
+        ({"eigenvalue_floor": -1e-4}, r"floor must be a number above 0; found -0\.0001"),
     ],
 )
 def test_bad_regularization(options, message):
@@ -88,11 +91,11 @@ def test_bad_regularization(options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"mounting": np.eye(2)}, "mounting must hold 3×3 matrices; found 2×2"),
-        ({"mounting": 2.0 * np.eye(3)}, r"mounting must be a rotation.*\|R Rᵀ - I\| = 3"),
-        ({"mounting": np.diag([1.0, 1.0, -1.0])}, "mounting must be a rotation.*determinant -1"),
-        ({"mounting": np.eye(3)[None]}, r"mounting must be one rotation matrix.*\(1, 3, 3\)"),
-        ({"mounting": np.full((3, 3), np.nan)}, "mounting must be finite"),
+        ({"base_rotation": np.eye(2)}, "base_rotation must hold 3×3 matrices; found 2×2"),
+        ({"base_rotation": 2.0 * np.eye(3)}, r"base_rotation must be a rotation.*\|R Rᵀ - I\| = 3"),
+        ({"base_rotation": np.diag([1.0, 1.0, -1.0])}, "base_rotation must be a rotation.*determinant -1"),
+        ({"base_rotation": np.eye(3)[None]}, r"base_rotation must be one rotation matrix.*\(1, 3, 3\)"),
+        ({"base_rotation": np.full((3, 3), np.nan)}, "base_rotation must be finite"),
         ({"dispersion": "median"}, "unknown dispersion 'median'"),
         ({"recenter": True}, "unknown recenter True"),
         ({"scale": "no"}, "scale must be True or False; found 'no'"),
@@ -146,7 +149,9 @@ def test_bad_options_of_other_methods(method, name, value):
         method_of(method).set_params(**{name: value}).fit(GOOD, 2.0 * GOOD)
 
 
-@pytest.mark.parametrize("remedy", [{}, {"damping": 0.01}, {"floor": 1e-4}], ids=["none", "damping", "floor"])
+@pytest.mark.parametrize(
+    "remedy", [{}, {"damping": 0.01}, {"eigenvalue_floor": 1e-4}], ids=["none", "damping", "eigenvalue_floor"]
+)
 def test_bad_points(remedy):
     """What is to be mapped is checked like the domains, and must have the adapter's d."""
     adapter = mp.ParallelTransport(**remedy).fit(GOOD, 2.0 * GOOD)

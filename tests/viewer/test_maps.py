@@ -1,4 +1,4 @@
-"""The maps of the live view, and their fits when the mounting is dragged."""
+"""The maps of the live view, and their fits when the base orientation is dragged."""
 
 import threading
 
@@ -22,13 +22,13 @@ def domains(arms):
 
 
 def test_a_given_adapter_keeps_its_mounting(arms, domains):
-    """An adapter from a file maps alike at any mounting, and says so; it must map 3×3 ellipsoids."""
+    """An adapter from a file maps alike at any base_rotation, and says so; it must map 3×3 ellipsoids."""
     teacher, student, some = domains
     adapter = ParallelTransport(damping=0.05).fit(teacher, student)
     methods = Methods(teacher, student, given=adapter)
     assert methods.names[0] == GIVEN
     chosen = methods.fit(GIVEN, TURN)
-    assert "keeps the mounting" in chosen.ending
+    assert "keeps the base_rotation" in chosen.ending
     assert chosen.transform(some[0].copy()) == pytest.approx(adapter.transform(some[0]), abs=1e-12)
     full = [sample_domain(arm, 64, 0, spec=EllipsoidSpec(part="full")) for arm in arms]
     with pytest.raises(InvalidInputError, match="6×6"):
@@ -45,7 +45,7 @@ class Few:
 
 
 def test_dragging_the_mounting_fits_all_methods(methods):
-    """Every method's map then belongs to the last mounting; the same mounting is not fitted again."""
+    """Every method's map then belongs to the last base_rotation; the same base_rotation is not fitted again."""
     refitting = Refitting(Few(methods), np.eye(3))
     try:
         before = refitting.maps
@@ -57,8 +57,8 @@ def test_dragging_the_mounting_fits_all_methods(methods):
         assert refitting.settle()
         for name, chosen in refitting.maps.items():
             assert chosen is not before[name]
-            assert chosen.mounting == pytest.approx(wanted)
-        with pytest.raises(InvalidInputError, match="mounting"):
+            assert chosen.base_rotation == pytest.approx(wanted)
+        with pytest.raises(InvalidInputError, match="base_rotation"):
             refitting.want(np.diag([1.0, 1.0, -1.0]), "raw-copy")
     finally:
         refitting.close()
@@ -69,7 +69,7 @@ def test_errors_of_fits_are_raised_by_the_maps(methods):
     few, gate = Few(methods), threading.Event()
     refitting = Refitting(few, np.eye(3), first=("raw-copy",))
 
-    def fail(name, mounting):
+    def fail(name, base_rotation):
         assert gate.wait(60.0)
         raise InvalidInputError("no such thing")
 

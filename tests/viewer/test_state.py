@@ -27,9 +27,9 @@ METHOD = "parallel-transport"
 BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
 
 
-def command(method="icp", joints=POSE, mounting=None, tip_follows=False):
+def command(method="icp", joints=POSE, base_rotation=None, tip_follows=False):
     """A command, at the identity unless told otherwise."""
-    return Command(joints, method, np.eye(3) if mounting is None else mounting, tip_follows)
+    return Command(joints, method, np.eye(3) if base_rotation is None else base_rotation, tip_follows)
 
 
 def advance(state, *given, seconds=FRAME, **more):
@@ -38,7 +38,7 @@ def advance(state, *given, seconds=FRAME, **more):
 
 
 def test_every_method_can_be_chosen(make_state):
-    """Each has its own target, and the robot keeps its limits; a mounting turns them after new fits."""
+    """Each has its own target, and the robot keeps its limits; a base_rotation turns them after new fits."""
     state, targets = make_state(), {}
     for name in state.methods:
         frame = advance(state, name)
@@ -51,9 +51,9 @@ def test_every_method_can_be_chosen(make_state):
     for one, other in zip(names, names[1:] + names[:1], strict=True):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
-    advance(state, METHOD, mounting=turn)
+    advance(state, METHOD, base_rotation=turn)
     assert state.sides[0].refitting.settle()
-    assert np.abs(advance(state, METHOD, mounting=turn).target_ellipsoid - targets[METHOD]).max() > 1e-3
+    assert np.abs(advance(state, METHOD, base_rotation=turn).target_ellipsoid - targets[METHOD]).max() > 1e-3
 
 
 def test_the_robot_comes_nearer_within_its_speed(make_state):
@@ -123,7 +123,7 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
         try:
             assert method == "length-field"
             refitting.begin()
-            frame = advance(state, method, mounting=turn, tip_follows=True)
+            frame = advance(state, method, base_rotation=turn, tip_follows=True)
             assert "length-field is being fitted; the target is that of parallel-transport" in frame.note
         finally:
             gate.set()

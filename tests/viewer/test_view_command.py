@@ -27,11 +27,11 @@ from maniport.viewer.maps import Methods
 from maniport.viewer.state import ViewState
 ViewState.find_place = lambda *given: None
 fit = Methods.fit
-def endless(self, name, mounting):
+def endless(self, name, base_rotation):
     if name != prepare.AT_ONCE:
         print("fitting", flush=True)
         threading.Event().wait()
-    return fit(self, name, mounting)
+    return fit(self, name, base_rotation)
 Methods.fit = endless
 entry_point.main()
 """

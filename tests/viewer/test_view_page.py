@@ -88,21 +88,21 @@ def test_sliders_rings_and_list_show_one_mounting(make_view):
     for slider, value in zip(panel._angles, (30.0, -20.0, 75.0), strict=True):
         slider.value = value
     wanted = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
-    assert panel.read(0.0).mounting == pytest.approx(wanted)
+    assert panel.read(0.0).base_rotation == pytest.approx(wanted)
     x, y, z, w = Rotation.from_matrix(wanted.T).as_quat()
     assert np.abs(np.dot(panel.gizmo.wxyz, [w, x, y, z])) == pytest.approx(1.0)
     panel.gizmo.wxyz = (np.cos(0.5), 0.0, 0.0, np.sin(0.5))  # the robot's base is turned by 1 rad about the vertical
-    turned = panel.read(0.0).mounting
+    turned = panel.read(0.0).base_rotation
     assert turned == pytest.approx(Rotation.from_euler("z", -1.0).as_matrix())
     assert panel._angles[2].value == pytest.approx(-57.5)
-    assert panel.read(0.0).mounting == pytest.approx(turned), "the rounding of the sliders must not turn it"
+    assert panel.read(0.0).base_rotation == pytest.approx(turned), "the rounding of the sliders must not turn it"
     assert panel._preset.value == OWN
     for name, base in (
         ("on a wall", (1, 0, 0)), ("from the ceiling", (0, 0, -1)), ("at the person's right side", (0, -1, 0)),
         ("as the person", (0, 0, 1)),
     ):  # fmt: skip
         panel._preset.value = name
-        assert pytest.approx(base) == panel.read(0.0).mounting.T @ [0, 0, 1]
+        assert pytest.approx(base) == panel.read(0.0).base_rotation.T @ [0, 0, 1]
     assert [slider.value for slider in panel._angles] == [0.0, 0.0, 0.0]
 
 

@@ -29,7 +29,7 @@ ENDINGS = [ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".c
 """Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
 
 PERSON_OPTIONS: dict[str, Any] = {
-    "person": PERSON, "markers": None, "side": AUTO, "height": None, "smooth": AUTO, "leaps": KEEP,
+    "person": PERSON, "markers": None, "side": AUTO, "height": None, "smooth": AUTO, "jumps": KEEP,
 }  # fmt: skip
 """Options of `maniport.fit_arm`, for all recordings."""
 
@@ -145,7 +145,7 @@ def find_robots(
     options = {parameter.name for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY}
     person = {name: settings.get(name, value) for name, value in PERSON_OPTIONS.items()}
     common = {name: value for name, value in settings.items() if name in options}
-    control = {"effort": BATCH_EFFORT, "rate": BATCH_RATE}
+    control = {"planning_effort": BATCH_EFFORT, "rate": BATCH_RATE}
     control |= {name: value for name, value in settings.items() if name not in options and name not in person}
     found, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in given:

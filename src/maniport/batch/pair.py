@@ -18,7 +18,7 @@ from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit, Recording, read_recording
-from maniport.pipeline.parts import Fitted, KnownRobot, Shown
+from maniport.pipeline.parts import Fitted, RobotModel, Shown
 from maniport.report.metrics import facts_of
 from maniport.report.write import RUN_FILES, write_run, write_run_page
 from maniport.transfer import load_adapter
@@ -29,7 +29,7 @@ PAIR = "pair.json"  # The file with the settings of a pair, the sizes of its fil
 ADAPTERS = "adapters"  # The folder of the adapters, which recordings of one person share
 
 _alone = Lock()  # Workers of Dask may have several threads, and warnings are caught for a whole process
-_robots: dict[str, KnownRobot] = {}
+_robots: dict[str, RobotModel] = {}
 _adapters: dict[Path, Fitted] = {}
 
 
@@ -184,7 +184,7 @@ def _pair(task: Task, robot: Robot, settings: Mapping[str, str], shown: Shown, b
     return row
 
 
-def _known(robot: Robot, most: int = 4) -> KnownRobot:
+def _known(robot: Robot, most: int = 4) -> RobotModel:
     """What is computed of a robot once in each process; of so many robots it is kept, about 60 MB each."""
     if robot.key not in _robots:
         while len(_robots) >= most:
@@ -193,7 +193,7 @@ def _known(robot: Robot, most: int = 4) -> KnownRobot:
     return _robots[robot.key]
 
 
-def _adapter(order: Order, robot: Robot, known: KnownRobot, fit: ArmFit) -> Fitted:
+def _adapter(order: Order, robot: Robot, known: RobotModel, fit: ArmFit) -> Fitted:
     """The adapter of a person and a robot, and the warnings of its fit, from the file, or fitted.
 
     Lengths are rounded to a centimetre, so that recordings of one person share it: markers give them with errors of

@@ -31,7 +31,7 @@ PARTS = ("upper arm", "forearm", "hand")
 
 METRICS = (
     *(f"motion.{name}.{value}" for name in ("distance", "tip_error_mm", "orientation_error_deg", "major_axis_angle_deg",
-                                            "feasibility_gap", "node_floor") for value in STATISTICS),
+                                            "feasibility_gap", "pointwise_best") for value in STATISTICS),
     *(f"motion.semi_axes.{axis}.median" for axis in ("major", "middle", "minor")),
     *(f"motion.mean_distance.{part}" for part in ("mean", "no_posture", "path", "way")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),

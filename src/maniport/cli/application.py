@@ -146,10 +146,12 @@ RECORDING = f"A recording: {', '.join(RECORDINGS)}, or a folder of keypoints."
 Share = Annotated[
     float, typer.Option("--damping", help="Damping before comparison, as a share of the mean eigenvalue.")
 ]
-Floor = Annotated[float | None, typer.Option("--floor", help="Lift eigenvalues below it, instead of damping.")]
+Floor = Annotated[
+    float | None, typer.Option("--eigenvalue-floor", help="Lift eigenvalues below it, instead of damping.")
+]
 Mounting = Annotated[
     tuple[float, float, float],
-    typer.Option("--mounting", help="Roll, pitch, yaw [deg] from the teacher's base frame to the student's."),
+    typer.Option("--base-rotation", help="Roll, pitch, yaw [deg] from the teacher's base frame to the student's."),
 ]
 
 
@@ -163,18 +165,18 @@ def _console(
 prints = group("console", _console)  # Gives a command that has a parameter `console` the options of printing
 
 
-def regularization(damping: float, floor: float | None) -> dict[str, float | None]:
+def regularization(damping: float, eigenvalue_floor: float | None) -> dict[str, float | None]:
     """Return damping and floor for the library: one of them, or neither."""
-    if floor is not None:
-        return {"damping": None, "floor": floor}
-    return {"damping": None if damping == 0 else damping, "floor": None}
+    if eigenvalue_floor is not None:
+        return {"damping": None, "eigenvalue_floor": eigenvalue_floor}
+    return {"damping": None if damping == 0 else damping, "eigenvalue_floor": None}
 
 
-def rotation(mounting: tuple[float, float, float]) -> Any:
+def rotation(base_rotation: tuple[float, float, float]) -> Any:
     """Rotation matrix from roll, pitch, yaw [deg] about fixed axes, as in URDF."""
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_euler("xyz", mounting, degrees=True).as_matrix()
+    return Rotation.from_euler("xyz", base_rotation, degrees=True).as_matrix()
 
 
 def require_npz(path: Path) -> None:

@@ -63,8 +63,8 @@ def fit(
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
     method: cli.NamedMethod = FIT_METHOD,
     damping: cli.Damping = DAMPING,
-    floor: cli.Floor = None,
-    mounting: cli.Mounting = (0.0, 0.0, 0.0),
+    eigenvalue_floor: cli.Floor = None,
+    base_rotation: cli.Mounting = (0.0, 0.0, 0.0),
     unknown_mounting: Annotated[
         bool, typer.Option("--unknown-mounting", help="Search the rotation in all directions (icp).")
     ] = False,
@@ -87,8 +87,8 @@ def fit(
     if robot is None:
         chain.require_none(NO_ROBOT)
     teacher_domain, student_domain = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
-    turn = None if unknown_mounting else cli.rotation(mounting)
-    adapter = method_of(method, **cli.regularization(damping, floor), mounting=turn, random_state=seed)
+    turn = None if unknown_mounting else cli.rotation(base_rotation)
+    adapter = method_of(method, **cli.regularization(damping, eigenvalue_floor), base_rotation=turn, random_state=seed)
     if robot is not None:
         adapter = knowing(adapter, chain.load(robot), EllipsoidSpec(kind, part), random_state=seed)
     with console.progress() as tell:

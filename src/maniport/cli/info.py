@@ -120,9 +120,9 @@ def _of_results(folder: Path) -> Report:
         title, verdict = summary["title"], summary.get("verdict", {})
         lead = " ".join(verdict[key] for key in ("title", "text") if verdict.get(key))
         status = str(summary.get("status") or "")
-        doubts = tuple(warning(str(one["key"]), str(one["text"])) for one in summary.get("warnings", []))
+        quality_warnings = tuple(warning(str(one["key"]), str(one["text"])) for one in summary.get("warnings", []))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
     page = str(folder / PAGE)
     facts = Metric("Status", status, key="status", value=status), Metric("Page", page, "For any browser.", "page", page)
-    return Report(str(title), lead, (Section("", facts),), data_warnings=doubts)
+    return Report(str(title), lead, (Section("", facts),), data_warnings=quality_warnings)

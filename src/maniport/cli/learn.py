@@ -64,13 +64,13 @@ def learn(
         require_free(follows, RUN_FILES, overwrite)
     elif motion.export:
         raise InvalidInputError("--export writes a robot's motion; give --robot")
-    taught = {name: value for name, value in job.items() if name not in ("method", "mounting")}
+    taught = {name: value for name, value in job.items() if name not in ("method", "base_rotation")}
     taught |= {"markers": recorded.roles(), "lengths": lengths, "components": _count(components)}
     parts = None if segments is None else _segments(segments, len(recordings))
     with console.progress() as tell:
         given = [recorded.read(file) for file in recordings]
         for file, recording in zip(recordings, given, strict=True):
-            for doubt in recording.doubts:  # before the long work, and in the result once more
+            for doubt in recording.quality_warnings:  # before the long work, and in the result once more
                 console.say(f"! {file.name}: {doubt}")
         learned = learn(given, parts, progress=tell, **taught)
         facts = write_results(learned, output, tell, overwrite=overwrite)
@@ -95,7 +95,9 @@ def _followed(robot: str, job: dict[str, Any], chain: Chain, motion: Motion) -> 
         method_of(job["method"])
     arm = chain.load(robot)
     control = checked_control(arm, motion.control(arm), motion.orientation, True)
-    known = {name: job[name] for name in ("method", "mounting", "spec", "damping", "floor", "random_state")}
+    known = {
+        name: job[name] for name in ("method", "base_rotation", "spec", "damping", "eigenvalue_floor", "random_state")
+    }
     return {**known, "robot": arm, "orientation": motion.orientation, **control}
 
 

@@ -50,7 +50,7 @@ def live(
     send: Annotated[
         int | None, _transport("Send answers to this UDP port of that address; by default to who sent the frame.")
     ] = None,
-    every: Annotated[
+    no_drop: Annotated[
         bool, _transport("Process every frame of a file in order, none before its time; otherwise skip to the newest.")
     ] = False,
     robot: Robot = ROBOT,
@@ -85,7 +85,7 @@ def live(
 
         arm = chain.load(robot)
         given = recorded.read(recording)
-        for doubt in given.doubts:
+        for doubt in given.quality_warnings:
             console.say(f"! {doubt}")
         from maniport.live import Live
 
@@ -101,13 +101,15 @@ def live(
         follower = Live.of(result, progress=tell)
     if udp is not None and not is_loopback(host):
         console.say("! the port is open to other machines: whoever can reach it moves the robot")
-    summary = _served(follower, transport, every)
+    summary = _served(follower, transport, no_drop)
     console.say(str(summary))
     if udp is None and summary.skipped > summary.answered:
-        console.say("! most frames were skipped: the file was read faster than recorded; --every processes all of them")
+        console.say(
+            "! most frames were skipped: the file was read faster than recorded; --no-drop processes all of them"
+        )
 
 
-def _served(follower: "Live", transport: "Pipe | Datagrams", every: bool) -> "Summary":
+def _served(follower: "Live", transport: "Pipe | Datagrams", no_drop: bool) -> "Summary":
     """Answer frames until they end, or Ctrl-C."""
     from threadpoolctl import threadpool_limits
 
@@ -119,6 +121,6 @@ def _served(follower: "Live", transport: "Pipe | Datagrams", every: bool) -> "Su
     gc.freeze()  # what is there now stays, and need not be looked through while frames wait
     try:
         with stop, signal, threadpool_limits(1), ending_in_order(lambda: signal.send(b"!")):
-            return serve(follower, transport, stop, every)
+            return serve(follower, transport, stop, no_drop)
     finally:
         gc.unfreeze()

@@ -23,10 +23,10 @@ class Motion:
         self.given = given
         self.export: list[str] = given["export"] or []
         as_number(given["position_tolerance"], "--position-tolerance [mm]", above=0.0)
-        as_number(given["tempo"], "--tempo", above=0.0)
-        as_number(given["margin"], "--margin [%]", minimum=0.0, maximum=40.0)
+        as_number(given["speed_scale"], "--speed-scale", above=0.0)
+        as_number(given["joint_limit_margin"], "--joint-limit-margin [%]", minimum=0.0, maximum=40.0)
         as_number(given["rate"], "--rate [Hz]", minimum=10.0)
-        around = [name for name in ("table", "boxes", "srdf") if given[name] is not None]
+        around = [name for name in ("table", "obstacles", "srdf") if given[name] is not None]
         if around and not given["collisions"]:
             raise InvalidInputError(f"--{around[0]} says what to keep apart from, --no-collisions to keep from nothing")
 
@@ -73,7 +73,7 @@ class Motion:
             )
         if isinstance(found, str):
             return None
-        facing(found, self.given["keep"])
+        facing(found, self.given["orientation_axes"])
         return found
 
     def control(self, arm: Any) -> dict[str, Any]:
@@ -82,15 +82,15 @@ class Motion:
         from maniport.motion import MotionLimits, PlanControl
 
         given = self.given
-        limits = MotionLimits.of(arm, given["limits"], 0.01 * given["margin"])
-        around = {name: given[name] for name in ("table", "boxes", "srdf") if given[name] is not None}
+        limits = MotionLimits.of(arm, given["limits"], 0.01 * given["joint_limit_margin"])
+        around = {name: given[name] for name in ("table", "obstacles", "srdf") if given[name] is not None}
         ready = PlanControl(
             position_tolerance=1e-3 * given["position_tolerance"],
-            tempo=given["tempo"],
+            speed_scale=given["speed_scale"],
             rate=given["rate"],
             motion_limits=limits,
-            keep=given["keep"],
-            effort=given["effort"],
+            orientation_axes=given["orientation_axes"],
+            planning_effort=given["planning_effort"],
             workspace=None if given["workspace"] is None else [given["workspace"][i : i + 2] for i in (0, 2, 4)],
             collisions=Collisions.of(arm, **around) if around else given["collisions"],
             home=None if given["home"] is None else _posture(given["home"], limits.arm),
@@ -114,26 +114,29 @@ Table = Annotated[float | None, _in(AROUND, "Height of a floor or table in the r
 def _options(
     position_tolerance: Annotated[float, _in(MOTION, "Position tolerance, 95th percentile [mm].")] = 1e3
     * POSITION_TOLERANCE,
-    tempo: Annotated[float, _in(MOTION, "Largest speed relative to the person's; limits may reduce it.")] = 1.0,
+    speed_scale: Annotated[float, _in(MOTION, "Largest speed relative to the person's; limits may reduce it.")] = 1.0,
     rate: Annotated[float, _in(MOTION, "Rows of joints.csv per second [Hz].")] = RATE,
     limits: Annotated[
         Path | None, _in(MOTION, "YAML file of joint limits; default: the robot's own, others assumed.")
     ] = None,
-    margin: Annotated[float, _in(MOTION, "Share of each joint's range that is kept free at either end [%].")] = 100.0
-    * MARGIN,
+    joint_limit_margin: Annotated[
+        float, _in(MOTION, "Share of each joint's range that is kept free at either end [%].")
+    ] = 100.0 * MARGIN,
     orientation: Annotated[
         str,
         _in(MOTION, "Orientation of the end effector: free, demonstrated, constant, or its z axis, such as 0,0,-1."),
     ] = "free",
-    keep: Annotated[str, _in(MOTION, "Kept part of the orientation: pointing (fingers) or whole.")] = "pointing",
-    effort: Effort = EFFORT,
+    orientation_axes: Annotated[
+        str, _in(MOTION, "Kept part of the orientation: pointing (fingers) or whole.")
+    ] = "pointing",
+    planning_effort: Effort = EFFORT,
     workspace: Workspace = None,
     home: Annotated[
         str | None,
         _in(MOTION, "Configuration at start and end [deg; m for prismatic joints].", metavar="Q1,Q2,…"),
     ] = None,
     table: Table = None,
-    boxes: Annotated[Path | None, _in(AROUND, "YAML or JSON file of boxes in the base frame.")] = None,
+    obstacles: Annotated[Path | None, _in(AROUND, "YAML or JSON file of boxes in the base frame.")] = None,
     srdf: Annotated[Path | None, _in(AROUND, "SRDF: pairs of links that need not be checked.")] = None,
     collisions: Annotated[bool, _in(AROUND, "Collision checking with the robot itself and these.")] = True,
     export: Annotated[
@@ -149,7 +152,7 @@ def _options(
 
 
 moves = group("motion", _options, Motion)  # Gives a verb that has a parameter `motion` these options
-moves_many = group("motion", _options, Motion, effort=BATCH_EFFORT, rate=BATCH_RATE)
+moves_many = group("motion", _options, Motion, planning_effort=BATCH_EFFORT, rate=BATCH_RATE)
 """The same for a verb that plans many motions."""
 
 

@@ -80,24 +80,24 @@ def _job(
         str,
         typer.Option("--smooth", help="Smoothing of noisy points: auto, off, or the highest frequency followed [Hz]."),
     ] = AUTO,
-    leaps: Annotated[
+    jumps: Annotated[
         str,
-        typer.Option("--leaps", help="Where joints jump: keep it, smooth it, or split there, for the longest part."),
+        typer.Option("--jumps", help="Where joints jump: keep it, smooth it, or split there, for the longest part."),
     ] = KEEP,
     method: cli.Method = METHOD,
     kind: cli.Kind = "velocity",
     part: cli.Part = "translation",
     damping: cli.Damping = DAMPING,
-    floor: cli.Floor = None,
-    mounting: cli.Mounting = (0.0, 0.0, 0.0),
+    eigenvalue_floor: cli.Floor = None,
+    base_rotation: cli.Mounting = (0.0, 0.0, 0.0),
     seed: cli.Seed = 0,
 ) -> dict[str, Any]:
     """Return the options as `maniport.transfer_recording` takes them."""
     from maniport.arms import EllipsoidSpec
 
-    ellipsoids = {"spec": EllipsoidSpec(kind, part), **cli.regularization(damping, floor)}
-    fit = {"person": person, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
-    return {**fit, "method": method, **ellipsoids, "mounting": cli.rotation(mounting), "random_state": seed}
+    ellipsoids = {"spec": EllipsoidSpec(kind, part), **cli.regularization(damping, eigenvalue_floor)}
+    fit = {"person": person, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
+    return {**fit, "method": method, **ellipsoids, "base_rotation": cli.rotation(base_rotation), "random_state": seed}
 
 
 transfers = cli.group("job", _job)  # Gives a command that has a parameter `job` the options of a transfer

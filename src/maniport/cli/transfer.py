@@ -81,7 +81,7 @@ def transfer(
     with at_work(console) as tell:
         _require_free(output, overwrite, both)
         data = recorded.read(recording)
-        for doubt in data.doubts:  # before the long work, and in the result once more
+        for doubt in data.quality_warnings:  # before the long work, and in the result once more
             console.say(f"! {doubt}")
         job |= {"recording": data, "markers": recorded.roles(), "move": move}
         if both:
@@ -110,10 +110,10 @@ def place(
     workspace: Workspace = None,
     table: Table = None,
     tilt: Annotated[
-        str | None, typer.Option("--tilt", help="Tilt of the base [deg], or free to find the best mounting.")
+        str | None, typer.Option("--tilt", help="Tilt of the base [deg], or free to find the best base_rotation.")
     ] = None,
     rank: Annotated[int, typer.Option("--rank", help="Rank of the placement that is written, from 1.")] = 1,
-    effort: Effort = EFFORT,
+    planning_effort: Effort = EFFORT,
     part: Part = "translation",
     damping: Share = DAMPING,
     overwrite: Overwrite = False,
@@ -144,7 +144,7 @@ def place(
             spec=EllipsoidSpec(part=part),
             damping=damping,
             collisions=Collisions.of(arm, table=table),
-            effort=effort,
+            planning_effort=planning_effort,
             rank=rank,
             random_state=seed,
             progress=tell,

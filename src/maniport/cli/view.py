@@ -31,7 +31,7 @@ def view(
         typer.Option("--recording", help=f"A motion to play. {cli.RECORDING} Or a shipped one, such as ladder."),
     ] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter to show, .npz.")] = None,
-    mounting: cli.Mounting = STRAIGHT,
+    base_rotation: cli.Mounting = STRAIGHT,
     host: Annotated[
         str, typer.Option("--host", help="Address to listen on; others than the default open the page to others.")
     ] = "127.0.0.1",
@@ -58,7 +58,7 @@ def view(
             side=side,
             height=height,
             adapter=adapter,
-            mounting=None if mounting == STRAIGHT else cli.rotation(mounting),
+            base_rotation=None if base_rotation == STRAIGHT else cli.rotation(base_rotation),
             random_state=seed,
             progress=tell,
         )

@@ -33,11 +33,11 @@ class Procrustes(RigidAdapter):
     def __init__(
         self,
         damping: float | None = None,
-        floor: float | None = None,
-        mounting: ArrayLike | None = None,
+        eigenvalue_floor: float | None = None,
+        base_rotation: ArrayLike | None = None,
         pairs: Any = None,
     ):
-        super().__init__(damping, floor, mounting)
+        super().__init__(damping, eigenvalue_floor, base_rotation)
         self.pairs = pairs
 
     def _fit(self, teacher: Array, student: Array) -> None:
@@ -97,9 +97,9 @@ def baselines_for(
     pairs: Any = None,
     fitted: Mapping[str, DomainAdapter] | None = None,
 ) -> list[Baseline]:
-    """List baselines with the adapter's regularization and mounting, without the adapter's own method."""
+    """List baselines with the adapter's regularization and base_rotation, without the adapter's own method."""
     parameters, ready = adapter.get_params(deep=False), fitted or {}
-    shared = {key: parameters.get(key) for key in ("damping", "floor", "mounting")}
+    shared = {key: parameters.get(key) for key in ("damping", "eigenvalue_floor", "base_rotation")}
     for row in rows:
         as_row(row, "row")
     baselines = []
@@ -133,9 +133,9 @@ def _note(row: str, pairs: Any) -> str:
 
 
 def _require_alike(fitted: DomainAdapter, adapter: DomainAdapter, row: str) -> None:
-    """Raise unless a fitted baseline has the adapter's regularization and mounting."""
+    """Raise unless a fitted baseline has the adapter's regularization and base_rotation."""
     alike = fitted.student_regularization == adapter.student_regularization
     alike &= fitted.teacher_regularization == adapter.teacher_regularization
-    own, other = (np.eye(1) if each.mounting_ is None else each.mounting_ for each in (fitted, adapter))
+    own, other = (np.eye(1) if each.base_rotation_ is None else each.base_rotation_ for each in (fitted, adapter))
     if not alike or not np.array_equal(own, other):
-        raise InvalidInputError(f"fitted[{row!r}] must have the adapter's regularization and mounting")
+        raise InvalidInputError(f"fitted[{row!r}] must have the adapter's regularization and base_rotation")

@@ -79,7 +79,7 @@ def evaluate(
     rows : sequence of str
         The baselines: names of `maniport.transfer.METHODS`, and "procrustes".
     fitted : mapping of str to DomainAdapter, optional
-        Baselines that are fitted to these domains already, with the adapter's regularization and mounting.
+        Baselines that are fitted to these domains already, with the adapter's regularization and base_rotation.
     bank, n_starts, n_jobs
         As in `maniport.motion.nearest_feasible`, for the gap search.
     n_domain, n_identity, draws : int
@@ -234,11 +234,11 @@ class _Bench:
         assert robot is not None
         targets = np.concatenate([[*mapped[along], *mapped[len(self.profile) :]] for mapped in images.values()])
         unique, inverse = np.unique(targets.reshape(len(targets), -1), axis=0, return_inverse=True)
-        damping = own if own.floor is None else Regularization.absolute(own.floor)
+        damping = own if own.eigenvalue_floor is None else Regularization.absolute(own.eigenvalue_floor)
         ellipsoids = unique.reshape(-1, *targets.shape[1:])
         found = nearest_feasible(robot, ellipsoids, spec=spec, damping=damping, **search)
         distances = found.distance
-        if own.floor is not None:
+        if own.eigenvalue_floor is not None:
             distances = distance_unchecked(own.apply(ellipsoids), own.apply(found.ellipsoids))
         results: dict[str, dict[str, Any]] = {}
         for name, gaps in zip(images, distances[inverse].reshape(len(images), -1), strict=True):
@@ -274,7 +274,7 @@ def _settings(adapter: DomainAdapter, bench: _Bench) -> dict[str, Any]:
     search, stability_of = [], "not measured"
     if bench.robot is not None and len(bench.profile) > GAP_POINTS:
         search.append(f"searched at {GAP_POINTS} of the profile's {len(bench.profile)} ellipsoids, evenly spread")
-    if bench.robot is not None and adapter.floor is not None:
+    if bench.robot is not None and adapter.eigenvalue_floor is not None:
         search.append("the search adds the floor to all eigenvalues; distances are measured with lifted eigenvalues")
     if bench.draws is not None:
         fresh = bench.person is not None and bench.robot is not None
@@ -284,7 +284,7 @@ def _settings(adapter: DomainAdapter, bench: _Bench) -> dict[str, Any]:
     return {
         "profile": f"{len(bench.profile)} ellipsoids",
         "domains": f"{len(bench.domains[0])} of the teacher, {len(bench.domains[1])} of the student",
-        "regularisation": str(Regularization(adapter.damping, adapter.floor)),
+        "regularisation": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
         GAP_SEARCH: "; ".join(search),
         "further samples": f"{len(bench.probes)}, {held_out}",
         "identity test": f"{tested} ellipsoids" if tested else "not measured",

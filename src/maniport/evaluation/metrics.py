@@ -204,7 +204,7 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
     Parameters
     ----------
     adapter : DomainAdapter
-        Only its parameters are used. A known mounting becomes the identity, and known pairs are left out.
+        Only its parameters are used. A known base orientation becomes the identity, and known pairs are left out.
     first, second : array_like, shapes (n, d, d) and (m, d, d)
         Two disjoint sets of samples of the student's domain: teacher and student of the test.
 
@@ -215,8 +215,8 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
     """
     clone: Any = adapter.silent()
     parameters = clone.get_params(deep=False)
-    if parameters.get("mounting") is not None:
-        clone.set_params(mounting=np.eye(as_finite(first, "first").shape[-1]))
+    if parameters.get("base_rotation") is not None:
+        clone.set_params(base_rotation=np.eye(as_finite(first, "first").shape[-1]))
     if parameters.get("pairs") is not None:
         clone.set_params(pairs=None)
     changes = _refit(clone, first, second).errors(first, first)

@@ -75,7 +75,7 @@ def choose(
     spec, bank, random_state, progress
         As in `evaluate`.
     **shared
-        Parameters such as damping and mounting, for each method that has them.
+        Parameters such as damping and base_rotation, for each method that has them.
 
     Raises
     ------

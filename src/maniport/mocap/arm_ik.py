@@ -42,7 +42,7 @@ def fit_arm(
     side: str = AUTO,
     height: float | None = None,
     smooth: str | float = AUTO,
-    leaps: str = KEEP,
+    jumps: str = KEEP,
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
 
@@ -74,7 +74,7 @@ def fit_arm(
     smooth : {"auto", "off"} or float
         "auto" smooths points with large noise, as keypoints of video; a number smooths all points at that cutoff
         frequency [Hz].
-    leaps : {"keep", "smooth", "split"}
+    jumps : {"keep", "smooth", "split"}
         What is done where a joint is too fast: nothing; all joints are interpolated; the longest part between two
         jumps is used.
 
@@ -94,10 +94,10 @@ def fit_arm(
         the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
         exchanged.
     """
-    tall, cutoff = require_person(person, side, height, smooth, leaps)
+    tall, cutoff = require_person(person, side, height, smooth, jumps)
     longest = as_number(fill, "fill [s]", minimum=0.0)
     step = Step(progress, "fit the person's arm")
-    fit, differences = fitted(recording, observe(recording, markers, side, longest, cutoff), person, tall, leaps, step)
+    fit, differences = fitted(recording, observe(recording, markers, side, longest, cutoff), person, tall, jumps, step)
     for doubt in differences:
         warnings.warn(doubt, ManiportWarning, stacklevel=2)
     step.end(fit.summary)
@@ -105,7 +105,7 @@ def fit_arm(
 
 
 def fitted(
-    recording: Recording, seen: Observation, person: str, height: float | None, leaps: str, step: Step
+    recording: Recording, seen: Observation, person: str, height: float | None, jumps: str, step: Step
 ) -> tuple[ArmFit, list[str]]:
     """Fit an arm to an observation; return it with the large differences of model and person."""
     notes = list(seen.notes)
@@ -114,7 +114,7 @@ def fitted(
     require_human(arm)
     directions = seen.directions(arm)
     q = _solve(directions, seen.time, seen.roles, step)
-    q, kept, jumping = treated(q, seen.time, seen.frames, arm.joint_names, leaps)
+    q, kept, jumping = treated(q, seen.time, seen.frames, arm.joint_names, jumps)
     directions = directions.take(kept)
     left_out = holes(seen.used.time, seen.frames)
     time, frames = seen.time[kept], seen.frames[kept]
@@ -138,14 +138,16 @@ def fitted(
         beyond_limit=_frozen(np.degrees(beyond)),
         roles=seen.roles,
         notes=tuple(notes),
-        doubts=tuple(text for text in (*seen.doubts, left_out, pose, jumping) if text),
+        quality_warnings=tuple(text for text in (*seen.quality_warnings, left_out, pose, jumping) if text),
     )
     differences = doubts_of(fit)
-    return replace(fit, notes=(*fit.notes, *notes_of(fit)), doubts=(*differences, *fit.doubts)), differences
+    return replace(
+        fit, notes=(*fit.notes, *notes_of(fit)), quality_warnings=(*differences, *fit.quality_warnings)
+    ), differences
 
 
 def require_person(
-    person: str, side: str, height: float | None, smooth: str | float = AUTO, leaps: str = KEEP
+    person: str, side: str, height: float | None, smooth: str | float = AUTO, jumps: str = KEEP
 ) -> tuple[float | None, float | None]:
     """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
     as_choice(person, "person", PERSONS)
@@ -155,7 +157,7 @@ def require_person(
             f"{argument('side', BOTH)}: both arms are taken by {takes}; here it is one, {', '.join((AUTO, *SIDES))}"
         )
     as_choice(side, "side", (AUTO, *SIDES))
-    as_choice(leaps, "leaps", LEAPS)
+    as_choice(jumps, "jumps", LEAPS)
     return as_height(height), as_smoothing(smooth)
 
 

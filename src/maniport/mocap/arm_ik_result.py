@@ -58,7 +58,7 @@ class ArmFit(ShownInNotebooks):
         The points of each role.
     notes : tuple of str
         What was interpolated and left out.
-    doubts : tuple of str
+    quality_warnings : tuple of str
         Data-quality warnings: large differences of model and person, and repairs that change the result.
     """
 
@@ -78,7 +78,7 @@ class ArmFit(ShownInNotebooks):
     beyond_limit: Array
     roles: dict[str, Any]
     notes: tuple[str, ...]
-    doubts: tuple[str, ...] = ()
+    quality_warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """The number of frames."""
@@ -88,7 +88,7 @@ class ArmFit(ShownInNotebooks):
         return f"ArmFit({self.arm.name!r}, {self.summary})"
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "ArmFit":
-        """Keep the frames with start ≤ time ≤ stop [s]; `determined`, `seen`, `at_limit` and `doubts` stay as they are.
+        """Keep the frames with start ≤ time ≤ stop [s]; `determined`, `seen`, `at_limit` and `quality_warnings` stay as they are.
 
         Raises
         ------

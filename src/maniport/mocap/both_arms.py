@@ -63,10 +63,12 @@ class ArmFits(ShownInNotebooks):
         return np.stack([path + base for path, base in zip(paths, self.bases, strict=True)])
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def quality_warnings(self) -> tuple[str, ...]:
         """Warnings of each arm with its side; common warnings once."""
-        shared = [text for text in self.left.doubts if text in self.right.doubts]
-        own = [f"{fit.arm.side} arm: {text}" for fit in self.each for text in fit.doubts if text not in shared]
+        shared = [text for text in self.left.quality_warnings if text in self.right.quality_warnings]
+        own = [
+            f"{fit.arm.side} arm: {text}" for fit in self.each for text in fit.quality_warnings if text not in shared
+        ]
         return (*own, *shared)
 
     @property
@@ -95,7 +97,7 @@ def fit_arms(
     *,
     height: float | None = None,
     smooth: str | float = AUTO,
-    leaps: str = KEEP,
+    jumps: str = KEEP,
 ) -> ArmFits:
     """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
 
@@ -108,7 +110,7 @@ def fit_arms(
     markers : mapping, optional
         Points of roles for each arm, ``{"left": {...}, "right": {...}}``, as `fit_arm` takes them for one; those of the
         trunk for the right arm hold for the left one, too.
-    person, fill, progress, height, smooth, leaps : optional
+    person, fill, progress, height, smooth, jumps : optional
         As in `fit_arm`; so are the other errors and the warnings.
 
     Raises
@@ -116,7 +118,7 @@ def fit_arms(
     RecordingError
         When one of the arms is not recorded, or no frame shows both.
     """
-    tall, cutoff = require_person(person, AUTO, height, smooth, leaps)
+    tall, cutoff = require_person(person, AUTO, height, smooth, jumps)
     longest = as_number(fill, "fill [s]", minimum=0.0)
     own = markers_of_each(recording, markers)
     seen = {side: observe(recording, own[side], side, longest, cutoff) for side in EACH}
@@ -125,7 +127,7 @@ def fit_arms(
     for side in EACH:
         step = Step(progress, f"fit the person's {side} arm")
         arm = replace(seen[side], frames=common, trunk=seen[RIGHT].trunk)
-        fits[side], differences = fitted(recording, arm, person, tall, leaps, step)
+        fits[side], differences = fitted(recording, arm, person, tall, jumps, step)
         for doubt in differences:
             warnings.warn(f"{side} arm: {doubt}", ManiportWarning, stacklevel=2)
         step.end(fits[side].summary)

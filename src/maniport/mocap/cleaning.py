@@ -16,7 +16,7 @@ LEAST_LEAP = 0.1  # Least displacement of a point that is taken for lost for a m
 
 
 def repaired(recording: Recording, points: Sequence[str], roles: Mapping[str, Any]) -> Recording:
-    """Return the points that are used, without the faults below; `notes` and `doubts` report the repairs."""
+    """Return the points that are used, without the faults below; `notes` and `quality_warnings` report the repairs."""
     whole = exchanged_back(without_zeros(recording), points)
     return without_leaps(in_one_unit(whole.select(points), roles))
 
@@ -73,7 +73,7 @@ def without_zeros(recording: Recording) -> Recording:
 
 def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
     """Exchange left and right points where they are exchanged for less than half of the frames."""
-    positions, doubts = recording.positions, []
+    positions, quality_warnings = recording.positions, []
     pairs = {tuple(sorted((name, other_side(name)))) for name in points}
     for first, second in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
         wrong = _exchanged(recording.point(first), recording.point(second), recording.time)
@@ -81,11 +81,11 @@ def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
             i, j = recording.names.index(first), recording.names.index(second)
             positions = positions.copy()
             positions[wrong, i], positions[wrong, j] = positions[wrong, j], positions[wrong, i]
-            doubts.append(
+            quality_warnings.append(
                 f"{first} and {second} had each other's places in {wrong.sum()} frames and were given back "
                 f"({when(recording.time, wrong)})"
             )
-    return _changed(recording, positions, doubts=doubts)
+    return _changed(recording, positions, quality_warnings=quality_warnings)
 
 
 def _exchanged(first: Array, second: Array, time: Array, least_step: float = 0.2) -> Bools:
@@ -129,12 +129,12 @@ def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
                 f"{recording.time[stop - 1]:.2f} s: the body is {times:.3g} times as large as in most frames; is there "
                 "a second unit or a second person in the file? Use one part of it"
             )
-    doubts = [
+    quality_warnings = [
         f"the body is {10.0**exponent:g} times as large as else in {(power == exponent).sum()} frames, which were "
         f"scaled back: their unit is another one ({when(recording.time, power == exponent)})"
         for exponent in np.unique(power[power != 0])
     ]
-    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], doubts=doubts)
+    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], quality_warnings=quality_warnings)
 
 
 def _lengths(recording: Recording, roles: Mapping[str, Any]) -> Array:
@@ -181,10 +181,10 @@ def _elsewhere(track: Array, step: float, longest: float = 0.1, acceleration: fl
 
 
 def _changed(
-    recording: Recording, positions: Array, notes: Sequence[str] = (), doubts: Sequence[str] = ()
+    recording: Recording, positions: Array, notes: Sequence[str] = (), quality_warnings: Sequence[str] = ()
 ) -> Recording:
     """Return the recording with other positions and messages; the same object where there are no messages."""
-    if not notes and not doubts:
+    if not notes and not quality_warnings:
         return recording
-    notes, doubts = (*recording.notes, *notes), (*recording.doubts, *doubts)
-    return replace(recording, positions=positions, notes=notes, doubts=doubts)
+    notes, quality_warnings = (*recording.notes, *notes), (*recording.quality_warnings, *quality_warnings)
+    return replace(recording, positions=positions, notes=notes, quality_warnings=quality_warnings)

@@ -92,10 +92,14 @@ class ImportOptions:
 
 def require_plausible(recording: Recording, unit: str | None, up: str | None) -> Recording:
     """Compare the caller's options with the points; add data-quality warnings."""
-    doubts = [*_several_bodies(recording)]
-    doubts += [] if unit is None else _implausible_unit(recording, unit)
-    doubts += [] if up is None else _implausible_axis(recording, up)
-    return replace(recording, doubts=(*recording.doubts, *doubts)) if doubts else recording
+    quality_warnings = [*_several_bodies(recording)]
+    quality_warnings += [] if unit is None else _implausible_unit(recording, unit)
+    quality_warnings += [] if up is None else _implausible_axis(recording, up)
+    return (
+        replace(recording, quality_warnings=(*recording.quality_warnings, *quality_warnings))
+        if quality_warnings
+        else recording
+    )
 
 
 def known_unit(text: str) -> str | None:

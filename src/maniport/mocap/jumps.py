@@ -16,14 +16,14 @@ from maniport.util.defaults import KEEP
 from maniport.util.validation import Array
 
 LEAPS = KEEP, "smooth", "split"
-"""Values of the option `leaps`: keep the jumps, interpolate over them, use the longest part between two of them."""
+"""Values of the option `jumps`: keep the jumps, interpolate over them, use the longest part between two of them."""
 
 FASTEST_JOINT = 1500.0
 """A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
 reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32, 1999)."""
 
 
-def leaps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:
+def joint_jumps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the frames, of those fitted, into which a joint jumps from the recording's frame before."""
     if len(q) < 2:
         return np.zeros(0, dtype=np.intp)
@@ -34,8 +34,8 @@ def leaps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:
 def treated(
     q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], option: str
 ) -> tuple[Array, slice, str]:
-    """Apply the option `leaps`; return joint angles, the frames that are kept and a data-quality warning."""
-    jumps, every = leaps(q, time, frames), slice(0, len(q))
+    """Apply the option `jumps`; return joint angles, the frames that are kept and a data-quality warning."""
+    jumps, every = joint_jumps(q, time, frames), slice(0, len(q))
     if not len(jumps):
         return q, every, ""
     text = _described(q, time, jumps, names)
@@ -48,7 +48,7 @@ def treated(
         kept = slice(int(edges[longest]), int(edges[longest + 1]))
         part = time[kept]
         return q[kept], kept, f"{text}. The longest part between them is used, from {part[0]:.2f} to {part[-1]:.2f} s"
-    options = f"{argument('leaps', 'smooth')} goes over them evenly, {argument('leaps', 'split')} uses the longest part"
+    options = f"{argument('jumps', 'smooth')} goes over them evenly, {argument('jumps', 'split')} uses the longest part"
     return q, every, f"{text}. They are kept: {options} between"
 
 
@@ -65,7 +65,7 @@ def without_leaps(
         near[[0, -1]] = False
         smooth = q.copy()
         smooth[near] = PchipInterpolator(time[~near], q[~near])(time[near])
-        if not len(leaps(smooth, time, frames)) or width >= widest:
+        if not len(joint_jumps(smooth, time, frames)) or width >= widest:
             return smooth, width
         width = min(2 * width, widest)
 

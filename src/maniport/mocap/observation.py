@@ -41,7 +41,7 @@ class Observation:
     trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
     notes: tuple[str, ...]  # what was done
-    doubts: tuple[str, ...]  # what of it changes the outcome, but for frames that are left out
+    quality_warnings: tuple[str, ...]  # what of it changes the outcome, but for frames that are left out
 
     @property
     def time(self) -> Array:
@@ -70,8 +70,8 @@ def observe(
         del roles["hand"], points["hand"]
     trunk = trunk_rotation(used, roles)
     frames = _complete_frames(used, points, trunk, notes)
-    doubts = used.doubts[len(recording.doubts) :]
-    return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), doubts)
+    quality_warnings = used.quality_warnings[len(recording.quality_warnings) :]
+    return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), quality_warnings)
 
 
 def vectors_of(points: Recording | Basis, roles: Mapping[str, Any], side: str) -> dict[str, Array]:

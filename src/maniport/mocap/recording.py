@@ -44,7 +44,7 @@ class Recording(ShownInNotebooks):
         Name of the file.
     notes : sequence of str
         What was recognized or repaired while reading.
-    doubts : sequence of str
+    quality_warnings : sequence of str
         Data-quality warnings: where the points contradict the options that were passed.
     format : str
         Key of `maniport.mocap.READERS`; empty without a file.
@@ -63,7 +63,7 @@ class Recording(ShownInNotebooks):
     up: str = "z"
     source: str = ""
     notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    quality_warnings: tuple[str, ...] = ()
     format: str = ""
     measured: bool = True
 
@@ -78,7 +78,7 @@ class Recording(ShownInNotebooks):
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "notes", tuple(map(str, self.notes)))
-        object.__setattr__(self, "doubts", tuple(map(str, self.doubts)))
+        object.__setattr__(self, "quality_warnings", tuple(map(str, self.quality_warnings)))
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -136,7 +136,7 @@ class Recording(ShownInNotebooks):
         return replace(self, names=selected, positions=np.stack(points, axis=1))
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
-        """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `doubts`.
+        """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `quality_warnings`.
 
         Raises
         ------
@@ -144,11 +144,14 @@ class Recording(ShownInNotebooks):
             When no frame lies in that interval.
         """
         keep = frames_between(self.time, start, stop)
-        doubts = self.doubts
+        quality_warnings = self.quality_warnings
         tolerance = 1.5 / self.rate if len(self) > 1 else 0.0  # the end of the last frame, or its rounding
         if stop is not None and stop > self.time[-1] + tolerance:
-            doubts = (*doubts, f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s")
-        return replace(self, positions=self.positions[keep], time=self.time[keep], doubts=doubts)
+            quality_warnings = (
+                *quality_warnings,
+                f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s",
+            )
+        return replace(self, positions=self.positions[keep], time=self.time[keep], quality_warnings=quality_warnings)
 
     def resample(self, rate: float) -> "Recording":
         """Interpolate linearly at another rate [Hz]; missing points stay missing.

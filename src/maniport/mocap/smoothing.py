@@ -53,7 +53,7 @@ def as_smoothing(value: Any) -> float | None:
 
 
 def smoothed(recording: Recording, cutoff: float | None = None) -> Recording:
-    """Smooth the noisy points, or all up to a cutoff [Hz]; `doubts` reports noise and smoothing.
+    """Smooth the noisy points, or all up to a cutoff [Hz]; `quality_warnings` reports noise and smoothing.
 
     Below 20 frames a second motion cannot be told from noise, and runs of less than 12 frames are kept.
     """
@@ -69,7 +69,7 @@ def smoothed(recording: Recording, cutoff: float | None = None) -> Recording:
     text = f"{names} jitter by {_span(1e3 * amounts[noisy])} mm" if len(noisy) else ""
     if cutoff == np.inf:
         doubt = f"{text}; {argument('smooth', AUTO)} smooths them"
-        return replace(recording, doubts=(*recording.doubts, doubt)) if text else recording
+        return replace(recording, quality_warnings=(*recording.quality_warnings, doubt)) if text else recording
     positions, used = recording.positions.copy(), []
     for i in noisy if cutoff is None else range(len(amounts)):
         for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
@@ -82,7 +82,7 @@ def smoothed(recording: Recording, cutoff: float | None = None) -> Recording:
     if cutoff is not None:
         return replace(recording, positions=positions, notes=(*recording.notes, f"{how}, as asked for"))
     doubt = f"{text} and were {how}; {argument('smooth', 'off')} leaves them as they are"
-    return replace(recording, positions=positions, doubts=(*recording.doubts, doubt))
+    return replace(recording, positions=positions, quality_warnings=(*recording.quality_warnings, doubt))
 
 
 def _span(values: Array | list[float]) -> str:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from maniport.motion.plan.plan_motion import plan_motion
     from maniport.motion.plan.planned_motion import PlannedMotion
     from maniport.motion.plan.planner import Planner
-    from maniport.motion.plan.reachability_map import Atlas
+    from maniport.motion.plan.reachability_map import ReachabilityMap
     from maniport.motion.plan.time_parameterization import Timed, retime
     from maniport.motion.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
 
@@ -53,7 +53,7 @@ _LAZY = {
     "plan.plan_motion": ("plan_motion",),
     "plan.planned_motion": ("PlannedMotion",),
     "plan.planner": ("Planner",),
-    "plan.reachability_map": ("Atlas",),
+    "plan.reachability_map": ("ReachabilityMap",),
     "plan.time_parameterization": ("Timed", "retime"),
     "tasks": ("ManipulabilityEllipsoidTask", "OrientationTask", "PositionTask"),
 }
@@ -62,7 +62,6 @@ _HOMES = {name: module for module, names in _LAZY.items() for name in names}
 
 __all__ = [
     "ArmsPlanner",
-    "Atlas",
     "BrakingLimit",
     "CollisionLimit",
     "Control",
@@ -81,6 +80,7 @@ __all__ = [
     "PlannedMotion",
     "Planner",
     "PositionTask",
+    "ReachabilityMap",
     "SeedBank",
     "Timed",
     "TrackResult",

@@ -46,4 +46,4 @@ EFFORTS = {
 
 def as_effort(value: str) -> Effort:
     """Return the effort of a name."""
-    return EFFORTS[as_choice(value, "effort", tuple(EFFORTS))]
+    return EFFORTS[as_choice(value, "planning_effort", tuple(EFFORTS))]

@@ -105,7 +105,7 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
     >>> import maniport as mp
     >>> arm = mp.load_arm("panda", frame="panda_hand_tcp")
     >>> CollisionLimit(mp.Collisions.of(arm, table=0.0))
-    CollisionLimit(Collisions('panda', 36 pairs, padding 0 m), margin=0.02, reach=0.1, gain=0.3)
+    CollisionLimit(Collisions('panda', 36 pairs, padding 0 m), joint_limit_margin=0.02, reach=0.1, gain=0.3)
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class CollisionLimit(Limit):  # type: ignore[misc]  # Pink is untyped
         self._watch = collisions.watch(self.reach)  # steps are small: what was far apart need not be looked at
 
     def __repr__(self) -> str:
-        return f"CollisionLimit({self.collisions!r}, margin={self.margin}, reach={self.reach}, gain={self.gain})"
+        return f"CollisionLimit({self.collisions!r}, joint_limit_margin={self.margin}, reach={self.reach}, gain={self.gain})"
 
     def near(self, q: Array) -> tuple[Array, Array]:
         """Distances (k,) of the pairs within reach at q (dof,), and their derivatives (k, dof)."""

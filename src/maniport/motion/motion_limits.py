@@ -60,7 +60,7 @@ class MotionLimits:
         cls,
         arm: Arm | ArmGroup,
         given: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-        margin: float = MARGIN,
+        joint_limit_margin: float = MARGIN,
     ) -> "MotionLimits":
         """Take limits from the argument, else from the maker, else from the arm's description, else from defaults.
 
@@ -71,7 +71,7 @@ class MotionLimits:
             A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
             ``default: {velocity:, acceleration:, jerk:}`` for the other joints, all of it optional. The Panda's
             accelerations and jerks are known, and recognized by the names of its joints.
-        margin : float
+        joint_limit_margin : float
             Share of each joint's range that is kept free at either end, in [0, 0.4], unless ``lower`` or ``upper`` is
             given.
 
@@ -82,7 +82,7 @@ class MotionLimits:
         InvalidInputError
             The same for a mapping; or for another margin.
         """
-        share = as_number(margin, "margin", minimum=0.0, maximum=0.4)
+        share = as_number(joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
         is_file = isinstance(given, str | os.PathLike)
         where = str(given) if is_file else "limits"
         try:

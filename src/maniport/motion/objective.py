@@ -49,7 +49,7 @@ HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellip
 
 def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
     """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
-    if as_choice(keep, "keep", (POINTING, WHOLE)) == POINTING:
+    if as_choice(keep, "orientation_axes", (POINTING, WHOLE)) == POINTING:
         return 0.0, 0.0, weight
     return (weight / math.sqrt(2.0),) * 3
 
@@ -57,9 +57,9 @@ def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, 
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
     """Convert to a damping whose ε [unit of M] is known."""
     asked = damping if isinstance(damping, Regularization) else Regularization(damping)
-    if asked.floor is not None:
+    if asked.eigenvalue_floor is not None:
         raise InvalidInputError(
-            f"damping must be a number, None or a Regularization by damping; found a floor of {asked.floor:g}, which "
+            f"damping must be a number, None or a Regularization by damping; found a floor of {asked.eigenvalue_floor:g}, which "
             "has no derivative where it sets in. Regularization.absolute(...) adds a fixed amount"
         )
     if asked.damping is not None and asked.epsilon == 0.0:

@@ -35,7 +35,7 @@ from maniport.pipeline.both_result import BothResult
 from maniport.pipeline.execution import Execution, placed_rows
 from maniport.pipeline.follow import controls
 from maniport.pipeline.job import checked
-from maniport.pipeline.parts import Adapted, KnownRobot, Shown
+from maniport.pipeline.parts import RobotModel, Shown, TransferOutput
 from maniport.pipeline.turns import turned_freely, turned_tips
 from maniport.pipeline.work import FREE, Job, warned
 from maniport.spd.regularization import Regularization
@@ -62,10 +62,10 @@ def transfer_both(
     markers: Mapping[str, Mapping[str, Any]] | None = None,
     height: float | None = None,
     smooth: str | float = AUTO,
-    leaps: str = KEEP,
-    mounting: ArrayLike | None = None,
+    jumps: str = KEEP,
+    base_rotation: ArrayLike | None = None,
     damping: float | None = DAMPING,
-    floor: float | None = None,
+    eigenvalue_floor: float | None = None,
     n_teacher: int = TEACHER_SAMPLES,
     n_student: int = STUDENT_SAMPLES,
     move: bool = True,
@@ -85,12 +85,12 @@ def transfer_both(
     ----------
     recording : Recording, str or Path
         Of a person whose both arms are recorded, such as the shipped ``"both-arms"``.
-    person, markers, height, smooth, leaps : optional
+    person, markers, height, smooth, jumps : optional
         As in `fit_arms`.
     robot, frames, bases, lock : optional
         `ArmGroup`, or what `maniport.load_arms` takes.
-    method, spec, mounting, damping, floor, n_teacher, n_student, move, orientation, random_state, progress : optional
-        As in `transfer_recording`, for each arm; the mounting is from the trunk frame to that of the pair.
+    method, spec, base_rotation, damping, floor, n_teacher, n_student, move, orientation, random_state, progress : optional
+        As in `transfer_recording`, for each arm; the base orientation is from the trunk frame to that of the pair.
     tips : {"placed", "relative"}
         Whether the tips are on the paths of the hands, or only as the hands are beside one another.
     **control
@@ -105,22 +105,22 @@ def transfer_both(
     specs = arms.specs(spec)
     if not isinstance(spec.joint_weights, str | None):
         raise InvalidInputError("spec: both arms are placed and planned without weights of single joints; found some")
-    person_told = {"person": person, "side": AUTO, "height": height, "smooth": smooth, "leaps": leaps}
+    person_told = {"person": person, "side": AUTO, "height": height, "smooth": smooth, "jumps": jumps}
     settings, tracked = controls(control)
     if tracked:
         raise TypeError(f"unexpected option {sorted(tracked)[0]!r}: both arms are planned, not tracked step by step")
     if as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE and settings.get("workspace") is not None:
         raise InvalidInputError("workspace says where paths are placed; with tips='relative' the tips leave them")
-    kept = {"keep": settings["keep"]} if "keep" in settings else {}
+    kept = {"orientation_axes": settings["orientation_axes"]} if "keep" in settings else {}
     given: dict[str, Any] = {
-        "mounting": mounting, "damping": damping, "floor": floor, "n_teacher": n_teacher, "n_student": n_student,
+        "base_rotation": base_rotation, "damping": damping, "eigenvalue_floor": eigenvalue_floor, "n_teacher": n_teacher, "n_student": n_student,
         "move": False, "orientation": orientation, "random_state": random_state, "progress": progress,
     }  # fmt: skip
     left, right = (
         checked(person_told, arm, method, kept, spec=own, **given) for arm, own in zip(arms.each, specs, strict=True)
     )
     ready = PlanControl(**settings).resolved(arms) if move else None
-    whose = {"person": person, "markers": markers, "height": height, "smooth": smooth, "leaps": leaps}
+    whose = {"person": person, "markers": markers, "height": height, "smooth": smooth, "jumps": jumps}
     job = BothJob(arms, (left, right), spec, whose, ready, tips, progress or untold)
     with threadpool_limits(1):
         found, said = warned(lambda: job.run(left.read(recording)))
@@ -183,10 +183,10 @@ class BothJob:
         planner = ArmsPlanner.of(
             settings.motion_limits, self.spec.velocity, settings.collisions, np.random.default_rng(seed)
         )
-        self.tell(KNOW, 1.0, " and ".join(f"{len(one.atlas)} postures" for one in planner.each))
+        self.tell(KNOW, 1.0, " and ".join(f"{len(one.reachability_map)} postures" for one in planner.each))
         return planner
 
-    def known(self, planner: ArmsPlanner | None) -> tuple[KnownRobot, KnownRobot]:
+    def known(self, planner: ArmsPlanner | None) -> tuple[RobotModel, RobotModel]:
         """Get to know what each arm can make, in postures in which neither collides with the other."""
         job, step = self.each[0], "sample the domains of the robot's arms"
         self.tell(step, 0.0)
@@ -194,10 +194,10 @@ class BothJob:
         domains = sample_domains(self.arms, job.sizes[1], job.seed + 1, spec=self.spec, collisions=apart)
         self.tell(step, 1.0, f"{job.sizes[1]} ellipsoids of each")
         planners, random = (None, None) if planner is None else planner.each, np.random.default_rng(job.seed)
-        return KnownRobot(planners[0], domains[0], random), KnownRobot(planners[1], domains[1], random)
+        return RobotModel(planners[0], domains[0], random), RobotModel(planners[1], domains[1], random)
 
     def moved(
-        self, planner: ArmsPlanner, shown: Sequence[Shown], found: Sequence[Adapted]
+        self, planner: ArmsPlanner, shown: Sequence[Shown], found: Sequence[TransferOutput]
     ) -> tuple[PlannedArms, list[Execution | None]]:
         """Let the arms follow their target ellipsoids along the paths of the hands, which get one place."""
         assert self.control is not None
@@ -213,9 +213,9 @@ class BothJob:
             [one.limits.arm for one in planner.each],
             turn=_common_turn([one.adapter.turn_ for one in found]),
             workspace=settings.workspace,
-            atlases=[one.atlas for one in planner.each],
+            reachability_maps=[one.reachability_map for one in planner.each],
             banks=[one.bank for one in planner.each],
-            effort=settings.effort,
+            planning_effort=settings.planning_effort,
             random_state=np.random.default_rng(job.seed),
             **{**same, "time": time[rows]},
         )
@@ -224,7 +224,7 @@ class BothJob:
             "paths": [one.apply(each.hand) for one, each in zip(placed, shown, strict=True)],
             "tips": self.tips,
             "planner": planner,
-            "node_floors": [interpolated_distance(rows, one.distance, len(time)) for one in placed],
+            "pointwise_bests": [interpolated_distance(rows, one.distance, len(time)) for one in placed],
             **{one.name: getattr(settings, one.name) for one in fields(settings)},
             **same,
         }
@@ -252,7 +252,9 @@ class BothJob:
         if not any(each):
             return None
         return [
-            turned_tips(one.get("rotations"), one.get("direction"), place, len(whose.fit), self.control.keep)
+            turned_tips(
+                one.get("rotations"), one.get("direction"), place, len(whose.fit), self.control.orientation_axes
+            )
             for one, place, whose in zip(each, placed, shown, strict=True)
         ]
 
@@ -260,7 +262,7 @@ class BothJob:
         """Feasibility gap of an arm's targets."""
         assert self.control is not None
         same: dict[str, Any] = {"spec": plan.spec, "damping": plan.damping, "progress": self.tell}
-        effort = as_effort(self.control.effort).of_gap
+        effort = as_effort(self.control.planning_effort).of_gap
         return feasibility_gap(planner.limits.arm, plan.target, bank=planner.bank, **effort, **same)
 
 

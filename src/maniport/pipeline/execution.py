@@ -87,7 +87,7 @@ class Execution(SavedResult):
     @property
     def parts(self) -> "Parts":
         """Where the mean distance comes from."""
-        mean, floor, gap = (float(np.mean(one)) for one in (self.motion.distance, self.plan.node_floor, self.gap))
+        mean, floor, gap = (float(np.mean(one)) for one in (self.motion.distance, self.plan.pointwise_best, self.gap))
         return Parts(gap, floor - gap, mean - floor)
 
     def write_data(self, folder: Path) -> None:

@@ -61,13 +61,13 @@ def follow(
     seed = random_state if isinstance(random_state, int) else None
 
     def placed(reaching: bool) -> tuple[Placement, Array]:
-        """Place the path, judged by some of its points, and the node floor there, at all points (n,)."""
+        """Place the path, judged by some of its points, and the pointwise optimum there, at all points (n,)."""
         assert path is not None
         points, ellipsoids = as_finite(path, "path"), as_finite(profile, "profile")
         rows, times = placed_rows(len(points)), as_times(time, count=len(points))
         placement = place_path(
             points[rows], ellipsoids[rows], planner.limits.arm, time=times[rows], whole=points if reaching else None,
-            turn=turn, bank=planner.bank, atlas=planner.atlas, workspace=settings.workspace, effort=settings.effort,
+            turn=turn, bank=planner.bank, reachability_map=planner.reachability_map, workspace=settings.workspace, planning_effort=settings.planning_effort,
             random_state=generator, **same,
         )  # fmt: skip
         return placement, interpolated_distance(rows, placement.distance, len(points))
@@ -82,19 +82,19 @@ def follow(
             "time": time,
             "path": tips,
             "planner": planner,
-            "node_floor": floor,
+            "pointwise_best": floor,
             "random_state": generator,
         }
         if rotations is not None or direction is not None:
             free = plan_motion(arm, target, **planned, **same | {"progress": turned_freely(progress)})
-            turned = turned_tips(rotations, direction, placement, len(free.time), settings.keep)
+            turned = turned_tips(rotations, direction, placement, len(free.time), settings.orientation_axes)
         plan = plan_motion(arm, target, rotations=turned, **planned, **same)
         motion, room = cast(TrackResult, plan), plan.room
         if tracking:
             more = tracking | {"reference": plan.joint_positions, "rotations": turned}
             motion = track(arm, target, time=plan.time, path=tips, **more, **same)
             room = Room.of(planner.collisions, motion)
-        gap = feasibility_gap(arm, target, bank=planner.bank, **as_effort(settings.effort).of_gap, **same)
+        gap = feasibility_gap(arm, target, bank=planner.bank, **as_effort(settings.planning_effort).of_gap, **same)
         return Execution(robot, placement, plan, motion, room, gap, planner.collisions, free, seed)
 
     if path is None or not place:

@@ -37,10 +37,10 @@ def transfer_recording(
     side: str = AUTO,
     height: float | None = None,
     smooth: str | float = AUTO,
-    leaps: str = KEEP,
-    mounting: ArrayLike | None = None,
+    jumps: str = KEEP,
+    base_rotation: ArrayLike | None = None,
     damping: float | None = DAMPING,
-    floor: float | None = None,
+    eigenvalue_floor: float | None = None,
     n_teacher: int = TEACHER_SAMPLES,
     n_student: int = STUDENT_SAMPLES,
     move: bool = True,
@@ -55,7 +55,7 @@ def transfer_recording(
     ----------
     recording : Recording, LearnedProfile, str or Path
         A recording, a file of one, or what `maniport.learn` made of several, for which the next six are known.
-    person, markers, side, height, smooth, leaps : optional
+    person, markers, side, height, smooth, jumps : optional
         The model of the human arm, points of the recording by role, which arm of the person, the body height [m], what
         is done about jitter and leaps; see `fit_arm`.
     robot : Arm, str or Path
@@ -65,10 +65,10 @@ def transfer_recording(
         "auto": the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`.
     spec : EllipsoidSpec
         Which ellipsoids.
-    mounting : array_like, shape (3, 3), optional
+    base_rotation : array_like, shape (3, 3), optional
         Rotation from the person's trunk frame (x forward, y left, z up) to the robot's base frame. Default: the
         identity; the robot then faces where the person faces.
-    damping, floor : float, optional
+    damping, eigenvalue_floor : float, optional
         Regularization of singular ellipsoids; see `maniport.spd.regularization`.
     n_teacher, n_student : int
         Sizes of the sampled domains, at least 2.
@@ -76,11 +76,11 @@ def transfer_recording(
         Whether the robot shall follow; False ends with its target ellipsoids.
     orientation : {"free", "demonstrated", "constant"} or array_like of shape (3,)
         How the robot's tip is turned: as serves the ellipsoids best, like the person's hand, like that at the start, or
-        z in a direction of the base frame. See `maniport.arms.human.hand_rotations`, `keep`, `orientation_weight`.
+        z in a direction of the base frame. See `maniport.arms.human.hand_rotations`, `orientation_axes`, `orientation_weight`.
     random_state, progress : optional
         Seed of everything that is drawn; called with the name of a step and the fraction done.
     **control
-        Options of the planner, such as position_tolerance, tempo or home, or of the tracker, such as tasks and limits
+        Options of the planner, such as position_tolerance, speed_scale or home, or of the tracker, such as tasks and limits
         of one's own. See `maniport.pipeline.follow.follow`.
 
     Raises
@@ -88,10 +88,10 @@ def transfer_recording(
     ManiportError
         When an input cannot be used.
     """
-    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
+    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
     job = checked(
-        whose, robot if isinstance(robot, Arm) else load_arm(robot), method, control, spec=spec, mounting=mounting,
-        damping=damping, floor=floor, n_teacher=n_teacher, n_student=n_student, move=move, orientation=orientation,
+        whose, robot if isinstance(robot, Arm) else load_arm(robot), method, control, spec=spec, base_rotation=base_rotation,
+        damping=damping, eigenvalue_floor=eigenvalue_floor, n_teacher=n_teacher, n_student=n_student, move=move, orientation=orientation,
         random_state=random_state, progress=progress,
     )  # fmt: skip
     return job.run(recording)
@@ -104,9 +104,9 @@ def checked(
     control: Mapping[str, Any],
     *,
     spec: EllipsoidSpec = VELOCITY,
-    mounting: ArrayLike | None = None,
+    base_rotation: ArrayLike | None = None,
     damping: float | None = DAMPING,
-    floor: float | None = None,
+    eigenvalue_floor: float | None = None,
     n_teacher: int = TEACHER_SAMPLES,
     n_student: int = STUDENT_SAMPLES,
     move: bool = True,
@@ -117,11 +117,11 @@ def checked(
     """Check what `transfer_recording` is asked for, of which these are the parameters, before any long work."""
     require_person(**{name: value for name, value in whose.items() if name != "markers"})
     seed = as_count(random_state, "random_state", minimum=0)
-    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
+    turn = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
     return Job(
         whose,
         robot,
-        _adapter(method, seed, {"damping": damping, "floor": floor, "mounting": turn}),
+        _adapter(method, seed, {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "base_rotation": turn}),
         spec,
         turn,
         (as_count(n_teacher, "n_teacher", minimum=2), as_count(n_student, "n_student", minimum=2)),
@@ -135,7 +135,7 @@ def checked(
 
 def _adapter(method: str | DomainAdapter, seed: int, shared: dict[str, Any]) -> DomainAdapter | dict[str, Any]:
     """Make an unfitted adapter, or return what that one will get which is to be chosen."""
-    Regularization(shared["damping"], shared["floor"])
+    Regularization(shared["damping"], shared["eigenvalue_floor"])
     if isinstance(method, str) and as_choice(method, "method", (AUTO, *METHODS)) == AUTO:
         return shared
     return method_of(method, random_state=seed, **shared)
@@ -148,7 +148,7 @@ def checked_control(robot: Arm, given: Mapping[str, Any], orientation: str | Arr
     if isinstance(orientation, str):
         as_choice(orientation, "orientation", ORIENTATIONS)
     else:
-        facing(orientation, settings.keep)
+        facing(orientation, settings.orientation_axes)
     if not move:
         return dict(given)
     ready = settings.resolved(robot)

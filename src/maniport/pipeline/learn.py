@@ -41,10 +41,10 @@ def learn(
     side: str = AUTO,
     height: float | None = None,
     smooth: str | float = AUTO,
-    leaps: str = KEEP,
+    jumps: str = KEEP,
     lengths: str = "mean",
     damping: float | None = DAMPING,
-    floor: float | None = None,
+    eigenvalue_floor: float | None = None,
     components: int | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
@@ -62,14 +62,14 @@ def learn(
     segments : "auto" or sequence, one entry for each recording, optional
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
         (`maniport.mocap.repetitions`); None for the whole recording.
-    person, markers, side, height, smooth, leaps : optional
+    person, markers, side, height, smooth, jumps : optional
         For all recordings; see `fit_arm`.
     spec : EllipsoidSpec
         Which ellipsoids.
     lengths : {"mean", "own"}
         With "mean" all ellipsoids are made by one arm with the mean of all lengths, so that ways of using an arm are
         compared; with "own" sizes count, too: in equal postures by 2 √3 log of the ratio of lengths, 0.33 for 10 %.
-    damping, floor : float, optional
+    damping, eigenvalue_floor : float, optional
         Regularization of ellipsoids, which are singular where an arm is stretched; see `maniport.spd.regularization`.
     components : int, optional
         Number of Gaussians. Default: of 1, 2, 4, 8, 16 and 32 the last before the BIC grows.
@@ -81,13 +81,13 @@ def learn(
     ManiportError
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
-    require_person(person, side, height, smooth, leaps)
+    require_person(person, side, height, smooth, jumps)
     as_choice(lengths, "lengths", ("mean", "own"))
-    regularization = Regularization(damping, floor)
+    regularization = Regularization(damping, eigenvalue_floor)
     seed = as_count(random_state, "random_state", minimum=0)
     count = None if components is None else as_count(components, "components")
     parts = _checked(recordings, segments)
-    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "leaps": leaps}
+    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
     shown = _demonstrations(recordings, parts, whose, progress)
     arm = _common_arm(person, shown)
     own = [human_arm(person, arm.side or RIGHT, lengths=one.fit.segment_lengths) for one in shown]
@@ -181,7 +181,7 @@ def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator
                 f"segments of {source} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
             )
     fit = fit_arm(recording, **whose)
-    doubts = tuple(f"{source}: {doubt}" for doubt in (*recording.doubts, *fit.doubts))
+    quality_warnings = tuple(f"{source}: {doubt}" for doubt in (*recording.quality_warnings, *fit.quality_warnings))
     for segment in repetitions(fit) if segments == AUTO else segments:
         start, stop = segment or (first, last)
         frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
@@ -191,7 +191,7 @@ def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator
                 f"a demonstration needs at least {FEWEST}"
             )
         name = source if segment is None else f"{source} {start:.4g}–{stop:.4g} s"
-        yield Demonstration(name, recording, fit.crop(start, stop), doubts)
+        yield Demonstration(name, recording, fit.crop(start, stop), quality_warnings)
 
 
 def _common_arm(person: str, shown: Sequence[Demonstration]) -> Arm:

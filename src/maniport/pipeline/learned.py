@@ -25,7 +25,7 @@ class Demonstration:
     name: str
     recording: Recording  # the whole of it
     fit: ArmFit  # the person's arm in this part
-    doubts: tuple[str, ...]  # warnings of the recording and of the arm fit
+    quality_warnings: tuple[str, ...]  # warnings of the recording and of the arm fit
 
 
 @dataclass(frozen=True, eq=False)

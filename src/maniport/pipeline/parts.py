@@ -34,7 +34,7 @@ class Shown:
 
 
 @dataclass(frozen=True, eq=False)
-class KnownRobot:
+class RobotModel:
     """What is known of a robot before it is shown anything, so that many recordings may share it."""
 
     planner: Planner | None  # None where the robot shall or can not move
@@ -45,7 +45,7 @@ class KnownRobot:
 
 
 @dataclass(frozen=True, eq=False)
-class Adapted:
+class TransferOutput:
     """What a robot is asked for: its target ellipsoids (n, d, d), by which adapter and how that came about."""
 
     adapter: DomainAdapter

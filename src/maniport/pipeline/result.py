@@ -47,7 +47,7 @@ class TransferResult(SavedResult):
     random_state : int
     spec : EllipsoidSpec
         Which ellipsoids were transferred.
-    mounting : ndarray, shape (3, 3)
+    base_rotation : ndarray, shape (3, 3)
         Rotation from the person's trunk frame to the robot's base frame.
     warnings : tuple of str
         What the steps warned of.
@@ -72,7 +72,7 @@ class TransferResult(SavedResult):
     seconds_to_fit: float
     random_state: int
     spec: EllipsoidSpec
-    mounting: Array
+    base_rotation: Array
     warnings: tuple[str, ...]
     choice: Choice | None = None
 

@@ -25,7 +25,7 @@ from maniport.motion.objective import Damping
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.follow import controls, follow
 from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.parts import FEWEST, Adapted, Fitted, KnownRobot, Shown
+from maniport.pipeline.parts import FEWEST, Fitted, RobotModel, Shown, TransferOutput
 from maniport.pipeline.result import TransferResult
 from maniport.transfer import DomainAdapter, LengthField, name_of
 from maniport.util.defaults import DAMPING
@@ -46,9 +46,9 @@ class Job:
     whose: Mapping[str, Any]  # What `fit_arm` is told of the person
     robot: Arm
     adapter: DomainAdapter | Mapping[str, Any]
-    """Unfitted; or the regularisation and the mounting of one that is to be chosen."""
+    """Unfitted; or the regularisation and the base_rotation of one that is to be chosen."""
     spec: EllipsoidSpec
-    mounting: Array
+    base_rotation: Array
     sizes: tuple[int, int]
     orientation: str | ArrayLike
     control: Mapping[str, Any]
@@ -71,29 +71,29 @@ class Job:
         found, said = warned(lambda: self._shown(recording))
         return replace(found, warnings=said)
 
-    def known(self) -> KnownRobot:
+    def known(self) -> RobotModel:
         """Get to know the robot."""
         found, said = warned(self._known)
         return replace(found, warnings=said)
 
-    def transferred(self, shown: Shown, known: KnownRobot, given: Fitted | None = None) -> TransferResult:
+    def transferred(self, shown: Shown, known: RobotModel, given: Fitted | None = None) -> TransferResult:
         """What becomes of a recording on a robot."""
         adapter, before = given or (None, ())
         result, said = warned(lambda: self._transferred(shown, known, adapter))
         every = dict.fromkeys((*shown.warnings, *known.warnings, *before, *said))
         return replace(result, warnings=tuple(every))
 
-    def fit_adapter(self, person: Arm, known: KnownRobot) -> Fitted:
+    def fit_adapter(self, person: Arm, known: RobotModel) -> Fitted:
         """Fit the adapter of the job, where none is to be chosen, to a person's arm."""
         (adapter, _), said = warned(lambda: self.fitted(person, self.teacher(person), known, None))
         return adapter, said
 
-    def _transferred(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None) -> TransferResult:
+    def _transferred(self, shown: Shown, known: RobotModel, given: DomainAdapter | None) -> TransferResult:
         found = self.adapted(shown, known, given)
         execution = None if known.planner is None else self.execute(found, shown, known)
         return self.result(shown, known, found, execution, judged=given is None)
 
-    def adapted(self, shown: Shown, known: KnownRobot, given: DomainAdapter | None = None) -> Adapted:
+    def adapted(self, shown: Shown, known: RobotModel, given: DomainAdapter | None = None) -> TransferOutput:
         """What the robot is asked for, by the adapter that is given, or one that is fitted now."""
         person = shown.fit.arm
         teacher, started = self.teacher(person), clock.perf_counter()
@@ -101,10 +101,10 @@ class Job:
         if adapter is None:
             adapter, choice = self.fitted(person, teacher, known, shown.demonstrated)
         seconds = clock.perf_counter() - started
-        return Adapted(adapter, adapter.transform(shown.demonstrated), teacher, seconds, choice)
+        return TransferOutput(adapter, adapter.transform(shown.demonstrated), teacher, seconds, choice)
 
     def result(
-        self, shown: Shown, known: KnownRobot, found: Adapted, execution: Execution | None, judged: bool
+        self, shown: Shown, known: RobotModel, found: TransferOutput, execution: Execution | None, judged: bool
     ) -> TransferResult:
         """All of it, `judged` beside simpler ways."""
         evaluation = None if found.choice is None else found.choice.evaluation
@@ -126,7 +126,7 @@ class Job:
             seconds_to_fit=found.seconds,
             random_state=self.seed,
             spec=self.spec,
-            mounting=self.mounting,
+            base_rotation=self.base_rotation,
             warnings=(),
             choice=found.choice,
         )
@@ -157,7 +157,7 @@ class Job:
         self.tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
         return motion
 
-    def _known(self) -> KnownRobot:
+    def _known(self) -> RobotModel:
         random = np.random.default_rng(self.seed)
         planner = self.planner(random)
         step, count = "sample the robot's domain", self.sizes[1]
@@ -165,7 +165,7 @@ class Job:
         apart = None if planner is None else planner.collisions
         domain = sample_domain(self.robot, count, self.seed + 1, spec=self.spec, collisions=apart)
         self.tell(step, 1.0, f"{count} ellipsoids of {self.robot.name}")
-        return KnownRobot(planner, domain, random)
+        return RobotModel(planner, domain, random)
 
     def planner(self, generator: np.random.Generator) -> Planner | None:
         """What plans the robot's motion; None where it shall or can not move."""
@@ -176,7 +176,7 @@ class Job:
             return None
         self.tell("get to know the robot", 0.0)
         planner = PlanControl(**controls(self.control)[0]).planner(self.robot, self.spec.velocity, generator)
-        self.tell("get to know the robot", 1.0, f"{len(planner.atlas)} postures")
+        self.tell("get to know the robot", 1.0, f"{len(planner.reachability_map)} postures")
         return planner
 
     def bank(self, planner: Planner | None) -> SeedBank | None:
@@ -192,7 +192,7 @@ class Job:
         return domain
 
     def fitted(
-        self, person: Arm, teacher: Array, known: KnownRobot, demonstrated: Array | None
+        self, person: Arm, teacher: Array, known: RobotModel, demonstrated: Array | None
     ) -> tuple[DomainAdapter, Choice | None]:
         """Fit the adapter, or choose one by what was demonstrated; return it and the choice."""
         bank = self.bank(known.planner)
@@ -212,7 +212,7 @@ class Job:
         self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
         return adapter, None
 
-    def execute(self, found: Adapted, shown: Shown, known: KnownRobot) -> Execution:
+    def execute(self, found: TransferOutput, shown: Shown, known: RobotModel) -> Execution:
         """Let the robot follow the target ellipsoids along the person's hand path."""
         profile, damping = self.asked(found)
         followed = follow(
@@ -231,7 +231,7 @@ class Job:
         )
         return replace(followed, random_state=self.seed)
 
-    def asked(self, found: Adapted) -> tuple[Array, Damping]:
+    def asked(self, found: TransferOutput) -> tuple[Array, Damping]:
         """The velocity ellipsoids that the robot shall make, and what is added before they are compared."""
         # a force ellipsoid is the inverse of the velocity ellipsoid, and distances are the same between inverses
         force, own = self.spec.kind == "force", found.adapter.student_regularization
@@ -247,7 +247,7 @@ class Job:
         hand = hand_rotations(fit.arm, fit.joint_angles)
         return {"rotations": hand if self.orientation == DEMONSTRATED else np.broadcast_to(hand[0], hand.shape)}
 
-    def judge(self, adapter: DomainAdapter, teacher: Array, known: KnownRobot, demonstrated: Array) -> Evaluation:
+    def judge(self, adapter: DomainAdapter, teacher: Array, known: RobotModel, demonstrated: Array) -> Evaluation:
         """Measure what was done beside simpler ways."""
         return evaluate(
             adapter,

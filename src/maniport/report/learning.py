@@ -37,9 +37,9 @@ HELD_OUT = ("learned", "plain_mean", "nearest_other", "one_for_all_times")
 def learned_report(learned: LearnedProfile) -> Report:
     """Report a learned profile, agreement of the demonstrations first."""
     k = len(learned.demonstrations)
-    doubts = (
+    quality_warnings = (
         *warnings_of("equal-demonstrations", _equal(learned)),
-        *warnings_of(RECORDING, [doubt for one in learned.demonstrations for doubt in one.doubts]),
+        *warnings_of(RECORDING, [doubt for one in learned.demonstrations for doubt in one.quality_warnings]),
         *warnings_of("demonstrations-differ", _differ(learned)),
     )
     lead = (
@@ -47,7 +47,7 @@ def learned_report(learned: LearnedProfile) -> Report:
         f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
     )
     sections = (_profile(learned), _demonstrations(learned), _settings(learned))
-    report = Report(f"A profile of {k} demonstrations", lead, sections, data_warnings=doubts)
+    report = Report(f"A profile of {k} demonstrations", lead, sections, data_warnings=quality_warnings)
     return replace(report, summary=_summary(learned, report.warning_keys))
 
 

@@ -114,7 +114,7 @@ class Summary:
     ----------
     title : str
         The outcome in one sentence.
-    text, doubts : str
+    text, quality_warnings : str
         What prevents a better outcome; what is doubtful about the data.
     advice, command : str
         The next step and its command, in which ``{folder}`` stands for the folder of the results; may be empty.
@@ -128,7 +128,7 @@ class Summary:
 
     title: str
     text: str = ""
-    doubts: str = ""
+    quality_warnings: str = ""
     advice: str = ""
     command: str = ""
     status: str = ""
@@ -278,7 +278,11 @@ DEFINITIONS = {
     "distance": ("Ellipsoid distance", "", "From target to achieved; 0.1 is one axis 5 % too long, 1 is 65 %."),
     "tip_error": ("Position error", "mm", "From the path to the end effector; position has priority over ellipsoids."),
     "orientation_error": ("Orientation error", "°", "Angle between the constrained axes and their target."),
-    "node_floor": ("Best pointwise solution found", "", "Per waypoint, with the end effector on its path; no bound."),
+    "pointwise_best": (
+        "Best pointwise solution found",
+        "",
+        "Per waypoint, with the end effector on its path; no bound.",
+    ),
     "feasibility_gap": (
         "Distance to the feasible set",
         "",

@@ -106,7 +106,9 @@ def plan_metrics(
     """Describe pointwise solutions, duration, limits and collisions of a motion."""
     time = motion.time if clock is None else clock
     robot, human = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
-    ratio = over_floor(motion.distance, plan.node_floor) if np.median(plan.node_floor) > 0.01 else None  # else no sense
+    ratio = (
+        over_floor(motion.distance, plan.pointwise_best) if np.median(plan.pointwise_best) > 0.01 else None
+    )  # else no sense
     broken = [
         f"{joint} at {share:.2f} times its {name}" for name, (joint, share) in exceeded_limits(motion, plan).items()
     ]
@@ -115,7 +117,7 @@ def plan_metrics(
         *assumed_limits(plan.limits),
         *collision_metrics(room, float(np.interp(room.time, motion.time, time)), collisions),
         *([] if collisions is None or not room.known else unchecked_links(collisions.unchecked)),
-        defined("node_floor", plan.node_floor, time),
+        defined("pointwise_best", plan.pointwise_best, time),
         Metric("Ratio to the best pointwise solution found", "" if ratio is None else f"{ratio:.2f}",
                "Ratio of root mean squares of the distance.", "over_node_floor", ratio),
         Metric("Duration", f"{robot:.1f} s (human {human:.1f} s)", "Time-scaled to satisfy the limits."
@@ -140,10 +142,10 @@ def used_limits(plan: PlannedMotion, motion: TrackResult, time: Array) -> Metric
 
 def _jumps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Metric]:
     """Return the position error at jumps of the recording and elsewhere."""
-    jumps, error = plan.leaps, motion.position_error
+    jumps, error = plan.jumps, motion.position_error
     value: dict[str, object] = {"points": int(jumps.sum())}
     if error is None or not jumps.any():
-        return [*numbers(leaps=value)]
+        return [*numbers(jumps=value)]
     texts = []
     for name, rows in (("there", jumps), ("elsewhere", ~jumps)):
         if rows.any():
@@ -152,7 +154,7 @@ def _jumps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Metric
             texts.append(f"{name} {1e3 * error[i]:.1f} mm {at_time(float(time[i]))}")
     text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {listed(texts)}"
     description = "Path or ellipsoids change four times as fast as around: mostly errors of the recording or its fit."
-    return [Metric("Jumps of the recording", text, description, "leaps", value)]
+    return [Metric("Jumps of the recording", text, description, "jumps", value)]
 
 
 def collision_metrics(room: Room, at: float, collisions: Collisions | None = None) -> list[Metric]:
@@ -169,7 +171,7 @@ def collision_metrics(room: Room, at: float, collisions: Collisions | None = Non
     hulls = ["the links"]
     if collisions is not None:
         hulls += ["the table"] if collisions.table is not None else []
-        hulls += ["the boxes"] if collisions.boxes else []
+        hulls += ["the obstacles"] if collisions.obstacles else []
     text = f"{share}; clearance {1e3 * room.clearance:.0f} mm ({between})"
     metric = Metric("Collisions", text, f"Between convex hulls of {' and '.join(hulls)}.", "collisions", value)
     collision = [warning("collision", f"the robot collides in {room.share:.1%} of the time: {between}")]

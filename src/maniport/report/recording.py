@@ -68,8 +68,8 @@ def recording_facts(
         Section("Roles of the points", (_family(assigned, roles[best][0]), *metrics), _role_tables(assigned), "arms"),
         _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
-    doubts = warnings_of(RECORDING, recording.doubts)
-    return Report(recording.source or "A recording", sections=sections, data_warnings=doubts)
+    quality_warnings = warnings_of(RECORDING, recording.quality_warnings)
+    return Report(recording.source or "A recording", sections=sections, data_warnings=quality_warnings)
 
 
 def recording_section(recording: Recording, points: bool = False) -> Section:
@@ -181,8 +181,10 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
 @describe.register
 def fit_report(fit: ArmFit) -> Report:
     """Describe the fit of a human arm."""
-    doubts = warnings_of(FIT, fit.doubts)
-    return Report(f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), data_warnings=doubts)
+    quality_warnings = warnings_of(FIT, fit.quality_warnings)
+    return Report(
+        f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), data_warnings=quality_warnings
+    )
 
 
 @describe.register
@@ -192,7 +194,7 @@ def fits_report(fits: ArmFits) -> Report:
     both = Section("Both arms", (statistics("Distance between the hands", "between_hands", apart, fits.time, "m"),))
     each = [replace(person_section(fit), title=f"Human {fit.arm.side} arm", key=str(fit.arm.side)) for fit in fits.each]
     title = f"{fits.left.arm.name} and {fits.right.arm.name}, fitted to a person"
-    return Report(title, sections=(both, *each), data_warnings=warnings_of(FIT, fits.doubts))
+    return Report(title, sections=(both, *each), data_warnings=warnings_of(FIT, fits.quality_warnings))
 
 
 def person_section(fit: ArmFit) -> Section:

@@ -71,7 +71,10 @@ def as_numbers(report: Report) -> dict[str, Any]:
     suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
     result: dict[str, Any] = {"title": report.title}
     if (summary := report.summary) is not None:
-        texts = {name: getattr(summary, name) for name in ("title", "text", "doubts", "advice", "command", "reasons")}
+        texts = {
+            name: getattr(summary, name)
+            for name in ("title", "text", "quality_warnings", "advice", "command", "reasons")
+        }
         result |= {"status": summary.status or None, "verdict": texts}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
     result["notes"] = list(report.notes)
@@ -93,7 +96,7 @@ def as_terminal(report: Report, folder: str, width: int = 80) -> str:
     paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
     lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
     lines += _columns(summary.metrics)
-    for text in (summary.text, summary.doubts):
+    for text in (summary.text, summary.quality_warnings):
         lines += textwrap.wrap(printable(text), width)
     for text in report.warnings:
         lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ")
@@ -172,7 +175,7 @@ def as_html(thing: Any) -> str:
 
 
 def _summary(summary: Summary, level: int) -> list[str]:
-    texts = [escaped(text) for text in (summary.status_text, summary.text, summary.doubts)]
+    texts = [escaped(text) for text in (summary.status_text, summary.text, summary.quality_warnings)]
     texts.append(escaped(summary.advice) + (f" `{printable(summary.command_for())}`" if summary.command else ""))
     paragraphs = [line for text in texts if text for line in (text, "")]
     return [f"{'#' * level} {escaped(summary.title)}", "", *paragraphs]

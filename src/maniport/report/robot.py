@@ -33,7 +33,9 @@ def arm_report(arm: Arm) -> Report:
         *chain_metrics(arm),
         *_coupled(arm),
         Metric("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
-        *([] if arm.side else assumed_limits(MotionLimits.of(arm, margin=0.0))),  # no motion of a person is planned
+        *(
+            [] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))
+        ),  # no motion of a person is planned
     )
     rows = tuple(zip(arm.joint_names, spans, _speeds(arm), strict=True))
     joints = Table(("joint", "position limits", "velocity limit"), rows, key="joints", value=limits)
@@ -204,7 +206,7 @@ def placement_section(placed: Placement, time: Array | None = None) -> Section:
     out = int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
-    pointwise = defined("node_floor", placed.distance, time)
+    pointwise = defined("pointwise_best", placed.distance, time)
     metrics = (
         *([warning("path-out-of-reach", text)] if out else []),
         Metric("Path", f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at "
@@ -213,7 +215,7 @@ def placement_section(placed: Placement, time: Array | None = None) -> Section:
         Metric("Base", f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
                "Rotation from the upright base about a horizontal axis.", "mount",
                {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()}),
-        *numbers(node_floor=pointwise.value, scale=float(placed.scale), yaw_deg=yaw, offset_m=offset,
+        *numbers(pointwise_best=pointwise.value, scale=float(placed.scale), yaw_deg=yaw, offset_m=offset,
                  points_out_of_reach=out, farthest_out_of_reach_mm=far),
     )  # fmt: skip
     return Section("Placement", metrics, key="placement")

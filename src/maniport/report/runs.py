@@ -32,7 +32,7 @@ from maniport.report.motion import collision_metrics, infeasible_targets, motion
 from maniport.report.recording import FIT, RECORDING, person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.summary import GREEN, mean_distance, motion_summary, status_of, unmoved
-from maniport.report.transfer import adapter_section, evaluation_section, mounting_in_words
+from maniport.report.transfer import adapter_section, base_rotation_text, evaluation_section
 from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.validation import Array
@@ -61,8 +61,11 @@ def run_report(result: TransferResult) -> Report:
         *(replace(section, folded=True) for section in (_adapter(result), person_section(result.fit),
                                                         recording_section(result.recording), _settings(result))),
     )  # fmt: skip
-    doubts = (*warnings_of(RECORDING, result.recording.doubts), *warnings_of(FIT, result.fit.doubts))
-    report = Report(f"{source[:1].upper()}{source[1:]} → {robot.name}", lead, sections, data_warnings=doubts)
+    quality_warnings = (
+        *warnings_of(RECORDING, result.recording.quality_warnings),
+        *warnings_of(FIT, result.fit.quality_warnings),
+    )
+    report = Report(f"{source[:1].upper()}{source[1:]} → {robot.name}", lead, sections, data_warnings=quality_warnings)
     if execution is None:
         return replace(report, summary=unmoved(result))
     return replace(report, summary=motion_summary(execution, report, result))
@@ -191,8 +194,8 @@ def _settings(result: TransferResult) -> Section:
         Metric("Ellipsoids", f"{count}, {spec.kind}, {spec.part}",
                "Human: trunk frame (x forward, y left, z up); robot: base frame.", "ellipsoids",
                {"kind": spec.kind, "part": spec.part, "count": count}),
-        Metric("Base rotation", mounting_in_words(result.mounting), "From the trunk frame to the robot's base.",
-               "mounting", result.mounting.round(6).tolist()),
+        Metric("Base rotation", base_rotation_text(result.base_rotation), "From the trunk frame to the robot's base.",
+               "base_rotation", result.base_rotation.round(6).tolist()),
         *numbers(method=result.method),
         *software(result.random_state),
     )  # fmt: skip
@@ -212,9 +215,12 @@ def both_report(result: BothResult) -> Report:
     )
     shared = next(section for section in reports[FOLDERS[0]].sections if section.key == RECORDING)
     sections = (_pair(result), *(one for side, report in reports.items() for one in _of_one(side, report)), shared)
-    doubts = (*warnings_of(RECORDING, result.recording.doubts), *warnings_of(FIT, result.fits.doubts))
+    quality_warnings = (
+        *warnings_of(RECORDING, result.recording.quality_warnings),
+        *warnings_of(FIT, result.fits.quality_warnings),
+    )
     title = f"{source[:1].upper()}{source[1:]} → {result.robot.name}, both arms"
-    report = Report(title, lead, sections, data_warnings=doubts)
+    report = Report(title, lead, sections, data_warnings=quality_warnings)
     return replace(report, summary=_both_summary(result, reports, report.warning_keys))
 
 
@@ -230,8 +236,8 @@ def _pair(result: BothResult) -> Section:
             Metric("Configurations", "optimized together" if motion.together else "those of each arm",
                    "", "together", motion.together),
             *([] if relative is None else [defined("beside_way", 1e3 * relative, result.fits.time)]),
-            Metric("Ratio to the best pointwise solutions found", f"{motion.certificate:.2f}",
-                   "Ratio of root mean squares of both distances.", "certificate", motion.certificate),
+            Metric("Ratio to the best pointwise solutions found", f"{motion.pointwise_ratio:.2f}",
+                   "Ratio of root mean squares of both distances.", "pointwise_ratio", motion.pointwise_ratio),
         ]  # fmt: skip
     shared = f"; shared joints: {', '.join(robot.shared)}" if robot.shared else ""
     frames = f"end effectors {robot.left.frame} and {robot.right.frame}"
@@ -250,8 +256,13 @@ def _arms_table(result: BothResult) -> tuple[Table, ...]:
         if one.execution is None:
             return ()
         motion, plan = one.execution.motion, one.execution.plan
-        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, plan.node_floor))
-        value = {"method": one.method, "rms": rms, "node_floor_rms": floor, "gap": float(np.mean(one.execution.gap))}
+        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, plan.pointwise_best))
+        value = {
+            "method": one.method,
+            "rms": rms,
+            "pointwise_best_rms": floor,
+            "gap": float(np.mean(one.execution.gap)),
+        }
         position = "–"
         if motion.position_error is not None:
             value["tip_p95_mm"] = 1e3 * float(np.percentile(motion.position_error, 95))
@@ -298,7 +309,7 @@ def _both_summary(result: BothResult, reports: dict[str, Report], reasons: Seque
     return Summary(
         _sided({side: one.title for side, one in each.items()}),
         " ".join([*([collision] if collide else []), _sided({side: one.text for side, one in each.items()})]).strip(),
-        _sided({side: one.doubts for side, one in each.items()}),
+        _sided({side: one.quality_warnings for side, one in each.items()}),
         "Run it: joints.csv has the motion of both arms." if status == GREEN else _sided(advice),
         "",
         status,

@@ -127,7 +127,7 @@ def _dangers(execution: Execution) -> list[str]:
 
 def _jump(execution: Execution) -> str:
     """Say that the position error is largest at a jump of the recording."""
-    error, jumps = execution.motion.position_error, execution.plan.leaps
+    error, jumps = execution.motion.position_error, execution.plan.jumps
     if error is None or not far_points(execution.motion) or not jumps[int(np.argmax(error))]:
         return ""
     elsewhere = f"; elsewhere it is up to {1e3 * error[~jumps].max():.1f} mm" if not jumps.all() else ""
@@ -137,7 +137,7 @@ def _jump(execution: Execution) -> str:
 def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, status: str) -> tuple[str, str]:
     """Advise what improves the result most, with its command."""
     motion = execution.motion
-    slower = _track(execution, "slower", tempo=0.5 * float(execution.options.get("--tempo", 1.0)))
+    slower = _track(execution, "slower", speed_scale=0.5 * float(execution.options.get("--speed-scale", 1.0)))
     if exceeded_limits(motion, execution.plan):
         return "Do not run it as it is: give it more time.", slower
     if status == RED:
@@ -157,7 +157,7 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, 
         return "The path constraint dominates the distance: try without it.", _track(execution, "no-path", path=False)
     if parts.way > parts.no_posture:
         return "Limits of the motion dominate the distance: use the whole range of the joints.", _track(
-            execution, "all", margin=0.0
+            execution, "all", joint_limit_margin=0.0
         )
     robot, better = command_line_of(execution.robot), ""
     if transfer is not None and transfer.evaluation is not None and transfer.choice is None:

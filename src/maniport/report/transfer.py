@@ -37,9 +37,9 @@ def adapter_report(adapter: DomainAdapter) -> Report:
 
 def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False) -> Section:
     """Describe the fit of an adapter; `mounted`: the base rotation is known."""
-    # mounting, damping and floor have metrics of their own
+    # base_rotation, damping and floor have metrics of their own
     parameters = [f"{name} {value}" for name, value in adapter.get_params(deep=False).items()
-                  if name not in ("mounting", "damping", "floor") and value is not None]  # fmt: skip
+                  if name not in ("base_rotation", "damping", "eigenvalue_floor") and value is not None]  # fmt: skip
     name = type(adapter).__name__
     method = Metric("Method", name, sentence(listed(parameters)) if parameters else "", "method", name)
     if not is_fitted(adapter):
@@ -48,14 +48,14 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
     ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
     teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
     ended = "converged" if adapter.converged_ else "not converged"
-    mounting = None if adapter.mounting_ is None else np.asarray(adapter.mounting_)
+    base_rotation = None if adapter.base_rotation_ is None else np.asarray(adapter.base_rotation_)
     metrics = (
-        *_identifiability(adapter, mounted or mounting is not None),
+        *_identifiability(adapter, mounted or base_rotation is not None),
         method,
         *more,
-        Metric("Base rotation", "not given" if mounting is None else mounting_in_words(mounting),
-               "From the teacher's base frame to the student's.", "mounting",
-               None if mounting is None else mounting.round(6).tolist()),
+        Metric("Base rotation", "not given" if base_rotation is None else base_rotation_text(base_rotation),
+               "From the teacher's base frame to the student's.", "base_rotation",
+               None if base_rotation is None else base_rotation.round(6).tolist()),
         *numbers(dimension=len(adapter.rotation_)),
         Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.turn_)} with "
                "the base rotation", "", "rotation", np.asarray(adapter.rotation_).round(6).tolist()),
@@ -73,23 +73,27 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
     return Section("Adapter", metrics, key="adapter")
 
 
-def mounting_in_words(mounting: Array) -> str:
+def base_rotation_text(base_rotation: Array) -> str:
     """Write a rotation from the teacher's base frame to the student's, shape (d, d)."""
-    if np.allclose(mounting, np.eye(len(mounting))):
+    if np.allclose(base_rotation, np.eye(len(base_rotation))):
         return "none: both base frames have the same orientation"
-    return f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in mounting[:3, :3])}]"
+    return f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in base_rotation[:3, :3])}]"
 
 
 def _regularization(adapter: DomainAdapter) -> list[Metric]:
     teacher, student = float(adapter.teacher_damping_), float(adapter.student_damping_)
     released = float(adapter.released_damping_)
-    text = "none" if adapter.floor is None else f"eigenvalues are raised to at least {adapter.floor:g}"
+    text = (
+        "none"
+        if adapter.eigenvalue_floor is None
+        else f"eigenvalues are raised to at least {adapter.eigenvalue_floor:g}"
+    )
     if adapter.damping is not None:
         text = f"damping {adapter.damping:g}: adds {teacher:.3g} to the teacher, {student:.3g} to the student; "
         text += f"{released:.3g} is subtracted from results"
     return [
         Metric("Regularization", text, "Distances need ellipsoids of full rank."),
-        *numbers(damping=adapter.damping, floor=adapter.floor, teacher_damping=teacher, student_damping=student,
+        *numbers(damping=adapter.damping, eigenvalue_floor=adapter.eigenvalue_floor, teacher_damping=teacher, student_damping=student,
                  released_damping=released),
     ]  # fmt: skip
 
@@ -100,7 +104,7 @@ def _identifiability(adapter: DomainAdapter, mounted: bool) -> list[Metric]:
     if found is None:
         return []
     words, free = found.in_words(), not found.determined
-    text = f"the mounting is taken as known, since {words}" if mounted and free else words
+    text = f"the base orientation is taken as known, since {words}" if mounted and free else words
     severity = "warning" if free else "note"
     return [Metric("", sentence(text), key="identifiability", value=words, severity=severity), _spread(found)]
 

@@ -21,7 +21,7 @@ from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positiv
 
 HINT = (
     "Singular ellipsoids need regularisation: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "
-    "or floor=1e-4 (lifts smaller eigenvalues)"
+    "or eigenvalue_floor=1e-4 (lifts smaller eigenvalues)"
 )
 
 
@@ -30,15 +30,15 @@ class Regularization:
     """What is done to singular ellipsoids before they are compared: nothing, damping, or a floor."""
 
     damping: float | None = None  # ρ, relative to the mean eigenvalue of a domain
-    floor: float | None = None  # Smallest eigenvalue, in the unit of M
+    eigenvalue_floor: float | None = None  # Smallest eigenvalue, in the unit of M
     epsilon: float = 0.0  # ε, what is added to all eigenvalues, in the unit of M
 
     def __post_init__(self) -> None:
-        if self.damping is not None and self.floor is not None:
+        if self.damping is not None and self.eigenvalue_floor is not None:
             raise InvalidInputError(
-                f"damping and floor exclude one another; found damping={self.damping!r} and floor={self.floor!r}"
+                f"damping and floor exclude one another; found damping={self.damping!r} and eigenvalue_floor={self.eigenvalue_floor!r}"
             )
-        for name in ("damping", "floor"):
+        for name in ("damping", "eigenvalue_floor"):
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, as_number(value, name, above=0.0))
@@ -57,8 +57,8 @@ class Regularization:
 
     def apply(self, points: ArrayLike, name: str = "points", dimension: int | None = None) -> Array:
         """Return SPD matrices, shape (..., d, d), or raise `NotSPDError` with advice when nothing is to be done."""
-        if self.floor is not None:
-            lowest = self.floor
+        if self.eigenvalue_floor is not None:
+            lowest = self.eigenvalue_floor
             matrices = as_positive_semidefinite(points, name, dimension)
             return apply(matrices, lambda values: np.maximum(values, lowest))
         if self.damping is None and self.epsilon == 0.0:
@@ -73,6 +73,6 @@ class Regularization:
     def __str__(self) -> str:
         if self.damping is not None:
             return f"damping {self.damping:g}"
-        if self.floor is not None:
-            return f"floor {self.floor:g}"
+        if self.eigenvalue_floor is not None:
+            return f"floor {self.eigenvalue_floor:g}"
         return f"damping of {self.epsilon:.3g}" if self.epsilon else "none"

@@ -79,7 +79,7 @@ def study(
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         for method in methods:
             tell = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
-            known: dict[str, Any] = {"damping": DAMPING, "mounting": np.eye(3)}
+            known: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
             if method == AUTO:
                 arms: dict[str, Any] = {"robot": robot, "person": motion.person, "random_state": random_state}
                 adapter = choose(teacher, student, motion.profile, **arms, **known).adapter

@@ -50,7 +50,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
         A name in `METHODS`, or an adapter, fitted or not. An adapter is taken with its own
         parameters; what is returned is a clone, so that it stays as it is.
     **shared
-        Parameters, such as damping and mounting, that a method given by its name gets where it has them.
+        Parameters, such as damping and base_rotation, that a method given by its name gets where it has them.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     UnknownNameError
         When no method has that name.
     InvalidInputError
-        When `method` is neither, or an adapter that does not have the mounting that is shared.
+        When `method` is neither, or an adapter that does not have the base_rotation that is shared.
     """
     if isinstance(method, str):
         kind = METHODS[as_choice(method, "method", tuple(METHODS))]
@@ -71,10 +71,10 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
         raise InvalidInputError(
             f"method must be one of {', '.join(map(repr, METHODS))} or a DomainAdapter; found {method!r}"
         )
-    mounting = shared.get("mounting")
-    if mounting is not None and not _same_mounting(mounting, method.mounting):
+    base_rotation = shared.get("base_rotation")
+    if base_rotation is not None and not _same_mounting(base_rotation, method.base_rotation):
         raise InvalidInputError(
-            f"give the mounting to the method itself, {type(method).__name__}(mounting=...); an adapter is taken as is"
+            f"give the base_rotation to the method itself, {type(method).__name__}(base_rotation=...); an adapter is taken as is"
         )
     return clone(method)
 

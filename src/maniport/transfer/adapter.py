@@ -1,7 +1,7 @@
 """The contract that every method of transfer keeps: fit, transform, inverse_transform, score, save.
 
 A method supplies `_fit`, `_map` and `_map_back`, and sees regularised ellipsoids in the student's frame. Checks,
-mounting, regularisation and files are here.
+base_rotation, regularisation and files are here.
 """
 
 import os
@@ -34,7 +34,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
 
     Attributes
     ----------
-    mounting_ : ndarray, shape (d, d), or None
+    base_rotation_ : ndarray, shape (d, d), or None
         R_b, from the teacher's base frame to the student's; None where the frames are the same.
     rotation_ : ndarray, shape (d, d)
         R, turning recentred teacher ellipsoids into the student's, both in the student's base frame.
@@ -62,10 +62,15 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
 
     _silent = False
 
-    def __init__(self, damping: float | None = None, floor: float | None = None, mounting: ArrayLike | None = None):
+    def __init__(
+        self,
+        damping: float | None = None,
+        eigenvalue_floor: float | None = None,
+        base_rotation: ArrayLike | None = None,
+    ):
         self.damping = damping
-        self.floor = floor
-        self.mounting = mounting
+        self.eigenvalue_floor = eigenvalue_floor
+        self.base_rotation = base_rotation
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -135,10 +140,10 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         """Check, regularise and turn both domains and `learn` from them; after a failure be what was before."""
         cloud_t, damping_t = regularized(self._regularization(), teacher, "teacher")
         cloud_s, damping_s = regularized(self._regularization(), student, "student", cloud_t.shape[-1])
-        mounting = as_mounting(self.mounting, cloud_t.shape[-1])
+        base_rotation = as_mounting(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
-            self.teacher_damping_, self.student_damping_, self.mounting_ = damping_t, damping_s, mounting
+            self.teacher_damping_, self.student_damping_, self.base_rotation_ = damping_t, damping_s, base_rotation
             learn(self._mounted(cloud_t), cloud_s)
         except BaseException:  # half of a new fit with half of an old one would map wrongly
             self.__dict__.clear()
@@ -193,7 +198,9 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
             When the method has no inverse.
         """
         d = self._dimension()
-        if self.floor is not None:  # a floor would change images that lie below it: only singular input needs it
+        if (
+            self.eigenvalue_floor is not None
+        ):  # a floor would change images that lie below it: only singular input needs it
             student = as_positive_semidefinite(points, "points", d)
             regular = self.student_regularization.apply(student, "points", d)
             lowest = eigh(student)[0][..., 0]
@@ -202,8 +209,8 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         else:
             regular = self._damped_again(points)
         back = self._map_back(regular.reshape(-1, d, d))
-        if self.mounting_ is not None:
-            back = congruence(self.mounting_.T, back)
+        if self.base_rotation_ is not None:
+            back = congruence(self.base_rotation_.T, back)
         return without_damping(back, self.teacher_damping_).reshape(regular.shape)
 
     def compiled(self) -> Callable[[Array], Array]:
@@ -275,19 +282,23 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
 
     def _mounted(self, points: Array) -> Array:
         """Express the teacher's ellipsoids in the student's frame, R_b T R_bᵀ."""
-        return points if self.mounting_ is None else congruence(self.mounting_, points)
+        return points if self.base_rotation_ is None else congruence(self.base_rotation_, points)
 
     @property
     def turn_(self) -> Array:
         """How the map turns ellipsoids, from the teacher's base frame to the student's, shape (d, d).
 
         A path of the hand has to be turned alike, for ellipsoids and motion belong together. For d = 6, where motions
-        and ellipsoids turn in different spaces, it is the mounting as a rotation in space, shape (3, 3).
+        and ellipsoids turn in different spaces, it is the base_rotation as a rotation in space, shape (3, 3).
         """
         d = self._dimension()
         if d == 6:
-            return np.eye(3) if self.mounting_ is None else orthonormal(self.mounting_[:3, :3] + self.mounting_[3:, 3:])
-        return self._turn() if self.mounting_ is None else self._turn() @ self.mounting_
+            return (
+                np.eye(3)
+                if self.base_rotation_ is None
+                else orthonormal(self.base_rotation_[:3, :3] + self.base_rotation_[3:, 3:])
+            )
+        return self._turn() if self.base_rotation_ is None else self._turn() @ self.base_rotation_
 
     @property
     def teacher_regularization(self) -> Regularization:
@@ -302,7 +313,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         return self._regularization(self.student_damping_)
 
     def _regularization(self, epsilon: float = 0.0) -> Regularization:
-        return Regularization(self.damping, self.floor, float(epsilon))
+        return Regularization(self.damping, self.eigenvalue_floor, float(epsilon))
 
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):

@@ -63,7 +63,7 @@ def _axis(value: Any, name: str) -> None:
 REQUIRED: Schema = {
     "student_mean_": (("d", "d"), as_spd),
     "teacher_mean_": (("d", "d"), as_spd),
-    "mounting_": (("d", "d"), as_rotation),
+    "base_rotation_": (("d", "d"), as_rotation),
     "rotation_": (("d", "d"), as_rotation),
     "dispersion_ratio_": ((), _positive),
     "teacher_damping_": ((), _non_negative),
@@ -215,7 +215,7 @@ def _require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
     d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
     sizes: dict[str | int, int] = {"d": d, "D": d * (d + 1) // 2, 3: 3}
     for name, (shape, law) in schema.items():
-        if name not in fitted or (name == "mounting_" and fitted[name] is None):
+        if name not in fitted or (name == "base_rotation_" and fitted[name] is None):
             continue
         value = np.asarray(fitted[name])
         agrees = len(value.shape) == len(shape) and all(

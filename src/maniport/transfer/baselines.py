@@ -16,7 +16,7 @@ class RawCopy(DomainAdapter):
 
     Parameters
     ----------
-    damping, floor, mounting
+    damping, eigenvalue_floor, base_rotation
         As in `ParallelTransport`. Damping is only exchanged for the student's, which `transform` takes off again.
     """
 
@@ -41,7 +41,7 @@ class MeanTransport(RigidAdapter):
 
     Parameters
     ----------
-    damping, floor, mounting
+    damping, eigenvalue_floor, base_rotation
         As in `ParallelTransport`, which also rotates, by the polar factor of S̄^-½ T̄^½.
     """
 
@@ -60,7 +60,7 @@ class NearestNeighbor(DomainAdapter):
 
     Parameters
     ----------
-    damping, floor, mounting
+    damping, eigenvalue_floor, base_rotation
         As in `ParallelTransport`.
     n_samples : int
         Largest number of ellipsoids kept of each domain, taken evenly over its order (5000 in the paper).
@@ -83,11 +83,11 @@ class NearestNeighbor(DomainAdapter):
     def __init__(
         self,
         damping: float | None = None,
-        floor: float | None = None,
-        mounting: ArrayLike | None = None,
+        eigenvalue_floor: float | None = None,
+        base_rotation: ArrayLike | None = None,
         n_samples: int = 5000,
     ):
-        super().__init__(damping, floor, mounting)
+        super().__init__(damping, eigenvalue_floor, base_rotation)
         self.n_samples = n_samples
 
     def _fit(self, teacher: Array, student: Array) -> None:

@@ -1,4 +1,4 @@
-"""What the contract does with ellipsoids before a method sees them and after: checks, mounting, regularisation."""
+"""What the contract does with ellipsoids before a method sees them and after: checks, base_rotation, regularisation."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,14 +10,14 @@ from maniport.spd.regularization import Regularization
 from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_rotation, vouched
 
 
-def as_mounting(mounting: ArrayLike | None, d: int) -> Array | None:
-    """Check a mounting and return it for ellipsoids of size d; None for the same frame."""
-    if mounting is None:
+def as_mounting(base_rotation: ArrayLike | None, d: int) -> Array | None:
+    """Check a base_rotation and return it for ellipsoids of size d; None for the same frame."""
+    if base_rotation is None:
         return None
-    if d == 6 and np.shape(mounting) == (3, 3):
-        turn = np.asarray(np.kron(np.eye(2), as_rotation(mounting, "mounting", 3)), dtype=np.float64)
+    if d == 6 and np.shape(base_rotation) == (3, 3):
+        turn = np.asarray(np.kron(np.eye(2), as_rotation(base_rotation, "base_rotation", 3)), dtype=np.float64)
     else:
-        turn = as_rotation(mounting, "mounting", d)
+        turn = as_rotation(base_rotation, "base_rotation", d)
     return None if np.array_equal(turn, np.eye(d)) else turn
 
 

@@ -22,7 +22,7 @@ LARGEST_EXAMINED = 6
 clouds, and descents from rival starts take m × m derivatives in each step: minutes for d = 12."""
 
 ADVICE = (
-    "give mounting= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
+    "give base_rotation= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
     "same task at the same time)"
 )
 """Remedies where the rotation is not determined."""

@@ -46,7 +46,7 @@ class LengthField(DomainAdapter):
 
     Parameters
     ----------
-    damping, floor, mounting
+    damping, eigenvalue_floor, base_rotation
         As in `ParallelTransport`; without damping and floor, the damping of the projector, if it has one. The damping
         is taken off each eigenvalue: y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
     projector : callable, optional
@@ -89,8 +89,8 @@ class LengthField(DomainAdapter):
     def __init__(
         self,
         damping: float | None = None,
-        floor: float | None = None,
-        mounting: ArrayLike | None = None,
+        eigenvalue_floor: float | None = None,
+        base_rotation: ArrayLike | None = None,
         projector: Any = None,
         n_samples: int = 2048,
         n_centers: int | None = None,
@@ -98,7 +98,7 @@ class LengthField(DomainAdapter):
         ridge: float = 2e-4,
         n_rounds: int = 6,
     ):
-        super().__init__(damping, floor, mounting)
+        super().__init__(damping, eigenvalue_floor, base_rotation)
         self.projector = projector
         self.n_samples = n_samples
         self.n_centers = n_centers
@@ -118,7 +118,7 @@ class LengthField(DomainAdapter):
                 )
         self.dispersion_ratio_ = self.student_dispersion_ / self.teacher_dispersion_
         self.axis_ = as_axis(getattr(self.projector, "axis", None), "projector.axis", teacher.shape[-1])
-        damping = float(self.student_damping_ or self.floor or 0.0)
+        damping = float(self.student_damping_ or self.eigenvalue_floor or 0.0)
         if getattr(self.projector, "needs_damping", False) and damping == 0.0:
             raise InvalidInputError(f"LengthField needs damping or floor with the projector {self.projector!r}")
         projector = NearestSamples(student) if self.projector is None else as_projector(self.projector)
@@ -242,9 +242,9 @@ class LengthField(DomainAdapter):
         from maniport.transfer.length_field.kernels import map_one
 
         base, *terms = self._field().terms()
-        release = self.teacher_damping_, self.floor or 0.0, self._released_epsilon() or -1.0, KAPPA
-        mounting = np.eye(d) if self.mounting_ is None else self.mounting_
-        terms = [np.array(term, dtype=np.float64, order="C") for term in (mounting, [*release, *base], *terms)]
+        release = self.teacher_damping_, self.eigenvalue_floor or 0.0, self._released_epsilon() or -1.0, KAPPA
+        base_rotation = np.eye(d) if self.base_rotation_ is None else self.base_rotation_
+        terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation, [*release, *base], *terms)]
         return compiled_map(map_one, d, *terms)
 
 

@@ -13,7 +13,7 @@ from maniport.util.validation import Array
 class ParallelTransport(RigidAdapter):
     """Move the teacher's mean onto the student's by parallel transport and make the dispersions equal.
 
-    In closed form and without matching: what is known about the two bodies' mounting decides the rotation, not the
+    In closed form and without matching: what is known about the two bodies' base_rotation decides the rotation, not the
     clouds. After Yair, Ben-Chen and Talmon 2019 and Reithmeir et al. 2022, § IV-C; unlike the latter's text, the
     transported set is recentred with its own new mean, and the transport stays part of the map.
 
@@ -23,8 +23,8 @@ class ParallelTransport(RigidAdapter):
         Add ε I, ε = damping · tr(mean of the domain) / d, to every ellipsoid; see `maniport.spd.regularization`.
     floor : float, optional
         Lift eigenvalues below it, in the unit of M. Excludes `damping`. Default: neither; singular input is an error.
-    mounting : array_like, shape (d, d), or (3, 3) for d = 6, optional
-        R_b, rotation from the teacher's base frame to the student's, when the mounting is known. The teacher's
+    base_rotation : array_like, shape (d, d), or (3, 3) for d = 6, optional
+        R_b, rotation from the teacher's base frame to the student's, when the base orientation is known. The teacher's
         ellipsoids are first expressed in the student's frame, R_b T R_bᵀ. Default: the same frame.
     scale : bool
         Whether to make the dispersions equal; otherwise s = 1.
@@ -53,13 +53,13 @@ class ParallelTransport(RigidAdapter):
     def __init__(
         self,
         damping: float | None = None,
-        floor: float | None = None,
-        mounting: ArrayLike | None = None,
+        eigenvalue_floor: float | None = None,
+        base_rotation: ArrayLike | None = None,
         scale: bool = True,
         dispersion: str = "mean",
         recenter: str = "training",
     ):
-        super().__init__(damping, floor, mounting)
+        super().__init__(damping, eigenvalue_floor, base_rotation)
         self.scale = scale
         self.dispersion = dispersion
         self.recenter = recenter

@@ -31,8 +31,8 @@ class RiemannianICP(RigidAdapter):
 
     Parameters
     ----------
-    damping, floor, mounting, scale, dispersion, recenter
-        As in `ParallelTransport`. With a given `mounting` the search has no other start.
+    damping, eigenvalue_floor, base_rotation, scale, dispersion, recenter
+        As in `ParallelTransport`. With a given `base_rotation` the search has no other start.
     correspondence : {"ellipsoid", "log-ellipsoid", "geodesic", "one-to-one", "transport"} or Correspondence
         How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes
         compared by ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every
@@ -69,8 +69,8 @@ class RiemannianICP(RigidAdapter):
     def __init__(
         self,
         damping: float | None = None,
-        floor: float | None = None,
-        mounting: ArrayLike | None = None,
+        eigenvalue_floor: float | None = None,
+        base_rotation: ArrayLike | None = None,
         scale: bool = True,
         dispersion: str = "mean",
         recenter: str = "training",
@@ -79,7 +79,7 @@ class RiemannianICP(RigidAdapter):
         n_resamples: int = 8,
         random_state: Any = None,
     ):
-        super().__init__(damping, floor, mounting)
+        super().__init__(damping, eigenvalue_floor, base_rotation)
         self.scale = scale
         self.dispersion = dispersion
         self.recenter = recenter
@@ -111,7 +111,7 @@ class RiemannianICP(RigidAdapter):
             raise InvalidInputError(f"search must be a Search, such as Search(n_starts=0); found {self.search!r}")
         as_count(self.n_resamples, "n_resamples", minimum=0)
         self._fit_or_restore(teacher, student, partial(self._fit, pairs=pairs))
-        if self.mounting is None and pairs is None and not self._silent and not self.identifiability_.determined:
+        if self.base_rotation is None and pairs is None and not self._silent and not self.identifiability_.determined:
             warnings.warn(f"{self.identifiability_.in_words()}; {ADVICE}", IdentifiabilityWarning, stacklevel=2)
         return self
 
@@ -158,7 +158,7 @@ class RiemannianICP(RigidAdapter):
         first, rivals = self.rotation_ if self.search.start == "parallel-transport" else np.eye(d), list[Array]()
         if known is not None:
             first, *rivals = rotations_of_pairs(*known, first, random)
-        if self.mounting is not None or self.search.n_starts == 0 or d > LARGEST_EXAMINED:
+        if self.base_rotation is not None or self.search.n_starts == 0 or d > LARGEST_EXAMINED:
             return first, []
         if known is None:
             teacher, student = (most_singular(cloud, self.search.most_singular) for cloud in clouds)

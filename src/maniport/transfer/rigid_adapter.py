@@ -153,9 +153,9 @@ class RigidAdapter(DomainAdapter):
         from maniport.transfer.control import compiled_map, map_one
 
         left, power, right = self._rigid_map().factors()
-        if self.mounting_ is not None:
-            left = left @ self.mounting_
-        floor = 0.0 if self.floor is None else float(self.floor)
+        if self.base_rotation_ is not None:
+            left = left @ self.base_rotation_
+        floor = 0.0 if self.eigenvalue_floor is None else float(self.eigenvalue_floor)
         numbers = np.array([power, self.teacher_damping_, floor, self.released_damping_])
         return compiled_map(map_one, len(left), *map(np.ascontiguousarray, (left, right)), numbers)
 

@@ -1,4 +1,4 @@
-"""The maps of the live view: every method of transfer, fitted again when the mounting changes."""
+"""The maps of the live view: every method of transfer, fitted again when the base_rotation changes."""
 
 import threading
 import time as clock
@@ -27,10 +27,10 @@ VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"compete":
 
 @dataclass(frozen=True, eq=False)
 class LiveMap:
-    """One method's map at one mounting, for one ellipsoid at a time."""
+    """One method's map at one base_rotation, for one ellipsoid at a time."""
 
     name: str
-    mounting: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
+    base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
     turn: Array  # Rotation of ellipsoids and of the hand's motion, shape (3, 3)
     seconds: float = 0.0  # Of the fit; zero where nothing was fitted
@@ -39,35 +39,35 @@ class LiveMap:
 
 
 class Methods:
-    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any mounting."""
+    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any base_rotation."""
 
     def __init__(
         self,
         teacher: Array,
         student: Array,
         damping: float | None = 0.01,
-        floor: float | None = None,
+        eigenvalue_floor: float | None = None,
         given: DomainAdapter | None = None,
         robot: Arm | None = None,
         bank: SeedBank | None = None,
     ):
         self._teacher, self._student = teacher, student
         self._robot = robot, VELOCITY, bank
-        self._options = {"damping": damping, "floor": floor, "random_state": 0, "n_resamples": 0}
+        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0, "n_resamples": 0}
         if given is not None:
             require_drawable(given)
         self._given = given
         self.names = (*([] if given is None else [GIVEN]), *METHODS, *VARIANTS)
 
-    def fit(self, name: str, mounting: Array) -> LiveMap:
-        """Fit a method at a mounting, shape (3, 3)."""
+    def fit(self, name: str, base_rotation: Array) -> LiveMap:
+        """Fit a method at a base_rotation, shape (3, 3)."""
         as_choice(name, "method", self.names)
-        rotation = as_rotation(mounting, "mounting", 3)
+        rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
-            ending = "it keeps the mounting that it was fitted with"
+            ending = "it keeps the base_rotation that it was fitted with"
             return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=ending)
         method, variation = VARIANTS.get(name, (name, {}))
-        adapter = knowing(method_of(method, **self._options | variation, mounting=rotation), *self._robot)
+        adapter = knowing(method_of(method, **self._options | variation, base_rotation=rotation), *self._robot)
         started = clock.perf_counter()
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
@@ -85,11 +85,11 @@ def require_drawable(adapter: DomainAdapter) -> None:
 
 
 class Refitting:
-    """Keeps a map of each method, and fits them again, in a thread, when the mounting changes."""
+    """Keeps a map of each method, and fits them again, in a thread, when the base_rotation changes."""
 
-    def __init__(self, methods: Methods, mounting: Array, first: Sequence[str] | None = None):
+    def __init__(self, methods: Methods, base_rotation: Array, first: Sequence[str] | None = None):
         self.methods = methods
-        self._mounting = as_rotation(mounting, "mounting", 3)
+        self._mounting = as_rotation(base_rotation, "base_rotation", 3)
         now = methods.names if first is None else first
         self._maps = {name: methods.fit(name, self._mounting) for name in now}
         self._todo: list[str] = [name for name in methods.names if name not in now]
@@ -119,9 +119,9 @@ class Refitting:
             if self._thread.ident is None:
                 self._thread.start()
 
-    def want(self, mounting: Array, first: str) -> None:
-        """Request maps at a mounting, that of the method `first` before the others; returns at once."""
-        rotation = as_rotation(mounting, "mounting", 3)
+    def want(self, base_rotation: Array, first: str) -> None:
+        """Request maps at a base_rotation, that of the method `first` before the others; returns at once."""
+        rotation = as_rotation(base_rotation, "base_rotation", 3)
         as_choice(first, "first", self.methods.names)
         with self._changed:
             if np.array_equal(rotation, self._mounting):
@@ -132,7 +132,7 @@ class Refitting:
         self.begin()
 
     def settle(self, timeout: float = 60.0) -> bool:
-        """Wait until all maps belong to the last mounting; False when that took too long [s]."""
+        """Wait until all maps belong to the last base_rotation; False when that took too long [s]."""
         with self._changed:
             return self._changed.wait_for(lambda: self._error is not None or not (self._fits or self._todo), timeout)
 

@@ -30,9 +30,9 @@ class Panel:
     """The controls and numbers; the loop reads the controls, which call nothing."""
 
     def __init__(
-        self, gui: Any, state: ViewState, method: str, mounting: Array, access: AccessControl, no_surface: str = ""
+        self, gui: Any, state: ViewState, method: str, base_rotation: Array, access: AccessControl, no_surface: str = ""
     ):
-        self._state, self._mounting, self._access = state, mounting, access
+        self._state, self._mounting, self._access = state, base_rotation, access
         self._jump, self._histories = threading.Event(), [History() for _ in state.sides]
         self.gizmo: Any = None
         alone, player = len(state.sides) == 1, state.playback
@@ -54,7 +54,7 @@ class Panel:
             self._folders.append(gui.add_folder(f"Person's {name}joints [°]", visible=player is None))
             with self._folders[-1]:
                 self._sliders += [self._joint_slider(gui, side.teacher, i) for i in range(side.teacher.dof)]
-        self._add_mounting(gui, mounting)
+        self._add_mounting(gui, base_rotation)
         hint = "Switched off, it is written to the working directory" if alone else "One arm at a time: --arm left"
         self._record = Control(gui.add_checkbox("Record what I play", False, disabled=not alone, hint=hint), access)
         self._message = gui.add_markdown("", visible=False)
@@ -122,8 +122,8 @@ class Panel:
             self._speed = self._slider(gui, "Speed", 0.1, 2.0, 0.1, 1.0)
         self._shown = 0.0
 
-    def _add_mounting(self, gui: Any, mounting: Array) -> None:
-        angles, names = _rounded(roll_pitch_yaw(mounting)), (*MOUNTINGS, OWN)
+    def _add_mounting(self, gui: Any, base_rotation: Array) -> None:
+        angles, names = _rounded(roll_pitch_yaw(base_rotation)), (*MOUNTINGS, OWN)
         presets = gui.add_dropdown("Robot mounted", names, initial_value=_preset_of(angles))
         self._preset = Control(presets, self._access, names)
         self._chosen = self._preset.value
@@ -158,7 +158,7 @@ class Panel:
                 folder.visible = shown
 
     def _turned(self) -> Array:
-        """The mounting of the list, of the sliders or of the rings, whichever was changed."""
+        """The base_rotation of the list, of the sliders or of the rings, whichever was changed."""
         angles, preset = np.array([slider.value for slider in self._angles]), self._preset.value
         if preset != self._chosen:
             self._chosen = preset
@@ -177,16 +177,16 @@ class Panel:
             self.gizmo.wxyz = quaternion(self._mounting.T)
         return self._mounting
 
-    def _take(self, mounting: Array) -> None:
-        """Take a mounting, and show it in list and sliders."""
-        self._mounting, self._written = mounting, _rounded(roll_pitch_yaw(mounting))
+    def _take(self, base_rotation: Array) -> None:
+        """Take a base_rotation, and show it in list and sliders."""
+        self._mounting, self._written = base_rotation, _rounded(roll_pitch_yaw(base_rotation))
         for slider, angle in zip(self._angles, self._written.tolist(), strict=True):
             slider.value = angle
         self._chosen = self._preset.value = _preset_of(self._written)
 
 
 def _preset_of(angles: Array) -> str:
-    """Name of a mounting in `MOUNTINGS`, or `OWN`."""
+    """Name of a base_rotation in `MOUNTINGS`, or `OWN`."""
     turn = from_roll_pitch_yaw(angles)
     same = (name for name, one in MOUNTINGS.items() if np.allclose(from_roll_pitch_yaw(np.array(one)), turn, atol=1e-6))
     return next(same, OWN)

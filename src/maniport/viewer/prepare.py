@@ -40,7 +40,7 @@ def prepare(
     side: str = AUTO,
     height: float | None = None,
     adapter: str | os.PathLike[str] | None = None,
-    mounting: ArrayLike | None = None,
+    base_rotation: ArrayLike | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
 ) -> tuple[ViewState, str, Array]:
@@ -52,9 +52,9 @@ def prepare(
     given = None if adapter is None else load_adapter(adapter)
     if given is not None:
         require_drawable(given)  # before any long work
-    if mounting is None:
-        mounting = getattr(given, "mounting", None)
-    turn = np.eye(3) if mounting is None else as_rotation(mounting, "mounting", 3)
+    if base_rotation is None:
+        base_rotation = getattr(given, "base_rotation", None)
+    turn = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
     students = _loaded(robot, both)
     for student in _each(students):
         require_trackable(student)
@@ -62,9 +62,9 @@ def prepare(
     persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
 
     tell("get the page ready", 0.0)
-    options: dict[str, Any] = {"damping": DAMPING, "floor": None}
-    if given is not None and (given.damping, given.floor) != (None, None):
-        options = {"damping": given.damping, "floor": given.floor}
+    options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
+    if given is not None and (given.damping, given.eigenvalue_floor) != (None, None):
+        options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
     shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
     sides = []
     for teacher, student, base in zip(persons, _each(students), bases, strict=True):

@@ -71,7 +71,7 @@ class Scene:
 
         self.gizmo = scene.add_transform_controls(
             "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT + aside,
-            wxyz=quaternion(frames[0].mounting.T), line_width=3.0, opacity=0.7,
+            wxyz=quaternion(frames[0].base_rotation.T), line_width=3.0, opacity=0.7,
         )  # fmt: skip
         arms = robot.each if isinstance(robot, ArmGroup) else (robot,)
         _stands(scene, arms, ROBOT_AT + aside)

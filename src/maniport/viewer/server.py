@@ -30,12 +30,12 @@ NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could
 class LiveView:
     """A page that shows a state."""
 
-    def __init__(self, state: ViewState, method: str, mounting: Array, host: str = LOOPBACK, port: int = 0):
+    def __init__(self, state: ViewState, method: str, base_rotation: Array, host: str = LOOPBACK, port: int = 0):
         self.state, self.rate, self.no_surface = state, 0.0, ""
         self._access, self._recorder = AccessControl(host), Recorder(state.sides[0].teacher)
         self._server, self.url = guarded_server(self._access, host, port)
         try:
-            self._furnish(method, mounting)
+            self._furnish(method, base_rotation)
         except BaseException:  # Ctrl-C too: a listening server must not stay behind
             self.stop()
             raise
@@ -78,11 +78,11 @@ class LiveView:
             side.refitting.close(0.0)
         stop_server(self._server)
 
-    def _furnish(self, method: str, mounting: Array) -> None:
+    def _furnish(self, method: str, base_rotation: Array) -> None:
         """Put the controls and the first frame on the page."""
         server, state = self._server, self.state
         surfaces, self.no_surface = find_surfaces(state.robot)
-        self._panel = Panel(server.gui, state, method, mounting, self._access, self.no_surface)
+        self._panel = Panel(server.gui, state, method, base_rotation, self._access, self.no_surface)
         first = state.frames(self._panel.read(0.0), 0.0)
         persons, bases = [side.teacher for side in state.sides], [side.base for side in state.sides]
         self._scene = Scene(server.scene, first, persons, state.robot, surfaces, bases)
@@ -191,7 +191,7 @@ class Onlooker:
             student_skeleton=self._robot.skeleton(moment.joint_positions),
             student_links=self._robot.link_poses(moment.joint_positions),
             achieved_ellipsoid=moment.achieved,
-            mounting=np.eye(3),
+            base_rotation=np.eye(3),
             distance=moment.distance,
             position_error=moment.tip_error,
             note=moment.state,

@@ -30,7 +30,7 @@ class Command:
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
     method: str  # One of the names of `maniport.viewer.maps.Methods`
-    mounting: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
+    base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     tip_follows: bool = False  # Whether the robot's end effector follows the person's hand, too
 
 
@@ -68,7 +68,7 @@ class Frame:
     student_skeleton: Array
     student_links: Array  # Poses of the robot's base and of what follows each joint, shape (joints + 1, 4, 4)
     achieved_ellipsoid: Array
-    mounting: Array
+    base_rotation: Array
     distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
     position_error: float | None  # Of the robot's end effector [m]
     note: str  # Why the target is not new, or another method's
@@ -92,10 +92,10 @@ class Side:
         self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
         self._last: Array | None = None
 
-    def target(self, joints: Array, method: str, mounting: Array) -> Target:
+    def target(self, joints: Array, method: str, base_rotation: Array) -> Target:
         """Map the person's arm; the end effector is free."""
         joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
-        self.refitting.want(mounting, method)
+        self.refitting.want(base_rotation, method)
         chosen, note = self._map(method)
         demonstrated = self.teacher.manipulability(joints)
         try:
@@ -131,7 +131,7 @@ class Side:
         )
         return np.asarray(found.joint_positions[0])
 
-    def frame(self, target: Target, q: Array, mounting: Array, near_limit: float = 5e-3) -> Frame:
+    def frame(self, target: Target, q: Array, base_rotation: Array, near_limit: float = 5e-3) -> Frame:
         """Show a target and a configuration (dof,); joints within a share of their range of a limit are at it."""
         arm = self.student
         achieved, tip = arm.manipulability(q), arm.forward(q)[:3, 3]
@@ -148,7 +148,7 @@ class Side:
             student_skeleton=arm.skeleton(q),
             student_links=arm.link_poses(q),
             achieved_ellipsoid=achieved,
-            mounting=mounting,
+            base_rotation=base_rotation,
             distance=float(distance_unchecked(*damped)),
             position_error=None if target.tip is None else float(np.linalg.norm(tip - target.tip)),
             note=target.note,
@@ -206,7 +206,7 @@ class ViewState:
             schedules = [target.schedule(elapsed) for target in targets]
             self.joints = self._follower.follow(self.joints, schedules)[0][-1]
         parts = zip(self.sides, targets, self._columns, strict=True)
-        return tuple(side.frame(target, self.joints[columns], command.mounting) for side, target, columns in parts)
+        return tuple(side.frame(target, self.joints[columns], command.base_rotation) for side, target, columns in parts)
 
     def find_place(self, motion: Sequence[Array], method: str, points: int = 32) -> None:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
@@ -233,7 +233,7 @@ class ViewState:
         require_shape(joints, "joints", (int(ends[-1]),))
         as_choice(command.method, "method", self.methods)
         parts = zip(self.sides, np.split(joints, ends[:-1]), strict=True)
-        targets = [side.target(own, command.method, command.mounting) for side, own in parts]
+        targets = [side.target(own, command.method, command.base_rotation) for side, own in parts]
         if not command.tip_follows:
             return targets
         turn = _mean_turn([target.turn for target in targets])

@@ -1,4 +1,4 @@
-"""What an arm collides with: itself, a table, boxes."""
+"""What an arm collides with: itself, a table, obstacles."""
 
 from maniport.arms.collisions.carried import Lowest
 from maniport.arms.collisions.checker import Collisions, Nearest, as_collisions, free_postures

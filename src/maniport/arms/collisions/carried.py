@@ -30,7 +30,7 @@ class Carried:
     last: frozenset[int]  # the last links
 
     def across(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which pairs of hulls are of two arms; table and boxes are of none."""
+        """Which pairs of hulls are of two arms; table and obstacles are of none."""
         links = (pairs >= 0) & (pairs < len(self.hulls))
         own = np.where(links, np.append(self.own, 0)[np.where(links, pairs, -1)], 0)
         return np.asarray(own.prod(axis=1) < 0)

@@ -30,7 +30,7 @@ class Nearest(NamedTuple):
 
 
 class Collisions(ShownInNotebooks):
-    """What an arm or a pair collides with: itself, a table, boxes. Make one with `Collisions.of`.
+    """What an arm or a pair collides with: itself, a table, obstacles. Make one with `Collisions.of`.
 
     Every pair of bodies that no joint joins directly is checked: the links of the arm, its gripper, and the rest of the
     robot, such as a head, legs or the other arm, which stands at zero. Each finger is the hull of its positions from
@@ -45,8 +45,8 @@ class Collisions(ShownInNotebooks):
     ----------
     known, why : bool, str
         Whether anything is checked, which it is not where no surface of the arm is known, and why not.
-    boxes : bool
-        Whether boxes were given.
+    obstacles : bool
+        Whether obstacles were given.
     padding : float
         What comes nearer than this collides [m]; links with at most two coordinates between, which are always near one
         another, collide within a quarter of it.
@@ -56,7 +56,7 @@ class Collisions(ShownInNotebooks):
     always, never : tuple of (str, str)
         Names of pairs that are not checked: their meshes meet in more than 90 % of 10 000 samples of the joint space
         and at rest, or the pair stays apart in all samples by more than 10 cm (5 mm with at most two coordinates
-        between, 2 cm from table or boxes), or with at most two coordinates between its meshes never meet.
+        between, 2 cm from table or obstacles), or with at most two coordinates between its meshes never meet.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Collisions(ShownInNotebooks):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs, self._found = solids, found.pairs, found
         self._across, self._around = across, dict(around or {})
-        self.boxes = self._around.get("boxes") is not None
+        self.obstacles = self._around.get("obstacles") is not None
         self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found[:4])
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
@@ -82,18 +82,18 @@ class Collisions(ShownInNotebooks):
         arm: Arm | ArmGroup,
         *,
         table: float | None = None,
-        boxes: Any = None,
+        obstacles: Any = None,
         srdf: str | os.PathLike[str] | None = None,
         padding: float = 0.0,
     ) -> "Collisions":
-        """Choose the pairs of bodies of an arm or a pair of arms to check, with table and boxes.
+        """Choose the pairs of bodies of an arm or a pair of arms to check, with table and obstacles.
 
         Parameters
         ----------
         arm : Arm or ArmGroup
         table : float, optional
             Height of a floor or table in the base frame [m]: nothing may be below it. What the base carries is exempt.
-        boxes : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
+        obstacles : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
             Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and perhaps yaw [rad] of each.
         srdf : path, optional
             Pairs of links that it names under ``<disable_collisions>`` are not checked.
@@ -106,13 +106,13 @@ class Collisions(ShownInNotebooks):
             When an argument has a wrong value, the table or a box goes through the base, the bases of two robots stand
             in one another, or the SRDF is of another robot.
         FileFormatError
-            When boxes or SRDF cannot be read.
+            When obstacles or SRDF cannot be read.
         """
         height = None if table is None else as_number(table, "table")
         room = as_number(padding, "padding", minimum=0.0)
-        around = [box.hull() for box in as_boxes(boxes)]
+        around = [box.hull() for box in as_boxes(obstacles)]
         disabled = None if srdf is None else disabled_pairs(srdf, arm)
-        given = {"table": table, "boxes": boxes, "srdf": srdf, "padding": padding}
+        given = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
         tree, why = LinkTree(arm), ""
         try:
             carried = carried_by(arm, tree)

@@ -1,4 +1,4 @@
-"""What users say of collisions: boxes around a robot, and pairs of links that an SRDF leaves out."""
+"""What users say of collisions: obstacles around a robot, and pairs of links that an SRDF leaves out."""
 
 import os
 from collections.abc import Iterable
@@ -57,12 +57,12 @@ class Box:
 
 
 def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
-    """Read boxes from a YAML or JSON file.
+    """Read obstacles from a YAML or JSON file.
 
     Each has a name, a center [m] and a size [m] in the robot's base frame and, where it is turned about the vertical,
     a yaw [rad]::
 
-        boxes:
+        obstacles:
           shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}
           crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}
 
@@ -71,25 +71,25 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     FileFormatError
         When the file cannot be read, has other keys, or a number is wrong; the message names the box.
     """
-    named = read_settings(path, ("boxes",)).get("boxes")
+    named = read_settings(path, ("obstacles",)).get("obstacles")
     if not isinstance(named, dict) or not named:
-        raise FileFormatError(f"{path}: boxes must be a mapping of names to boxes, each with center and size")
-    boxes = []
+        raise FileFormatError(f"{path}: obstacles must be a mapping of names to obstacles, each with center and size")
+    obstacles = []
     for name, content in named.items():
-        where = f"{path}: boxes: {name}"
+        where = f"{path}: obstacles: {name}"
         box = require_mapping(content, _KEYS, where)
         missing = [key for key in _KEYS[:2] if key not in box]
         if missing:
             raise FileFormatError(f"{where}: {missing[0]!r} is missing; a box has center, size and, if turned, yaw")
         try:
-            boxes.append(Box(**box, name=str(name)))
+            obstacles.append(Box(**box, name=str(name)))
         except InvalidInputError as error:
-            raise FileFormatError(f"{path}: boxes: {error}") from None
-    return tuple(boxes)
+            raise FileFormatError(f"{path}: obstacles: {error}") from None
+    return tuple(obstacles)
 
 
 def as_boxes(value: Any) -> tuple[Box, ...]:
-    """Convert to boxes: None, a file, boxes, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7)."""
+    """Convert to obstacles: None, a file, obstacles, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7)."""
     if value is None:
         return ()
     if isinstance(value, (str, os.PathLike)):
@@ -97,10 +97,10 @@ def as_boxes(value: Any) -> tuple[Box, ...]:
     listed = list(value) if isinstance(value, Iterable) else [value]
     if all(isinstance(one, Box) for one in listed):
         return tuple(listed)
-    rows: Array = as_finite(value, "boxes")
+    rows: Array = as_finite(value, "obstacles")
     if rows.ndim != 2 or rows.shape[1] not in (6, 7):
         raise InvalidInputError(
-            "boxes must be a file, a sequence of Box, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7); "
+            "obstacles must be a file, a sequence of Box, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7); "
             f"found shape {rows.shape}"
         )
     return tuple(Box(row[:3], row[3:6], float(sum(row[6:])), f"box {i + 1}") for i, row in enumerate(rows))

@@ -99,13 +99,13 @@ def require_free_base(solids: Solids, carried: Carried, table: float | None) -> 
             depth = -solids.at_rest(i, k)
             if depth > sunk:
                 raise InvalidInputError(
-                    f"boxes: {hulls[k].name!r} holds or cuts the robot's base: {hull.name!r} is {depth:.3f} m deep in "
+                    f"obstacles: {hulls[k].name!r} holds or cuts the robot's base: {hull.name!r} is {depth:.3f} m deep in "
                     f"it; allowed is at most {sunk:g} m"
                 )
 
 
-def candidates(carried: Carried, boxes: int, table: bool, disabled: set[frozenset[str]] | None) -> Pairs:
-    """All pairs that could be checked, as `Solids` takes them; boxes come behind the hulls of links."""
+def candidates(carried: Carried, obstacles: int, table: bool, disabled: set[frozenset[str]] | None) -> Pairs:
+    """All pairs that could be checked, as `Solids` takes them; obstacles come behind the hulls of links."""
     hulls, links, own = carried.hulls, carried.links, carried.own
     pairs = []
     for b in range(len(hulls)):
@@ -116,7 +116,7 @@ def candidates(carried: Carried, boxes: int, table: bool, disabled: set[frozense
                 pairs.append((a, b))
     for a, hull in enumerate(hulls):
         if hull.joint:
-            pairs += [(a, len(hulls) + box) for box in range(boxes)] + [(a, TABLE)] * table
+            pairs += [(a, len(hulls) + box) for box in range(obstacles)] + [(a, TABLE)] * table
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
@@ -126,7 +126,7 @@ def chosen(
     """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
 
     A pair is never near if it stays farther apart in all samples than 5 mm with at most two coordinates between, whose
-    samples are 2° to 4° apart, 2 cm from table or boxes, and else 10 cm, as samples miss the nearest configuration.
+    samples are 2° to 4° apart, 2 cm from table or obstacles, and else 10 cm, as samples miss the nearest configuration.
     """
     q = meshes.samples
     links = np.array(((asked >= 0) & (asked < len(carried.hulls))).all(axis=1), dtype=np.bool_)
@@ -187,7 +187,7 @@ def _by_meshes(
 def _require_way_out(solids: Solids, carried: Carried, always: Pairs) -> None:
     """Raise InvalidInputError when a link touches a box in all samples, or the last one on a chain the table."""
     for a, b in always.tolist():
-        what = f"table: the plane at z = {solids.table:g} m" if b == TABLE else f"boxes: {solids.hulls[b].name!r}"
+        what = f"table: the plane at z = {solids.table:g} m" if b == TABLE else f"obstacles: {solids.hulls[b].name!r}"
         if (b == TABLE and solids.hulls[a].joint in carried.last) or b > a:
             raise InvalidInputError(
                 f"{what} leaves {solids.hulls[a].name!r} no way out: it touches it in all of {FIRST} samples of the "

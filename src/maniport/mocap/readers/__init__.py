@@ -51,7 +51,7 @@ def read_recording(
     Returns
     -------
     Recording
-        Positions in metres; its notes tell what was recognized and repaired, its doubts where the points contradict
+        Positions in metres; its notes tell what was recognized and repaired, its quality_warnings where the points contradict
         unit or axis.
 
     Raises

@@ -46,7 +46,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
             f"{file}: the file is cut off: its header says {declared[:15]} rows, and there are {len(table)}"
         )
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
-    unit, notes, doubts = _radians(file, angles, header.get("inDegrees", "").lower())
+    unit, notes, quality_warnings = _radians(file, angles, header.get("inDegrees", "").lower())
     points: dict[str, Array] = {}
     for side in ("right", "left"):
         notes += _add_arm(points, {name: angle * unit for name, angle in angles.items()}, side)
@@ -60,11 +60,11 @@ def read(file: Path, options: ImportOptions) -> Recording:
     recording = options.recording(
         file, list(points), positions, table[:, 0], "m", "z", "of the trunk", notes=notes, unit_by=by
     )
-    return replace(recording, measured=False, doubts=(*recording.doubts, *doubts))
+    return replace(recording, measured=False, quality_warnings=(*recording.quality_warnings, *quality_warnings))
 
 
 def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
-    """Return radians per unit, from the header or by the angles, with notes and doubts."""
+    """Return radians per unit, from the header or by the angles, with notes and quality_warnings."""
     turn = 2 * np.pi  # no joint of an arm is turned further
     largest = 0.0
     for name, angle in angles.items():

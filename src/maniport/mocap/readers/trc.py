@@ -33,9 +33,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if not names:
         raise FileFormatError(f"{file}: line 4 names no points: after Frame# and Time each has its own, between tabs")
     table = number_table(file, rows_from(lines, 5), 2 + 3 * len(names), lambda line: line.split(sign), short=True)
-    notes, doubts = _counts(header, len(table), len(names))
+    notes, quality_warnings = _counts(header, len(table), len(names))
     if sign != "\t":
-        doubts.append(
+        quality_warnings.append(
             f"the fields of this TRC file are separated by {sign!r}, not by tabs: see whether points are right"
         )
     positions = table[:, 2:].reshape(len(table), -1, 3)
@@ -44,21 +44,21 @@ def read(file: Path, options: ImportOptions) -> Recording:
         notes.append(f"{missing:.1%} of all points are missing")
     time, unit = _time(table[:, 1], positive_number(header.get("DataRate", ""))), header.get("Units", "")
     recording = options.recording(file, names, positions, time, unit, usual="y", notes=notes)
-    return replace(recording, doubts=(*recording.doubts, *doubts))
+    return replace(recording, quality_warnings=(*recording.quality_warnings, *quality_warnings))
 
 
 def _counts(header: dict[str, str], frames: int, points: int) -> tuple[list[str], list[str]]:
     """Compare frames and points with the header: notes, and warnings where the end of the file may be missing."""
-    notes, doubts = [], []
+    notes, quality_warnings = [], []
     for key, what, count in (("NumFrames", "frames", frames), ("NumMarkers", "points", points)):
         declared = header.get(key, "").strip()
         if declared.isdecimal() and int(declared[:15]) != count:
             text = f"the header says {declared[:15]} {what}, but there are {count}: all {count} were read"
             if what == "frames" and int(declared[:15]) > count + 1:
-                doubts.append(f"{text}; the end of the file may be missing")
+                quality_warnings.append(f"{text}; the end of the file may be missing")
             else:
                 notes.append(text)
-    return notes, doubts
+    return notes, quality_warnings
 
 
 def _time(column: Array, rate: float | None) -> Array | None:

@@ -104,7 +104,7 @@ def track_arms(
     ):
         require_trackable(arm, meant)
         objective = Objective.of(arm, meant, damping, settings.position_cost, positive=True)
-        objectives.append(objective.keeping(settings.keep, settings.orientation_weight))
+        objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
         schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, postures[..., columns]))
     follower = Follower(objectives, settings, pair)
     step = Step(progress, "move both arms")

@@ -46,7 +46,7 @@ def plan_arms(
     rotations: Sequence[ArrayLike] | None = None,
     tips: str = PLACED,
     planner: ArmsPlanner | None = None,
-    node_floors: Sequence[ArrayLike] | None = None,
+    pointwise_bests: Sequence[ArrayLike] | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -75,7 +75,7 @@ def plan_arms(
         have no paths.
     planner : ArmsPlanner, optional
         A planner of these arms, ellipsoids and limits. Default: a new one.
-    node_floors : two of array_like, shape (n,), optional
+    pointwise_bests : two of array_like, shape (n,), optional
         The pointwise optima, where they are known. Default: they are searched.
     **control
         As in `plan_motion`; limits, collisions and the home configuration are for the joints of both arms.
@@ -91,7 +91,7 @@ def plan_arms(
     if planner is not None:
         planner.require_fits(pair, spec)
     settings = settings.resolved(pair, planner)
-    given = {"profiles": profiles, "paths": paths, "rotations": rotations, "node_floors": node_floors}
+    given = {"profiles": profiles, "paths": paths, "rotations": rotations, "pointwise_bests": pointwise_bests}
     requests = _requests(pair, settings, time, spec, damping, given)
     relative = _relative(tips, paths)
     step = Step(progress, "plan the motion of both arms")
@@ -132,7 +132,7 @@ def _requests(
         pair.each, pair.specs(spec), zip(*columns, strict=True), strict=True
     ):
         objective = Objective.of(arm, meant, damping, EXACT_WEIGHT, positive=True)
-        objective = objective.keeping(settings.keep, settings.orientation_weight)
+        objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
         requests.append(PlanRequest.of(settings, objective, profile, time, path, None, turned, floor))
     if (requests[0].asked.positions is None) != (requests[1].asked.positions is None):
         raise InvalidInputError("paths must be of both arms or of none")

@@ -51,10 +51,11 @@ class PlannedArms(JointMotion):
         return self.left, self.right
 
     @property
-    def certificate(self) -> float:
+    def pointwise_ratio(self) -> float:
         """Ratio to the best pointwise solutions found: root mean square of both distances over that of the floors."""
         return over_floor(
-            np.concatenate([one.distance for one in self.each]), np.concatenate([one.node_floor for one in self.each])
+            np.concatenate([one.distance for one in self.each]),
+            np.concatenate([one.pointwise_best for one in self.each]),
         )
 
     def __repr__(self) -> str:

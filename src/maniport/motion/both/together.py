@@ -160,14 +160,16 @@ def _refined(
 ) -> Timed:
     """Optimize the best of some starts and time it; where it collides, of others, too, then with more tolerance."""
     (slow, fastest), settings = times, request.settings
-    terms = coarse_terms(limits, apart, smoothness_share(slow), request.effort)
+    terms = coarse_terms(limits, apart, smoothness_share(slow), request.planning_effort)
     begun: list[Array] = []
     for relaxation, more in _tries(starts, others):
         begun += [optimize(targets, slow, q, terms, POSITION_WEIGHTS[0]) for q in more]
         best = min(begun, key=lambda q: TrajectoryCost(targets.arm, targets, slow, terms).evaluate(q)[0])
         tolerance = relaxation * settings.position_tolerance
         q, _ = optimize_to_tolerance(targets, slow, best, terms, tolerance)
-        _, timed = time_parameterized(limits, apart, targets, fastest, q, tolerance, settings.rate, request.effort)
+        _, timed = time_parameterized(
+            limits, apart, targets, fastest, q, tolerance, settings.rate, request.planning_effort
+        )
         if apart is None or not apart.collides(timed.positions).any():
             break
     return timed
@@ -222,7 +224,7 @@ def _beside(
     own, columns, apart = planner.each[side], planner.arms.columns, planner.collisions
     assert apart is not None
     rows = stages_of(time, 0.55)
-    nodes = own.atlas.nodes(targets[rows], 150, random)
+    nodes = own.reachability_map.nodes(targets[rows], 150, random)
     both = np.empty((len(nodes.q), planner.arms.dof))
     both[:, columns[side]] = nodes.q
     both[:, columns[1 - side]] = np.repeat(other[rows], np.diff(nodes.first), axis=0)

@@ -47,7 +47,7 @@ class Control:
         Levenberg-Marquardt damping of the ellipsoid task, not negative.
     position_cost : float
         Weight of the position error beside the distance between ellipsoids [1/m].
-    keep, orientation_weight
+    orientation_axes, orientation_weight
         As in `maniport.motion.PlanControl`.
     tasks, limits : sequence of pink.tasks.Task, and of pink.limits.Limit
         Further tasks and limits for the arm's model, ``maniport.motion.robot_model(arm)``; their owner sets targets.
@@ -65,7 +65,7 @@ class Control:
     gain: float = 1.0
     lm_damping: float = 3.0
     position_cost: float = FOLLOWING_WEIGHT
-    keep: str = POINTING
+    orientation_axes: str = POINTING
     orientation_weight: float = ORIENTATION_WEIGHT
     tasks: Sequence[Task] = ()
     limits: Sequence[Limit] = ()
@@ -75,7 +75,7 @@ class Control:
         as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
         as_gain(self.gain)
         as_number(self.position_cost, "position_cost", above=0.0)
-        axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
+        axis_weights(self.orientation_axes, as_number(self.orientation_weight, "orientation_weight", above=0.0))
         as_lm_damping(self.lm_damping)
         for name, kind in (("tasks", Task), ("limits", Limit)):
             given = getattr(self, name)

@@ -21,7 +21,7 @@ from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import Planner
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import Schedule
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.util.defaults import DAMPING
@@ -93,7 +93,7 @@ def track(
     settings = Control(**control)
     require_trackable(arm, spec)
     objective = Objective.of(arm, spec, damping, settings.position_cost, positive=True)
-    objective = objective.keeping(settings.keep, settings.orientation_weight)
+    objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
     asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
     begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
     follower = Follower((objective,), settings)
@@ -111,15 +111,15 @@ def _planned_start(
     asked: Schedule, objective: Objective, settings: Control, bank: SeedBank | None, random_state: Any
 ) -> Array:
     """First configuration of a motion that is planned through the same targets."""
-    limits = MotionLimits.of(objective.arm, margin=0.0)
+    limits = MotionLimits.of(objective.arm, joint_limit_margin=0.0)
     random = as_generator(random_state)
     bank = SeedBank.given_or_built(bank, objective.arm, objective.spec, random)
-    planner = Planner(limits, Atlas(objective.arm, objective.spec, random_state=random), bank)
+    planner = Planner(limits, ReachabilityMap(objective.arm, objective.spec, random_state=random), bank)
     plan = plan_motion(
         objective.arm, asked.ellipsoids, time=asked.time, path=asked.positions, spec=objective.spec,
-        damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, effort=QUICK,
+        damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, planning_effort=QUICK,
         position_tolerance=1e-3,
-        keep=settings.keep, orientation_weight=settings.orientation_weight, random_state=random,
+        orientation_axes=settings.orientation_axes, orientation_weight=settings.orientation_weight, random_state=random,
     )  # fmt: skip
     return np.asarray(plan.joint_positions[0])
 

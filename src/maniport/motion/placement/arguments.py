@@ -10,7 +10,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.objective import Objective
 from maniport.motion.placement.problem import HEADING, SCALE, SIZE, TILT, YAW, PlacementProblem
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.util.validation import Array, as_choice, as_metres, as_number, as_rotation, as_times, require_shape
 
 FREE = "free"  # A tilt that is searched
@@ -108,15 +108,15 @@ def table_height(collisions: Collisions | None, given: Array) -> float:
     return collisions.table
 
 
-def require_reach(atlas: Atlas, bounds: Array, tolerance: float = 0.02) -> None:
+def require_reach(reachability_map: ReachabilityMap, bounds: Array, tolerance: float = 0.02) -> None:
     """Raise unless a sample of the arm comes into the workspace, within a tolerance [m]."""
-    tips = atlas.reach
+    tips = reachability_map.reach
     if np.linalg.norm(tips - np.clip(tips, *bounds), axis=1).min() > tolerance:
         asked, reached = (
             ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *ends, strict=True))
             for ends in (bounds, (tips.min(axis=0), tips.max(axis=0)))
         )
         raise InvalidInputError(
-            f"workspace: {atlas.arm.name!r} reaches nothing in {asked} m: its tip at {atlas.arm.frame!r} comes to "
+            f"workspace: {reachability_map.arm.name!r} reaches nothing in {asked} m: its tip at {reachability_map.arm.frame!r} comes to "
             f"{reached} m at most, and not everywhere between"
         )

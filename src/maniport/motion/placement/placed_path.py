@@ -135,5 +135,5 @@ class Placement(ShownInNotebooks):
     def __repr__(self) -> str:
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
         found = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
-        floor = f"node floor {np.median(self.distance):.2f} (median)"
+        floor = f"pointwise optimum {np.median(self.distance):.2f} (median)"
         return f"Placement({len(self.path)} points, {found}, {floor}, {np.sum(~self.reachable)} out of reach)"

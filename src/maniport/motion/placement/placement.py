@@ -26,7 +26,7 @@ from maniport.motion.placement.problem import (
     with_paths,
     wrapped,
 )
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.search.pointwise import pointwise_best
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.util.defaults import DAMPING
@@ -50,9 +50,9 @@ def place_path(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Collisions | bool | None = None,
-    atlas: Atlas | None = None,
+    reachability_map: ReachabilityMap | None = None,
     bank: SeedBank | None = None,
-    effort: str = FULL,
+    planning_effort: str = FULL,
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
@@ -91,7 +91,7 @@ def place_path(
         As in `maniport.motion.nearest_feasible`; the bank serves the pointwise optimum.
     collisions : Collisions or bool, optional
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
-    atlas : maniport.motion.Atlas, optional
+    reachability_map : maniport.motion.ReachabilityMap, optional
         Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
     effort : str
         Planning effort, as in `maniport.motion.PlanControl`.
@@ -109,8 +109,8 @@ def place_path(
     """
     return place_paths(
         (path,), (profile,), (arm,), wholes=None if whole is None else (whole,), collisions=(collisions,),
-        atlases=(atlas,), banks=(bank,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
-        workspace=workspace, spec=spec, damping=damping, effort=effort, rank=rank, random_state=random_state,
+        reachability_maps=(reachability_map,), banks=(bank,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
+        workspace=workspace, spec=spec, damping=damping, planning_effort=planning_effort, rank=rank, random_state=random_state,
         progress=progress,
     )[0]  # fmt: skip
 
@@ -131,9 +131,9 @@ def place_paths(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     collisions: Sequence[Collisions | bool | None] | None = None,
-    atlases: Sequence[Atlas | None] | None = None,
+    reachability_maps: Sequence[ReachabilityMap | None] | None = None,
     banks: Sequence[SeedBank | None] | None = None,
-    effort: str = FULL,
+    planning_effort: str = FULL,
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
@@ -151,8 +151,8 @@ def place_paths(
         Target ellipsoids along each.
     arms : sequence of Arm
         In one frame, such as those of `maniport.load_arms`.
-    wholes, collisions, atlases, banks : sequence, optional
-        One for each arm, as `whole`, `collisions`, `atlas` and `bank` of `place_path`.
+    wholes, collisions, reachability_maps, banks : sequence, optional
+        One for each arm, as `whole`, `collisions`, `reachability_map` and `bank` of `place_path`.
     time, turn, scale, yaw, tilt, offset, workspace, spec, damping, effort, rank, random_state, progress
         As in `place_path`; all for all arms.
 
@@ -166,19 +166,21 @@ def place_paths(
     NotSPDError, InvalidInputError
         As `place_path`; also when there are not as many of each as there are arms.
     """
-    generator, budget, count = as_generator(random_state), as_effort(effort), len(arms)
+    generator, budget, count = as_generator(random_state), as_effort(planning_effort), len(arms)
     chosen = as_count(rank, "rank") - 1
     _require_each(count, paths=paths, profiles=profiles, wholes=wholes, collisions=collisions)
-    _require_each(count, atlases=atlases, banks=banks)
+    _require_each(count, reachability_maps=reachability_maps, banks=banks)
     objectives = [Objective.of(arm, spec, damping) for arm in arms]
     given = given_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "place the path")
     seeds = [SeedBank.given_or_built(banks[i] if banks else None, arm, spec, generator) for i, arm in enumerate(arms)]
-    maps = _maps(arms, spec, generator, atlases, collisions)
-    bounds[0, 2] = max(bounds[0, 2], *(table_height(atlas.collisions, given[0]) for atlas in maps))
-    for atlas in maps:
-        require_reach(atlas, bounds)
+    maps = _maps(arms, spec, generator, reachability_maps, collisions)
+    bounds[0, 2] = max(
+        bounds[0, 2], *(table_height(reachability_map.collisions, given[0]) for reachability_map in maps)
+    )
+    for reachability_map in maps:
+        require_reach(reachability_map, bounds)
     problems, center, rotation = problems_of(objectives, paths, profiles, time, turn, given, bounds)
     group = PlacementGroup(problems, tuple(maps))
     whole = None
@@ -193,7 +195,7 @@ def place_paths(
         placement = best.place, center, rotation, candidates
         placed.append(_placed_path(problem, best.q[i], placement, bank, budget.pointwise_starts, part))
     medians = ", ".join(f"{np.median(one.distance):.2f}" for one in placed)
-    step.end(f"scale {placed[0].scale:.3f}, node floor {medians} (median)")
+    step.end(f"scale {placed[0].scale:.3f}, pointwise optimum {medians} (median)")
     return tuple(placed)
 
 
@@ -201,14 +203,21 @@ def _maps(
     arms: Sequence[Arm],
     spec: EllipsoidSpec,
     generator: np.random.Generator,
-    atlases: Sequence[Atlas | None] | None,
+    reachability_maps: Sequence[ReachabilityMap | None] | None,
     collisions: Sequence[Collisions | bool | None] | None,
-) -> list[Atlas]:
+) -> list[ReachabilityMap]:
     """Reachability maps of the arms, as far as given, else new ones."""
     maps = []
     for i, arm in enumerate(arms):
-        atlas, model = atlases[i] if atlases else None, collisions[i] if collisions else None
-        maps.append(Atlas(arm, spec, random_state=generator, collisions=model) if atlas is None else atlas)
+        reachability_map, model = (
+            reachability_maps[i] if reachability_maps else None,
+            collisions[i] if collisions else None,
+        )
+        maps.append(
+            ReachabilityMap(arm, spec, random_state=generator, collisions=model)
+            if reachability_map is None
+            else reachability_map
+        )
         maps[i].require_fits(arm, spec)
     return maps
 

@@ -16,7 +16,7 @@ from maniport.motion.effort import Effort
 from maniport.motion.placement.joint_descent import descend_jointly
 from maniport.motion.placement.problem import HEADING, TILT, PlacementGroup, PlacementProblem
 from maniport.motion.plan.optimizer import CLEARANCE, TrajectoryCost, TrajectoryTerms, optimize, time_weights
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import IN_PLACE, shortest_path
 from maniport.util.progress import Part, nobody, pieces
 from maniport.util.validation import Array
@@ -45,11 +45,11 @@ def best_placements(
     group: PlacementGroup,
     whole: PlacementGroup | None,
     seed: np.random.Generator,
-    effort: Effort,
+    planning_effort: Effort,
     progress: Part = nobody,
 ) -> list[PlannedPlacement]:
     """Search over the free numbers; the placements for which trajectories were planned, the best first."""
-    searches = [(group, whole, effort)]
+    searches = [(group, whole, planning_effort)]
     if group.common.free[TILT]:  # upright placements may fit into the workspace where leaning ones do not
         given = group.common.given.copy()
         given[[TILT, HEADING]] = 0.0
@@ -58,8 +58,8 @@ def best_placements(
             for one in (group, whole)
         )
         assert upright is not None
-        more = replace(effort, candidates=4 * effort.candidates)
-        searches = [(upright, upright_whole, effort), (group, whole, more)]
+        more = replace(planning_effort, candidates=4 * planning_effort.candidates)
+        searches = [(upright, upright_whole, planning_effort), (group, whole, more)]
     parts = pieces(progress, *[1.0] * len(searches))
     results = [_search(*search, seed, part) for search, part in zip(searches, parts, strict=True)]
     found = [one for some in results for one in some]
@@ -73,18 +73,24 @@ def best_placements(
 
 
 def _search(
-    group: PlacementGroup, reached: PlacementGroup | None, effort: Effort, seed: np.random.Generator, progress: Part
+    group: PlacementGroup,
+    reached: PlacementGroup | None,
+    planning_effort: Effort,
+    seed: np.random.Generator,
+    progress: Part,
 ) -> list[PlannedPlacement]:
     whole = group if reached is None else reached
     coarse = group.thinned(STAGES).changed(lambda problem: problem.weighing(WEIGHT))
     free = bool(group.common.free.any())
-    places = _shortlist(group, seed, effort) if free else _inside(group, group.common.given[None])
-    terms = [_terms(coarse.common.time, atlas, effort) for atlas in coarse.atlases]
+    places = _shortlist(group, seed, planning_effort) if free else _inside(group, group.common.given[None])
+    terms = [
+        _terms(coarse.common.time, reachability_map, planning_effort) for reachability_map in coarse.reachability_maps
+    ]
     without_collisions = [replace(one, collisions=None) for one in terms]  # collision checks take most of the time
     progress(0.3)
     found = []
     for place in places:
-        planned = _planned(coarse, place, without_collisions, effort, seed)
+        planned = _planned(coarse, place, without_collisions, planning_effort, seed)
         if free:
             planned = _improved(coarse, whole, planned, without_collisions)
         found.append(_evaluated(coarse, terms, planned.place, planned.q))
@@ -93,7 +99,7 @@ def _search(
     if not free or not found:
         return found
     for i, placement in enumerate(found):  # there another path through the roadmap may be better
-        again = _planned(coarse, placement.place, terms, effort, seed)
+        again = _planned(coarse, placement.place, terms, planning_effort, seed)
         found[i] = _improved(coarse, whole, min(placement, again, key=_cost), terms)
     found.sort(key=_cost)
     progress(1.0)
@@ -107,12 +113,12 @@ def _cost(placement: PlannedPlacement) -> float:
     return placement.cost
 
 
-def _shortlist(group: PlacementGroup, seed: np.random.Generator, effort: Effort) -> list[Array]:
+def _shortlist(group: PlacementGroup, seed: np.random.Generator, planning_effort: Effort) -> list[Array]:
     """The best of random placements by samples: of all at a few waypoints, then of some at more waypoints."""
     least, most = group.common.least[:4], group.common.most[:4]
-    exponent = max(effort.candidates - 1, 1).bit_length()
-    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(exponent)[: effort.candidates]
-    places = np.column_stack([least + unit * (most - least), group.centers(effort.candidates, seed)])
+    exponent = max(planning_effort.candidates - 1, 1).bit_length()
+    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(exponent)[: planning_effort.candidates]
+    places = np.column_stack([least + unit * (most - least), group.centers(planning_effort.candidates, seed)])
     places = _inside(group, np.where(group.common.free, places, group.common.given))
     if not len(places):
         return []
@@ -133,25 +139,33 @@ def _inside(group: PlacementGroup, places: Array) -> Array:
     return np.asarray(moved[inside])
 
 
-def _terms(time: Array, atlas: Atlas, effort: Effort) -> TrajectoryTerms:
+def _terms(time: Array, reachability_map: ReachabilityMap, planning_effort: Effort) -> TrajectoryTerms:
     """Cost of trajectories, as means over time."""
     duration = time[-1] - time[0] if len(time) > 1 else 1.0
     weights = time_weights(time) / duration if len(time) > 1 else np.ones(1)
     return TrajectoryTerms(
-        0.06 / duration, 3e-4 / duration, weights, collisions=atlas.collisions, rel_tol=effort.rel_tol
+        0.06 / duration,
+        3e-4 / duration,
+        weights,
+        collisions=reachability_map.collisions,
+        rel_tol=planning_effort.rel_tol,
     )
 
 
 def _planned(
-    group: PlacementGroup, place: Array, terms: list[TrajectoryTerms], effort: Effort, seed: np.random.Generator
+    group: PlacementGroup,
+    place: Array,
+    terms: list[TrajectoryTerms],
+    planning_effort: Effort,
+    seed: np.random.Generator,
 ) -> PlannedPlacement:
     """Plan a trajectory of each arm at a placement: roadmap, graph search, optimizer."""
     trajectories = []
-    for problem, atlas, one in zip(group.problems, group.atlases, terms, strict=True):
+    for problem, reachability_map, one in zip(group.problems, group.reachability_maps, terms, strict=True):
         targets = problem.targets(place)
-        nodes = atlas.nodes(targets, effort.placement_nodes, seed)
-        if atlas.collisions is not None:
-            nodes = nodes.without(atlas.collisions.collides(nodes.q))
+        nodes = reachability_map.nodes(targets, planning_effort.placement_nodes, seed)
+        if reachability_map.collisions is not None:
+            nodes = nodes.without(reachability_map.collisions.collides(nodes.q))
         largest = np.array([{"rad": 1.0, "m": 0.3}[unit] for unit in problem.objective.arm.joint_units])
         path = shortest_path(nodes, problem.time, np.tile(largest, (len(targets), 1)))
         trajectories.append(optimize(targets, problem.time, nodes.q[path], one, FIRST_WEIGHT))
@@ -192,21 +206,22 @@ def _moved_into_reach(
 def out_of_reach(group: PlacementGroup, place: Array) -> bool:
     """Whether some arm has no collision-free configuration for some waypoint at a placement (7,)."""
     return any(
-        _out_of_reach(problem, atlas, place) for problem, atlas in zip(group.problems, group.atlases, strict=True)
+        _out_of_reach(problem, reachability_map, place)
+        for problem, reachability_map in zip(group.problems, group.reachability_maps, strict=True)
     )
 
 
-def _out_of_reach(problem: PlacementProblem, atlas: Atlas, place: Array) -> bool:
+def _out_of_reach(problem: PlacementProblem, reachability_map: ReachabilityMap, place: Array) -> bool:
     targets = problem.targets(place)
     assert targets.positions is not None
-    far = targets[np.linalg.norm(atlas.offsets(targets.positions), axis=1) > NEAR * atlas.spacing]
+    far = targets[np.linalg.norm(reachability_map.offsets(targets.positions), axis=1) > NEAR * reachability_map.spacing]
     if not len(far):
         return False
-    nodes = atlas.nodes(far, 120, np.random.default_rng(0))
+    nodes = reachability_map.nodes(far, 120, np.random.default_rng(0))
     owner = np.repeat(np.arange(len(far)), np.diff(nodes.first))
     good = np.linalg.norm(far[owner].tip_offset(nodes.q), axis=1) <= IN_PLACE
-    if atlas.collisions is not None:  # with less clearance, trajectories leave the path
-        good[good] = atlas.collisions.clearance(nodes.q[good]) >= 0.5 * CLEARANCE
+    if reachability_map.collisions is not None:  # with less clearance, trajectories leave the path
+        good[good] = reachability_map.collisions.clearance(nodes.q[good]) >= 0.5 * CLEARANCE
     return len(np.unique(owner[good])) < len(far)
 
 
@@ -231,10 +246,10 @@ def within_reach(group: PlacementGroup, place: Array) -> Array:
 def _beyond(group: PlacementGroup, place: Array) -> tuple[Array, Array]:
     """How much farther than `NEAR` waypoints are from samples (k,) [m], and derivatives in the placement (k, 7)."""
     beyond, slopes = [], []
-    for problem, atlas in zip(group.problems, group.atlases, strict=True):
-        offset = atlas.offsets(problem.placed(place[None])[0][0])
+    for problem, reachability_map in zip(group.problems, group.reachability_maps, strict=True):
+        offset = reachability_map.offsets(problem.placed(place[None])[0][0])
         gap = np.linalg.norm(offset, axis=1)
-        near = NEAR * atlas.spacing
+        near = NEAR * reachability_map.spacing
         far = gap > near
         beyond.append(gap[far] - near)
         slopes.append(-np.einsum("ni,nij->nj", offset[far] / gap[far, None], problem.derivatives(place)[0][far]))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.motion.objective import Objective, Targets
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.spd.kernels import congruence
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
@@ -93,11 +93,11 @@ class PlacementProblem:
         positions, profile = self.placed(place[None])
         return self.objective.targets(profile[0], positions[0])
 
-    def costs(self, atlas: Atlas, places: Array, samples: int) -> Array:
+    def costs(self, reachability_map: ReachabilityMap, places: Array, samples: int) -> Array:
         """Mean cost of placements (k, 7) by the samples next to each waypoint, shape (k,)."""
         positions, profiles = self.placed(places)
         flat = profiles.reshape(-1, *profiles.shape[2:])
-        costs = atlas.costs(self.objective, flat, positions.reshape(-1, 3), samples)
+        costs = reachability_map.costs(self.objective, flat, positions.reshape(-1, 3), samples)
         return np.asarray(costs.reshape(positions.shape[:2]).mean(axis=1))
 
     def within(self, places: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -143,7 +143,7 @@ class PlacementGroup:
     """Placement problems of one or several arms with one common placement, and the reachability maps of the arms."""
 
     problems: tuple[PlacementProblem, ...]
-    atlases: tuple[Atlas, ...]
+    reachability_maps: tuple[ReachabilityMap, ...]
 
     @property
     def common(self) -> PlacementProblem:
@@ -164,14 +164,18 @@ class PlacementGroup:
 
     def costs(self, places: Array, samples: int) -> Array:
         """As `PlacementProblem.costs`, summed over the arms."""
-        pairs = zip(self.problems, self.atlases, strict=True)
-        return np.asarray(np.sum([problem.costs(atlas, places, samples) for problem, atlas in pairs], axis=0))
+        pairs = zip(self.problems, self.reachability_maps, strict=True)
+        return np.asarray(
+            np.sum([problem.costs(reachability_map, places, samples) for problem, reachability_map in pairs], axis=0)
+        )
 
     def centers(self, count: int, seed: np.random.Generator) -> Array:
         """Means of positions that the arms reach, shape (count, 3) [m]."""
         reached = [
-            atlas.reach[seed.choice(len(atlas.reach), count, replace=len(atlas.reach) < count)]
-            for atlas in self.atlases
+            reachability_map.reach[
+                seed.choice(len(reachability_map.reach), count, replace=len(reachability_map.reach) < count)
+            ]
+            for reachability_map in self.reachability_maps
         ]
         return np.asarray(np.mean(reached, axis=0))
 

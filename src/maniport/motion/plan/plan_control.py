@@ -28,17 +28,17 @@ class PlanControl:
     position_tolerance : float
         Position tolerance of the end effector, for the 95th percentile of the position error [m]. It is used, mostly
         for a shorter duration.
-    tempo : float
+    speed_scale : float
         Largest speed relative to the demonstration. Where limits demand it, the motion is slower.
     rate : float
         Samples of the result per second [Hz].
     motion_limits : MotionLimits, path, mapping or None
         See `MotionLimits.of`.
-    margin : float
+    joint_limit_margin : float
         Share of each joint's range that is kept free at either end, unless `motion_limits` are `MotionLimits` already.
     collisions : Collisions or bool
         Collision model; True: self-collisions.
-    keep : {"pointing", "whole"}
+    orientation_axes : {"pointing", "whole"}
         Which axes of target orientations count: z, or all.
     orientation_weight : float
         Weight of a radian from them beside the distance between ellipsoids [1/rad].
@@ -46,7 +46,7 @@ class PlanControl:
         Bounds of a path that is placed, as in `maniport.motion.place_path`; nothing else uses it.
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
-    effort : {"full", "quick"}
+    planning_effort : {"full", "quick"}
         Planning effort, see `maniport.motion.effort`.
 
     Raises
@@ -56,25 +56,25 @@ class PlanControl:
     """
 
     position_tolerance: float = POSITION_TOLERANCE
-    tempo: float = 1.0
+    speed_scale: float = 1.0
     rate: float = RATE
     motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None
-    margin: float = MARGIN
+    joint_limit_margin: float = MARGIN
     collisions: Collisions | bool = True
-    keep: str = POINTING
+    orientation_axes: str = POINTING
     orientation_weight: float = ORIENTATION_WEIGHT
     workspace: Sequence[Sequence[float | None]] | None = None
     home: ArrayLike | None = None
-    effort: str = FULL
+    planning_effort: str = FULL
 
     def __post_init__(self) -> None:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)
-        as_number(self.tempo, "tempo", above=0.0)
+        as_number(self.speed_scale, "speed_scale", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
         as_workspace(self.workspace)
-        as_effort(self.effort)
-        axis_weights(self.keep, as_number(self.orientation_weight, "orientation_weight", above=0.0))
-        as_number(self.margin, "margin", minimum=0.0, maximum=0.4)
+        as_effort(self.planning_effort)
+        axis_weights(self.orientation_axes, as_number(self.orientation_weight, "orientation_weight", above=0.0))
+        as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanControl":
         """Look up limits and collisions for an arm or two, or take those of a planner; check the home posture.
@@ -90,7 +90,7 @@ class PlanControl:
         if planner is not None:
             limits, apart = planner.limits, planner.collisions
         else:
-            limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.margin)
+            limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.joint_limit_margin)
             apart = as_collisions(self.collisions, limits.arm)
         if self.home is not None:
             require_free(self.home, "home", limits, apart)

@@ -40,7 +40,7 @@ def plan_motion(
     weights: ArrayLike | None = None,
     rotations: ArrayLike | None = None,
     planner: Planner | None = None,
-    node_floor: ArrayLike | None = None,
+    pointwise_best: ArrayLike | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
@@ -68,12 +68,12 @@ def plan_motion(
         and how much. The pointwise optimum ignores them.
     planner : Planner, optional
         A planner of this arm, these ellipsoids and limits. Default: a new one (0.5 s).
-    node_floor : array_like, shape (n,), optional
+    pointwise_best : array_like, shape (n,), optional
         The pointwise optimum, where it is known, as from `place_path`. Default: searched (0.6 s).
     random_state : None, int or numpy.random.Generator
         Random seed.
     **control
-        position_tolerance, tempo, rate, motion_limits, margin, collisions, keep, orientation_weight, home, effort; see
+        position_tolerance, speed_scale, rate, motion_limits, margin, collisions, keep, orientation_weight, home, effort; see
         `maniport.motion.PlanControl`.
 
     Raises
@@ -88,8 +88,8 @@ def plan_motion(
         planner.require_fits(arm, spec)
     settings = settings.resolved(arm, planner)
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
-    objective = objective.keeping(settings.keep, settings.orientation_weight)
-    request = PlanRequest.of(settings, objective, profile, time, path, weights, rotations, node_floor)
+    objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
+    request = PlanRequest.of(settings, objective, profile, time, path, weights, rotations, pointwise_best)
     step = Step(progress, "plan the motion")
     planner = settings.planner(arm, spec, generator) if planner is None else planner
     path_of_arm = request.planned(planner, generator, between(step, 0.2, 0.9))
@@ -122,19 +122,19 @@ class PlanRequest:
         path: ArrayLike | None,
         weights: ArrayLike | None,
         rotations: ArrayLike | None,
-        node_floor: ArrayLike | None,
+        pointwise_best: ArrayLike | None,
     ) -> "PlanRequest":
         """Check arguments as in `plan_motion`."""
         asked = Schedule.checked(objective, profile, time, path, weights, rotations)
-        known = None if node_floor is None else as_finite(node_floor, "node_floor").copy()
-        require_rows(len(asked), node_floor=(known, ()))
-        require_few((asked.time[-1] - asked.time[0]) / settings.tempo * settings.rate)
+        known = None if pointwise_best is None else as_finite(pointwise_best, "pointwise_best").copy()
+        require_rows(len(asked), pointwise_best=(known, ()))
+        require_few((asked.time[-1] - asked.time[0]) / settings.speed_scale * settings.rate)
         return cls(settings, objective, asked, known)
 
     @property
-    def effort(self) -> Effort:
+    def planning_effort(self) -> Effort:
         """The planning effort."""
-        return as_effort(self.settings.effort)
+        return as_effort(self.settings.planning_effort)
 
     def targets(self, limits: MotionLimits) -> Targets:
         """Targets at the n waypoints, for the arm with the margin of its limits."""
@@ -145,7 +145,7 @@ class PlanRequest:
 
         Return targets, times of the planning time scale and earliest times from 0 [s], and the rows of the n waypoints.
         """
-        fastest = 1.0 / self.settings.tempo
+        fastest = 1.0 / self.settings.speed_scale
         slow = max(fastest, PLANNING_TIME_SCALE)
         finer, rows = self.asked.finer(self.objective, 0.16 / slow)
         since = finer.time - finer.time[0]
@@ -156,7 +156,7 @@ class PlanRequest:
     ) -> "TimedPath":
         """Plan and time a trajectory."""
         targets, slow, fastest, rows = self.finer(planner.limits)
-        settings, effort = self.settings, self.effort
+        settings, effort = self.settings, self.planning_effort
         q = planner.plan(targets, slow, settings.position_tolerance, effort, generator, progress)
         q, timed = time_parameterized(
             planner.limits, planner.collisions, targets, fastest, q, settings.position_tolerance, settings.rate, effort
@@ -205,7 +205,7 @@ def evaluated(
         demonstrated_time=asked.time,
         limits=limits,
         limit_use=limits.use(timed.time, timed.positions),
-        node_floor=pointwise,
+        pointwise_best=pointwise,
         room=Room.of(collisions, result),
     )
 

@@ -58,7 +58,7 @@ class PlannedMotion(TrackResult):
         Largest shares of the limits.
     room : Room
         Collisions and clearance.
-    node_floor : ndarray, shape (n,)
+    pointwise_best : ndarray, shape (n,)
         Distances of the pointwise optimum: the smallest that was found for each point by itself, with the end effector
         on the path (at most 250 points; between them its square is linear).
     """
@@ -67,15 +67,15 @@ class PlannedMotion(TrackResult):
     limits: MotionLimits
     limit_use: LimitUse
     room: Room
-    node_floor: Array
+    pointwise_best: Array
 
     @property
-    def certificate(self) -> float:
-        """Ratio to the best pointwise solution found: root mean square of the distance over that of the node floor."""
-        return over_floor(self.distance, self.node_floor)
+    def pointwise_ratio(self) -> float:
+        """Ratio to the best pointwise solution found: root mean square of the distance over that of the pointwise optimum."""
+        return over_floor(self.distance, self.pointwise_best)
 
     @property
-    def leaps(self) -> NDArray[np.bool_]:
+    def jumps(self) -> NDArray[np.bool_]:
         """Whether what was demonstrated leaps to or from each point, in its path or its ellipsoids, shape (n,).
 
         A leap is a step of more than 0.02 m or a distance of 0.2 that is also so quick as four times the median of the

@@ -22,7 +22,7 @@ from maniport.motion.plan.optimizer import (
     optimize_to_tolerance,
     time_weights,
 )
-from maniport.motion.plan.reachability_map import Atlas
+from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, turned_to_rotations
 from maniport.motion.plan.time_parameterization import Timed, retime
 from maniport.motion.search.descent import PathCost
@@ -44,14 +44,14 @@ class Planner:
     Attributes
     ----------
     limits : MotionLimits
-    atlas : Atlas
+    reachability_map : ReachabilityMap
         Reachability map of ``limits.arm``.
     bank : SeedBank
     collisions : Collisions, optional
     """
 
     limits: MotionLimits
-    atlas: Atlas
+    reachability_map: ReachabilityMap
     bank: SeedBank
     collisions: Collisions | None = None
 
@@ -68,29 +68,31 @@ class Planner:
         """
         require_trackable(limits.arm, spec)
         generator, model = as_generator(random_state), as_collisions(collisions, limits.arm)
-        atlas = Atlas(limits.arm, spec, random_state=generator, collisions=model)
-        return cls(limits, atlas, SeedBank.build(limits.arm, random_state=generator, spec=spec), model)
+        reachability_map = ReachabilityMap(limits.arm, spec, random_state=generator, collisions=model)
+        return cls(limits, reachability_map, SeedBank.build(limits.arm, random_state=generator, spec=spec), model)
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this plans for an arm like `arm`, within limits of its own, and `spec`."""
-        require_alike("the planner was made for", (self.limits.arm, arm), (self.atlas.spec, spec), limits=False)
+        require_alike(
+            "the planner was made for", (self.limits.arm, arm), (self.reachability_map.spec, spec), limits=False
+        )
 
     def plan(
         self,
         targets: Targets,
         time: Array,
         tolerance: float,
-        effort: Effort,
+        planning_effort: Effort,
         random: np.random.Generator,
         progress: Callable[[float], None],
     ) -> Array:
         """Find joint positions at all waypoints (n, dof), at times (n,) on the planning time scale."""
         smoothness = smoothness_share(time)
-        terms = coarse_terms(self.limits, self.collisions, smoothness, effort)
-        stages = stages_of(time, effort.stage)
+        terms = coarse_terms(self.limits, self.collisions, smoothness, planning_effort)
+        stages = stages_of(time, planning_effort.stage)
         # short paths get more nodes: of a UR5's motion of 10 s the distance is 14 % less with 700 than with 300
         more = float(np.clip(150.0 / len(stages), 1.0, 2.4))
-        nodes = self.roadmap(targets[stages], int(more * effort.nodes), random)
+        nodes = self.roadmap(targets[stages], int(more * planning_effort.nodes), random)
         progress(0.4)
         weight, largest = smoothness * JOINT_MOTION_WEIGHT, self.largest_changes(time[stages])
         q = nodes.q[shortest_path(nodes, time[stages], largest, weight)]
@@ -102,10 +104,12 @@ class Planner:
     def roadmap(self, targets: Targets, count: int, random: np.random.Generator) -> Roadmap:
         """Make nodes on the path, or, without one, with similar ellipsoids; collision-free where possible."""
         if targets.positions is not None:
-            nodes = self.atlas.nodes(targets, count, random)
+            nodes = self.reachability_map.nodes(targets, count, random)
         else:
             q = self.bank.starts_for(targets, count)
-            q[..., self.atlas.idle] = (0.5 * (self.limits.lower + self.limits.upper))[self.atlas.idle]
+            q[..., self.reachability_map.idle] = (0.5 * (self.limits.lower + self.limits.upper))[
+                self.reachability_map.idle
+            ]
             owner, first = np.repeat(np.arange(len(q)), q.shape[1]), np.arange(len(q) + 1) * q.shape[1]
             q = q.reshape(-1, q.shape[-1])
             q = turned_to_rotations(targets[owner], q) if targets.turned else q
@@ -129,7 +133,7 @@ def smoothness_share(time: Array) -> float:
 
 
 def coarse_terms(
-    limits: MotionLimits, collisions: Collisions | None, smoothness: float, effort: Effort
+    limits: MotionLimits, collisions: Collisions | None, smoothness: float, planning_effort: Effort
 ) -> TrajectoryTerms:
     """Cost of a trajectory on the planning time scale."""
     return TrajectoryTerms(
@@ -137,7 +141,7 @@ def coarse_terms(
         smoothness * 4e-3,
         velocity=SPEED_SHARE * limits.velocity,
         collisions=collisions,
-        rel_tol=effort.rel_tol,
+        rel_tol=planning_effort.rel_tol,
     )
 
 
@@ -163,7 +167,7 @@ def time_parameterized(
     q: Array,
     tolerance: float,
     rate: float,
-    effort: Effort,
+    planning_effort: Effort,
 ) -> tuple[Array, Timed]:
     """Time a trajectory, optimize it with the smoothness that its time demands, and time it again.
 
@@ -182,11 +186,11 @@ def time_parameterized(
         SPEED_SHARE * limits.velocity,
         SPEED_SHARE * limits.acceleration,
         collisions,
-        effort.rel_tol,
+        planning_effort.rel_tol,
     )
     q, weight = optimize_to_tolerance(targets, at, q, terms, tolerance)
     timed = retime(limits, time, q, rate=rate)
-    other = relaxed(targets, at, q, terms, weight, tolerance) if effort.relaxation else q
+    other = relaxed(targets, at, q, terms, weight, tolerance) if planning_effort.relaxation else q
     if other is q:
         return q, timed
     other_timed = retime(limits, time, other, rate=rate)

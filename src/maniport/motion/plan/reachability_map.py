@@ -62,7 +62,7 @@ class Axis:
         return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
 
 
-class Atlas:
+class ReachabilityMap:
     """Reachability map of an arm: samples by the positions of their end effector.
 
     Parameters
@@ -158,7 +158,7 @@ class Atlas:
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this map is of the same arm and ellipsoids."""
-        require_alike("the atlas was built for", (self.arm, arm), (self.spec, spec), limits=True)
+        require_alike("the reachability_map was built for", (self.arm, arm), (self.spec, spec), limits=True)
 
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""

@@ -98,7 +98,7 @@ def body_of(
 def _camera(result: TransferResult) -> Array:
     """Rotation from the person's trunk frame to the robot's base frame after placement, shape (3, 3)."""
     placement = None if result.execution is None else result.execution.placement
-    return result.mounting if placement is None else placement.rotation @ result.mounting
+    return result.base_rotation if placement is None else placement.rotation @ result.base_rotation
 
 
 def opening_time(time: Array, distances: Sequence[Array], profiles: Sequence[Array]) -> float:
@@ -148,7 +148,7 @@ def _errors(execution: Execution) -> tuple[Panel, ...]:
     motion, (title, _, meaning) = execution.motion, DEFINITIONS["distance"]
     lines = (
         Line("achieved", motion.distance),
-        Line(DEFINITIONS["node_floor"][0].lower(), execution.plan.node_floor, REFERENCE.name, 1),
+        Line(DEFINITIONS["pointwise_best"][0].lower(), execution.plan.pointwise_best, REFERENCE.name, 1),
         Line(DEFINITIONS["feasibility_gap"][0].lower(), execution.gap, REFERENCE.name, 2),
     )
     panels = [Panel(title, "", lines, meaning)]
@@ -203,7 +203,7 @@ def _axis_angles(found: Mapping[str, Course]) -> list[Panel]:
 
 def regularized(result: TransferResult) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return domains and profiles of a run by role, regularized as in the fit, in the robot's base frame."""
-    rotation, student = result.spec.rotation(result.mounting), result.adapter.student_side
+    rotation, student = result.spec.rotation(result.base_rotation), result.adapter.student_side
 
     def teacher(points: Array) -> Array:
         return np.asarray(rotation @ result.adapter.teacher_side(points) @ rotation.T)

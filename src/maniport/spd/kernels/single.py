@@ -7,7 +7,7 @@ from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE
 
 @part
 def admit(point, a, v, x, added, floor):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """A ← P + added I, the eigenvalues of P first lifted to `floor`; V and X are overwritten."""
+    """A ← P + added I, the eigenvalues of P first lifted to `eigenvalue_floor`; V and X are overwritten."""
     n, largest = len(point), 0.0
     for i in range(n):
         for j in range(n):

@@ -21,7 +21,7 @@ COMPARED = ("per_dispersion", "per_squared_dispersion")
 """The forms in the paper's text and in the authors' public program."""
 
 LEAD = (
-    "The paper's numbers against ours with the paper's settings. Our defaults are not compared: they know the mounting "
+    "The paper's numbers against ours with the paper's settings. Our defaults are not compared: they know the base_rotation "
     "and regularize otherwise. c is the mean distance of the mapped ellipsoids to their mean, c² the mean squared one."
 )
 

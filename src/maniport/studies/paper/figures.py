@@ -104,12 +104,12 @@ def _human_robot_adapter(seed: int) -> DomainAdapter:
 
 
 def _fitted(
-    table: str, samples: int, method: str, mounting: Array, domains: tuple[Array, Array], seed: int
+    table: str, samples: int, method: str, base_rotation: Array, domains: tuple[Array, Array], seed: int
 ) -> DomainAdapter:
     """Fit to the domains what a row of a table is fitted with."""
     what = TRAJECTORIES, samples, method
     row = next(row for row in paper_table(table) if (row.data, row.samples, row.method) == what)
-    adapter = our_adapter(row, mounting)
+    adapter = our_adapter(row, base_rotation)
     adapter.set_params(random_state=seed)
     fit_quietly(adapter, Draw(seed, *domains, {}))
     return adapter

@@ -30,7 +30,7 @@ from maniport.util.validation import Array
 
 ALL = 400  # Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th
 SAME_FRAME = np.eye(3)  # How the Panda is mounted relative to the person
-REMEDIES: dict[str, dict[str, Any]] = {PAPER: {"floor": FLOOR}, OURS: {"damping": DAMPING}}
+REMEDIES: dict[str, dict[str, Any]] = {PAPER: {"eigenvalue_floor": FLOOR}, OURS: {"damping": DAMPING}}
 
 Known = dict[str, tuple[Array, Array]]
 
@@ -46,7 +46,7 @@ NOTES = (
     "baseline scales ellipsoids to one volume, transports the tangent vector from the nearest sample of the person's "
     "domain to that sample's nearest one of the Panda's, and restores the volume. The rows 'ours, authors' baseline' "
     "compare the paper's settings with that baseline.",
-    "Our defaults: damping 0.01 instead of a floor of 1e-4, for the baseline too, and the mounting is known (the same "
+    "Our defaults: damping 0.01 instead of a floor of 1e-4, for the baseline too, and the base orientation is known (the same "
     "frame). Numbers of the two settings have different regularisations and must not be compared with each other.",
 )
 
@@ -54,8 +54,8 @@ NOTES = (
 class AuthorsBaseline:
     """Transfer ellipsoids by a lookup of volume-normalized samples and transported tangent vectors."""
 
-    def __init__(self, floor: float) -> None:
-        self._regularization = Regularization(floor=floor)
+    def __init__(self, eigenvalue_floor: float) -> None:
+        self._regularization = Regularization(eigenvalue_floor=eigenvalue_floor)
 
     def fit(self, teacher: Array, student: Array) -> Self:
         """Pair the samples of both domains, shapes (n, 3, 3) and (m, 3, 3)."""

@@ -35,14 +35,14 @@ SOBOL = "Sobol samples, drawn separately for each arm"
 ARMS_NOTES = (
     "Trajectories: 20 of 20 points, the same for both arms; smaller sets take every n-th point. Evaluated on three "
     "more, where the truth is known: the student at the same joint angles. The right error is 0, and every method "
-    "reaches it but parallel transport alone without the mounting, which cannot see a quarter turn.",
+    "reaches it but parallel transport alone without the base_rotation, which cannot see a quarter turn.",
     "Random samples: 500 uniform ones, drawn separately for each arm as in the paper; smaller sets take every n-th. "
     "Drawn separately, the two sets are no rotated copies of each other, and both domains are symmetric under any turn "
-    "in the arm's plane: without the mounting, no method can find that turn, and its errors are accidents of sampling. "
+    "in the arm's plane: without the base_rotation, no method can find that turn, and its errors are accidents of sampling. "
     "With the same joint samples for both arms the truth lies in the model class, and the right error is 0.",
-    "Parallel transport alone without the mounting and samples drawn separately: the error depends on the samples, and "
+    "Parallel transport alone without the base_rotation and samples drawn separately: the error depends on the samples, and "
     "the paper does not publish its own.",
-    "Our defaults: damping 0.01 instead of a floor of 1e-4, and the mounting (a quarter turn about y) is known. The "
+    "Our defaults: damping 0.01 instead of a floor of 1e-4, and the base_rotation (a quarter turn about y) is known. The "
     "numbers of the two settings have different regularisations, and compare with their own right error, 0, only.",
 )
 
@@ -52,7 +52,7 @@ TOY_NOTES = (
     "they were drawn. Evaluated on 10 new ellipsoids that went the same way.",
     "The model class contains the truth, so that the right error is 0.",
     "As in the paper, eigenvalues below 1e-4 are lifted to it when the Panda's ellipsoids are drawn, so that none is "
-    "singular; no adapter regularises them again, which would leave the model class. No mounting is known.",
+    "singular; no adapter regularises them again, which would leave the model class. No base_rotation is known.",
 )
 
 
@@ -61,7 +61,7 @@ def toy(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experime
     data = [toy_draw(seed + k) for k in range(draws)]
     title, outcomes, rows = "Table I: toy data", [], paper_table("I")
     for row in counted(rows, len(rows), Step(tell, title)):
-        outcomes.append(measure(paper_adapter(row, floor=None), data, PAPER, row.data, row))
+        outcomes.append(measure(paper_adapter(row, eigenvalue_floor=None), data, PAPER, row.data, row))
         outcomes.append(measure(our_adapter(row, damping=None), data, OURS, row.data, row))
     return Experiment("toy", title, TOY_NOTES, tuple(outcomes))
 
@@ -71,7 +71,7 @@ def toy_draw(seed: int, samples: int = 100, new: int = 10) -> Draw:
     random = np.random.default_rng(seed)
     arm = trajectories.robot_arm()
     ellipsoids = arm.manipulability(arm.sample(samples + new, random, "uniform"))
-    student, others = np.split(Regularization(floor=FLOOR).apply(ellipsoids, "samples"), [samples])
+    student, others = np.split(Regularization(eigenvalue_floor=FLOOR).apply(ellipsoids, "samples"), [samples])
     away = RigidMap(mean(student), _random_mean(random), _rotation(random), float(_stretch(random)))
     return Draw(seed, away.apply(student), student, {TOY[0]: (away.apply(others), others)})
 
@@ -138,7 +138,7 @@ def _random(samples: int, seed: int, how: str) -> tuple[Array, Array]:
 
 
 def _at_size(size: int, seed: int, draws: int) -> list[Outcome]:
-    """What the paper did not try: even samples, more of them, and a known mounting."""
+    """What the paper did not try: even samples, more of them, and a known base orientation."""
     teacher, student = trajectories.two_dof_arms()
     sets = []
     for s in range(seed, seed + draws):

@@ -137,11 +137,11 @@ def measure(
     )
 
 
-def measure_defaults(draws: Sequence[Draw], data: str, samples: str, mounting: ArrayLike) -> list[Outcome]:
-    """What the paper did not try: our defaults with the mounting known, without and with matching."""
+def measure_defaults(draws: Sequence[Draw], data: str, samples: str, base_rotation: ArrayLike) -> list[Outcome]:
+    """What the paper did not try: our defaults with the base_rotation known, without and with matching."""
     adapters = {
-        "PT only": ParallelTransport(damping=DAMPING, mounting=mounting),
-        "PT + ICP": RiemannianICP(damping=DAMPING, mounting=mounting),
+        "PT only": ParallelTransport(damping=DAMPING, base_rotation=base_rotation),
+        "PT + ICP": RiemannianICP(damping=DAMPING, base_rotation=base_rotation),
     }
     return [measure(one, draws, OURS, data, samples=samples, method=method) for method, one in adapters.items()]
 

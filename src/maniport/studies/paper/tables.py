@@ -22,9 +22,9 @@ PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "our
 FLOOR = 1e-4  # Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead
 
 PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
-    {"damping": None, "mounting": None, "scale": True, "dispersion": "mean", "recenter": "training"}
+    {"damping": None, "base_rotation": None, "scale": True, "dispersion": "mean", "recenter": "training"}
 )
-"""Everything that the paper's text says about steps 1, 2 and 4; no mounting is known."""
+"""Everything that the paper's text says about steps 1, 2 and 4; no base_rotation is known."""
 
 PAPER_SEARCH = Search(n_starts=8, margin=0.0, compete=False, max_iter=100, tol=1e-8)
 """The same about ICP: the cheapest of several starts, at most 100 iterations. Start and weights differ by row."""
@@ -85,24 +85,26 @@ def paper_table(number: str) -> tuple[PaperRow, ...]:
     )
 
 
-def paper_adapter(row: PaperRow, floor: float | None = FLOOR) -> DomainAdapter:
+def paper_adapter(row: PaperRow, eigenvalue_floor: float | None = FLOOR) -> DomainAdapter:
     """Return the adapter that a row of the paper was made with."""
     if row.exponent is None:
-        return ParallelTransport(**PAPER_RIGID, floor=floor)
+        return ParallelTransport(**PAPER_RIGID, eigenvalue_floor=eigenvalue_floor)
     return RiemannianICP(
         **PAPER_RIGID,
-        floor=floor,
+        eigenvalue_floor=eigenvalue_floor,
         correspondence=EllipsoidCorrespondence(exponent=row.exponent),
         search=replace(PAPER_SEARCH, start=row.start, most_singular=row.most_singular),
         n_resamples=0,
     )
 
 
-def our_adapter(row: PaperRow, mounting: ArrayLike | None = None, damping: float | None = DAMPING) -> DomainAdapter:
-    """Return the same method with the library's defaults and, where it is known, the mounting of the student."""
+def our_adapter(
+    row: PaperRow, base_rotation: ArrayLike | None = None, damping: float | None = DAMPING
+) -> DomainAdapter:
+    """Return the same method with the library's defaults and, where it is known, the base_rotation of the student."""
     if row.exponent is None:
-        return ParallelTransport(damping=damping, mounting=mounting)
-    return RiemannianICP(damping=damping, mounting=mounting, search=Search(most_singular=row.most_singular))
+        return ParallelTransport(damping=damping, base_rotation=base_rotation)
+    return RiemannianICP(damping=damping, base_rotation=base_rotation, search=Search(most_singular=row.most_singular))
 
 
 def in_words(adapter: DomainAdapter) -> str:
@@ -111,8 +113,8 @@ def in_words(adapter: DomainAdapter) -> str:
     default = type(adapter)().get_params(deep=False)
     words = []
     for key, value in given.items():
-        if key == "mounting":
-            words += [] if value is None else ["mounting=mounting"]
+        if key == "base_rotation":
+            words += [] if value is None else ["base_rotation=base_rotation"]
         elif value != default[key]:
             words.append(f"{key}={value:g}" if isinstance(value, float) else f"{key}={value!r}")
     return f"{type(adapter).__name__}({', '.join(words)})"

@@ -30,7 +30,7 @@ class Search:
     start : {"parallel-transport", "identity"}
         First rotation of recentred ellipsoids.
     n_starts : int
-        Number of further starts that are followed when no mounting is given: rotations that align the frames of the
+        Number of further starts that are followed when no base_rotation is given: rotations that align the frames of the
         two clouds, and those that ellipsoids with equal eigenvalues vote for. Zero follows `start` alone.
     margin : float
         Fraction by which the cost from another start must be lower than that from `start`. Clouds of arms are nearly

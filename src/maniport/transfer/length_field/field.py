@@ -54,10 +54,10 @@ class LengthsMap:
         base, *terms = self.terms()
         points, results = np.ascontiguousarray(points), np.empty(points.shape)
         numbers = np.array([0.0, 0.0, -1.0 if epsilon is None else epsilon, KAPPA, *base])
-        mounting = np.eye(points.shape[-1])
+        base_rotation = np.eye(points.shape[-1])
 
         def work(first: int, last: int) -> None:
-            if map_many(points[first:last], mounting, numbers, *terms, results[first:last]):
+            if map_many(points[first:last], base_rotation, numbers, *terms, results[first:last]):
                 raise NotSPDError("points, or their images, are too ill-conditioned for floating-point numbers")
 
         in_parts(work, len(points), points.shape[-1])

@@ -12,12 +12,12 @@ ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue ma
 
 
 @kernel
-def map_one(point, mounting, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
+def map_one(point, base_rotation, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
     """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor.
 
     The terms are those of `LengthsMap.terms`; the return value is that of `maniport.transfer.control.map_one`.
     """
-    n = len(mounting)
+    n = len(base_rotation)
     if point.shape != (n, n) or out.shape != (n, n):
         return 3
     epsilon, floor, release, kappa, power, shift, level, inverse_square, soft = numbers
@@ -25,7 +25,7 @@ def map_one(point, mounting, numbers, parts, centers, lengths, out):  # type: ig
     failed = admit(point, a, v, x, epsilon, floor)
     if failed != 0:
         return failed
-    congruence(mounting, a, b)
+    congruence(base_rotation, a, b)
     diagonalize_one(a, v)
     trace = 0.0
     for i in range(n):
@@ -52,10 +52,10 @@ def map_one(point, mounting, numbers, parts, centers, lengths, out):  # type: ig
 
 
 @kernel
-def map_many(points, mounting, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
+def map_many(points, base_rotation, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
     """Fill `out`, shape (n, d, d), with the maps of many; return 0, or the reason why one has none."""
     for i in range(len(points)):
-        failed = map_one(points[i], mounting, numbers, parts, centers, lengths, out[i])
+        failed = map_one(points[i], base_rotation, numbers, parts, centers, lengths, out[i])
         if failed != 0:
             return failed
     return 0
