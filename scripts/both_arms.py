@@ -47,12 +47,12 @@ class Task:
 def task_of(fits: ArmFits, arms: ArmGroup, planning_effort: str) -> Task:
     """Both hands' paths in one place, with target ellipsoids by parallel transport."""
     profiles = []
-    for fit, arm in zip(fits.each, arms.each, strict=True):
+    for fit, arm in zip(fits.each, arms.arms, strict=True):
         teacher, student = (mp.sample_domain(one, SAMPLES, random_state=0) for one in (fit.arm, arm))
         adapter = mp.ParallelTransport().fit(teacher, student)
         profiles.append(adapter.transform(fit.arm.manipulability(fit.joint_angles)))
     began = clock.process_time()
-    placed = place_paths(fits.hands, profiles, arms.each, time=fits.time, planning_effort=planning_effort)
+    placed = place_paths(fits.hands, profiles, arms.arms, time=fits.time, planning_effort=planning_effort)
     spent = clock.process_time() - began
     print("   ", placed[0], placed[1], sep="\n    ", flush=True)
     return Task(tuple(one.profile for one in placed), tuple(one.path for one in placed), fits.time, spent)
@@ -63,7 +63,7 @@ def alone(arms: ArmGroup, task: Task, planning_effort: str) -> tuple[list[Planne
     began = clock.process_time()
     motions = [
         plan_motion(arm, profile, time=task.time, path=path, planning_effort=planning_effort)
-        for arm, profile, path in zip(arms.each, task.profiles, task.paths, strict=True)
+        for arm, profile, path in zip(arms.arms, task.profiles, task.paths, strict=True)
     ]
     return motions, 0.5 * (clock.process_time() - began)
 

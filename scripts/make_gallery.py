@@ -124,7 +124,7 @@ def while_it_moves(folder: Path) -> Figure:
 def from_above(result: Any) -> Figure:
     """The paths of both tips and where they were to be, seen from above, between the bases (example 11)."""
     figure, (axes,) = panels(1, 1.6)
-    for side, arm in zip(result.each, result.robot.each, strict=True):
+    for side, arm in zip(result.each, result.robot.arms, strict=True):
         motion = side.execution.motion
         tips = arm.forward(motion.joint_positions)[:, :3, 3]
         axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="path")

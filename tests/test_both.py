@@ -45,7 +45,7 @@ def still(recording):
 
 def test_the_left_arm_goes_to_the_left_and_the_right_to_the_right(moved, arms):
     """Each arm of the person becomes the robot's of its side; the demonstrated ellipsoids are its own."""
-    for side, one, arm in zip(SIDES, moved.each, arms.each, strict=True):
+    for side, one, arm in zip(SIDES, moved.each, arms.arms, strict=True):
         assert one.fit.arm.side == side
         assert one.robot is arm
         np.testing.assert_allclose(one.demonstrated_profile, one.fit.arm.manipulability(one.fit.joint_angles))

@@ -23,7 +23,7 @@ def pandas():
 
 def task(arms, *joints, smaller=1.0):
     """What the arms make in these postures, or smaller ellipsoids, and where their tips are then."""
-    each = list(zip(arms.each, joints, strict=True))
+    each = list(zip(arms.arms, joints, strict=True))
     return {
         "profiles": [smaller * arm.manipulability(q) for arm, q in each],
         "paths": [arm.forward(q)[:, :3, 3] for arm, q in each],
@@ -56,7 +56,7 @@ def test_arms_that_do_not_meet_follow_as_each_alone(pandas):
     both = track_arms(pandas, **asked, rate=50.0, lm_damping=10.0, acceleration_limits=10.0)
     for i, motion in enumerate(both.each):
         alone = track(
-            pandas.each[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], rate=50.0, lm_damping=10.0,
+            pandas.arms[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], rate=50.0, lm_damping=10.0,
             reference=asked["reference"][:, pandas.columns[i]], acceleration_limits=10.0,
         )  # fmt: skip
         assert_allclose(motion.control_positions, alone.control_positions, atol=1e-4)

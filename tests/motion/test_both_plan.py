@@ -27,10 +27,10 @@ def swung(phase=0.0, size=0.4):
 
 def task(arms, *joints):
     """What is asked for where each arm shall do as in these postures: ellipsoids somewhat larger, and paths."""
-    profiles = [1.2 * arm.manipulability(q) for arm, q in zip(arms.each, joints, strict=True)]
+    profiles = [1.2 * arm.manipulability(q) for arm, q in zip(arms.arms, joints, strict=True)]
     return {
         "profiles": profiles,
-        "paths": [arm.forward(q)[:, :3, 3] for arm, q in zip(arms.each, joints, strict=True)],
+        "paths": [arm.forward(q)[:, :3, 3] for arm, q in zip(arms.arms, joints, strict=True)],
         "time": TIME,
     }
 
@@ -41,7 +41,7 @@ def known(arms, collisions=False):
     apart = mp.Collisions.of(limits.arm) if collisions else None
     planners = []
     for arm, columns, alone in zip(
-        limits.arm.each, limits.arm.columns, apart.each if apart else (None, None), strict=True
+        limits.arm.arms, limits.arm.columns, apart.of_arms if apart else (None, None), strict=True
     ):
         reachability_map = ReachabilityMap(arm, spec, 8_000, collisions=alone)
         planners.append(Planner(limits.of_joints(arm, columns), reachability_map, SeedBank.build(arm, 2048), alone))
@@ -76,7 +76,7 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     assert not separate.together
     for i, motion in enumerate(separate.each):
         alone = plan_motion(
-            arms.each[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], planner=planner.each[i],
+            arms.arms[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], planner=planner.each[i],
             planning_effort="quick",
         )  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
@@ -153,7 +153,7 @@ def trunk(side):
 @pytest.fixture(scope="module")
 def crane():
     """Two arms on one trunk."""
-    return mp.arms.ArmGroup(trunk("left"), trunk("right"))
+    return mp.arms.ArmGroup(trunk("left"), trunk("right"), names=("left", "right"))
 
 
 def test_slopes_in_the_joints_of_both(crane):
@@ -161,7 +161,7 @@ def test_slopes_in_the_joints_of_both(crane):
     q = 0.5 * crane.sample(4, 0)
     each = [
         Objective.of(arm).targets(1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3])
-        for arm in crane.each
+        for arm in crane.arms
     ]
     both = BothTargets(crane, tuple(each)).weighing(20.0)
     alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))

@@ -153,7 +153,7 @@ class Pair:
             return whole
         units = {
             name: (unit, low, high)
-            for arm in (*whole.each, whole)  # a name that both robots have stands for both joints
+            for arm in (*whole.arms, whole)  # a name that both robots have stands for both joints
             for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
         }
         return load_arms(robots, self.frames, **options, lock=_in_own_units(chain.held, units))

@@ -117,7 +117,7 @@ def transfer_both(
         "move": False, "orientation": orientation, "random_state": random_state, "progress": progress,
     }  # fmt: skip
     left, right = (
-        checked(person_told, arm, method, kept, spec=own, **given) for arm, own in zip(arms.each, specs, strict=True)
+        checked(person_told, arm, method, kept, spec=own, **given) for arm, own in zip(arms.arms, specs, strict=True)
     )
     ready = PlanControl(**settings).resolved(arms) if move else None
     whose = {"person": person, "markers": markers, "height": height, "smooth": smooth, "jumps": jumps}
@@ -173,7 +173,7 @@ class BothJob:
         """What plans the motion of both; None where they shall or can not move."""
         if self.control is None:
             return None
-        for arm, job in zip(self.arms.each, self.each, strict=True):
+        for arm, job in zip(self.arms.arms, self.each, strict=True):
             if reason := why_not_trackable(arm, job.spec):
                 warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
                 return None
@@ -240,7 +240,7 @@ class BothJob:
         executions: list[Execution | None] = [
             Execution(arm, place, plan, plan, plan.room, self.gap(plan, own), own.collisions, loose, job.seed)
             for arm, place, plan, own, loose in zip(
-                self.arms.each, places, planned.each, planner.each, freely, strict=True
+                self.arms.arms, places, planned.each, planner.each, freely, strict=True
             )
         ]
         return planned, executions

@@ -240,7 +240,7 @@ def _pair(result: BothResult) -> Section:
                    "Ratio of root mean squares of both distances.", "pointwise_ratio", motion.pointwise_ratio),
         ]  # fmt: skip
     shared = f"; shared joints: {', '.join(robot.shared)}" if robot.shared else ""
-    frames = f"end effectors {robot.left.frame} and {robot.right.frame}"
+    frames = f"end effectors {robot.arms[0].frame} and {robot.arms[1].frame}"
     metrics += [
         Metric("Robot", f"{robot.name}, {robot.dof} joints, {frames}{shared}", "", "robot",
                {"name": robot.name, "joints": list(robot.joint_names), "shared": list(robot.shared)}),

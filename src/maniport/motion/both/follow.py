@@ -100,7 +100,7 @@ def track_arms(
     objectives, schedules = [], []
     given = [two(value, name) for name, value in (("profiles", profiles), ("paths", paths), ("rotations", rotations))]
     for arm, columns, meant, (profile, path, turned) in zip(
-        pair.each, pair.columns, pair.specs(spec), zip(*given, strict=True), strict=True
+        pair.arms, pair.columns, pair.specs(spec), zip(*given, strict=True), strict=True
     ):
         require_trackable(arm, meant)
         objective = Objective.of(arm, meant, damping, settings.position_cost, positive=True)

@@ -129,7 +129,7 @@ def _requests(
     requests = []
     columns = [two(value, name) for name, value in given.items()]
     for arm, meant, (profile, path, turned, floor) in zip(
-        pair.each, pair.specs(spec), zip(*columns, strict=True), strict=True
+        pair.arms, pair.specs(spec), zip(*columns, strict=True), strict=True
     ):
         objective = Objective.of(arm, meant, damping, EXACT_WEIGHT, positive=True)
         objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)

@@ -50,9 +50,9 @@ class ArmsPlanner:
         """
         arms, generator = as_arms(limits.arm), as_generator(random_state)
         apart = as_collisions(collisions, arms)
-        alone = (None, None) if apart is None else apart.each
+        alone = (None, None) if apart is None else apart.of_arms
         planners = []
-        for arm, columns, meant, around in zip(arms.each, arms.columns, arms.specs(spec), alone, strict=True):
+        for arm, columns, meant, around in zip(arms.arms, arms.columns, arms.specs(spec), alone, strict=True):
             planners.append(Planner.of(limits.of_joints(arm, columns), meant, around or False, deepcopy(generator)))
         return cls(limits, spec, (planners[0], planners[1]), apart)
 
@@ -63,7 +63,7 @@ class ArmsPlanner:
 
     def require_fits(self, arms: ArmGroup, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this plans for arms like `arms`, within limits of their own, and `spec`."""
-        for mine, other in zip(self.arms.each, arms.each, strict=True):
+        for mine, other in zip(self.arms.arms, arms.arms, strict=True):
             require_alike("the planner was made for", (mine, other), (self.spec, spec), limits=False)
 
 

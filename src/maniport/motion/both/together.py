@@ -192,7 +192,7 @@ def _starts(planner: ArmsPlanner, courses: list[Array]) -> list[Array]:
         q[:, columns] = course
     if not arms.shared:
         return [q]
-    shared = np.intersect1d(*arms.columns)
+    shared = np.intersect1d(arms.columns[0], arms.columns[1])
     of_left, of_right = (
         course[:, [int(np.flatnonzero(columns == i)[0]) for i in shared]]
         for course, columns in zip(courses, arms.columns, strict=True)

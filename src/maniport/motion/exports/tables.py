@@ -6,8 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec
-from maniport.motion.arm_model import prefixes
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.motion.arm_model import model_prefixes
 from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.follow.track_result import TrackResult
 from maniport.motion.objective import Objective
@@ -35,11 +35,10 @@ def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm |
 
 def _held(robot: Arm | ArmGroup) -> Mapping[str, float]:
     """Where joints are held, by name; those of two robots are called as the pair calls joints that move."""
-    if isinstance(robot, Arm):
-        return robot.chain.locked
+    group = as_group(robot)
     return {
         prefix + name: value
-        for prefix, arm in zip(prefixes(robot), robot.each, strict=True)
+        for prefix, arm in zip(model_prefixes(group), group.arms, strict=True)
         for name, value in arm.chain.locked.items()
     }
 
