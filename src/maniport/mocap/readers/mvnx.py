@@ -31,7 +31,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     elif not np.isfinite(times).all():
         time = None
     positions = np.array(rows).reshape(len(rows), -1, 3)
-    return options.recording(file, names, positions, time, "m", "z", "as MVNX has it", unit_by="as MVNX has it")
+    return options.recording(file, names, positions, time, "m", "z", origin="as in all MVNX files")
 
 
 def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
@@ -88,4 +88,4 @@ def _number(file: Path, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise FileFormatError(f"{file}: a number is wanted; found {text[:40]!r}") from None
+        raise FileFormatError(f"{file}: expected a number; found {text[:40]!r}") from None
