@@ -45,8 +45,8 @@ _DATA = load_names("marker_sets.yaml")
 MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = _DATA["marker_sets"]
 """For each marker set and role the alternatives; the first whose points are recorded counts.
 
-An alternative is written as in the argument ``markers`` of `fit_arm`, for the right arm: a name or a list of names (the
-mean counts); for a direction a pair (from, to) of these. The marker set with most roles of the arm counts, the later one
+An alternative is written as in the argument ``markers`` of `fit_arm`, for the right arm: a name or a list of names (their
+mean counts); for a direction a pair (from, to) of these. The set with most roles of the arm counts, the later one
 of equals; the trunk may come from another one. Upper and lower case, spaces, ``_``, ``.``, ``-`` and prefixes before a
 colon (``Nick01:RELB``) are ignored. `fit_arm` and `read_recording` use the entries that are added.
 """
