@@ -67,7 +67,7 @@ def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
         low = high = as_count(wanted, "n_components")
     if high > allowed:
         raise InvalidInputError(
-            f"{high} components need at least {high * each} ellipsoids, {each} each for {p} inputs and {d}×{d} matrices; "
+            f"{high} components need {high * each} ellipsoids, {each} each for {p} inputs and {d}×{d} matrices, "
             f"found {len(x)}"
         )
     return range(low, high + 1)

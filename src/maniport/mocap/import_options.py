@@ -53,24 +53,10 @@ class ImportOptions:
     ) -> Recording:
         """Make the recording in meters, with notes on the unit, the vertical axis and the rate.
 
-        Parameters
-        ----------
-        file : Path
-            For messages.
-        names : sequence of str
-            One for each point; those that repeat are numbered.
-        positions : array_like, shape (n_frames, n_points, 3)
-            In the unit of the file; nan, and points farther than 1e12, are missing.
-        time : array_like, shape (n_frames,), optional
-            Time [s]; None where the file has neither time nor rate.
-        unit, up : str
-            Unit and vertical axis of the file; empty where it does not state them.
-        usual : str
-            Vertical axis if neither file nor points determine it.
-        origin : str
-            Why `unit` and `up` are these.
-        notes, quality_warnings, measured
-            As in `Recording`.
+        `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
+        points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
+        and `up` are empty where the file does not state them; `origin` describes why they are these. `usual` is the
+        vertical axis if neither the file nor the points determine it. The rest is as in `Recording`.
 
         Raises
         ------
@@ -122,31 +108,20 @@ class ImportOptions:
             return UNITS[self.unit], f"unit given by the caller: {self.unit}"
         unit, arm = known_unit(declared), _upper_arm(recording)
         if unit is not None:
-            low, high = POSSIBLE_UPPER_ARM
-            if arm is not None and not low <= arm[1] * UNITS[unit] <= high:
-                raise FileFormatError(
-                    f"{file}: the unit {unit}, {origin}, makes the upper arm ({arm[0]}) {arm[1] * UNITS[unit]:.4g} m "
-                    f"long; {_advise_unit(arm[1])}"
-                )
+            if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
+                raise FileFormatError(f"{file}: {_implausible(arm, unit, f'the unit {unit}, {origin},')}")
             return UNITS[unit], f"unit {unit}, {origin}"
-        if arm is None:
+        fitting = [] if arm is None else _fitting_units(arm[1])
+        if arm is None or not fitting:
+            why = f"the upper arm ({arm[0]}) has {arm[1]:.4g} units" if arm else "the points show no upper arm"
             names = ", ".join(recording.names[:12]) + (", …" if len(recording.names) > 12 else "")
             raise FileFormatError(
-                f"{file}: the unit of length cannot be recognized, as the points ({names}) show no upper arm; "
-                f"{_advise_unit()}"
-            )
-        name, length = arm
-        fitting = _fitting_units(length)
-        if not fitting:
-            raise FileFormatError(
-                f"{file}: the unit of length cannot be recognized: the upper arm ({name}) is {length:.4g} units long, "
-                f"and no known unit makes that {UPPER_ARM[0]} to {UPPER_ARM[1]} m; {_advise_unit()}"
+                f"{file}: the unit of length cannot be recognized: {why}; give {argument('unit')} one of "
+                f"{', '.join(map(repr, UNITS))}. Points: {names}"
             )
         scale = UNITS[fitting[0]]
-        return scale, (
-            f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): "
-            f"the upper arm ({name}) is {length:.4g} units long, {length * scale:.3f} m"
-        )
+        length = f"the upper arm ({arm[0]}) is {arm[1]:.4g} units long, {arm[1] * scale:.3f} m"
+        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {length}"
 
     def _vertical(self, recording: Recording, declared: str, origin: str) -> tuple[str, str]:
         """Return the vertical axis, with a note on the origin."""
@@ -204,11 +179,18 @@ def _in_seconds(time: Array) -> tuple[Array, list[str]]:
     return time, []
 
 
-def _advise_unit(length: float = 0.0) -> str:
-    """Advise the unit that makes a length that of an upper arm, else any unit."""
-    for unit in _fitting_units(length):
-        return f"give {argument('unit', unit)}, which makes it {length * UNITS[unit]:.3g} m"
-    return f"give {argument('unit')} one of {', '.join(map(repr, UNITS))}"
+def _implausible(arm: tuple[str, float], unit: str, cause: str) -> str:
+    """Describe an upper arm, in the unit of the file, of implausible length, with the units that make it plausible."""
+    name, length = arm[0], arm[1] * UNITS[unit]
+    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
+    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
+    better = "".join(
+        f"; {argument('unit', fit)} makes it {arm[1] * UNITS[fit]:.3g} m" for fit in _fitting_units(arm[1])
+    )
+    return (
+        f"{cause} makes the upper arm ({name}) {length:.3g} m long; {'usual' if possible else 'possible'} are {low} to "
+        f"{high} m{better}"
+    )
 
 
 def _fitting_units(length: float) -> list[str]:
@@ -245,16 +227,8 @@ def _implausible_unit(recording: Recording, unit: str) -> list[str]:
     arm = _upper_arm(recording)
     if arm is None or UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
         return []
-    name, length = arm
-    raw = length / UNITS[unit]
-    better = "".join(f"; {argument('unit', fit)} makes it {raw * UNITS[fit]:.3g} m" for fit in _fitting_units(raw))
-    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
-    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
-    text = (
-        f"{argument('unit', unit)} makes the upper arm ({name}) {length:.3g} m long; "
-        f"{'usual' if possible else 'possible'} are {low} to {high} m{better}"
-    )
-    if not possible:
+    text = _implausible((arm[0], arm[1] / UNITS[unit]), unit, argument("unit", unit))
+    if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
         raise InvalidInputError(f"{recording.source}: {text}")
     return [text]
 

@@ -108,13 +108,7 @@ class Recording(ShownInNotebooks):
         return tuple(name for name, part in zip(self.names, self.missing, strict=True) if part < 1)
 
     def point(self, name: str) -> Array:
-        """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing.
-
-        Raises
-        ------
-        UnknownNameError
-            When there is no such point.
-        """
+        """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing."""
         if name not in self.names:
             raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
         return np.asarray(self.positions[:, self.names.index(name)])
@@ -127,10 +121,9 @@ class Recording(ShownInNotebooks):
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep the named points, in this order."""
         selected = _listed(names)
-        points = [self.point(name) for name in selected]
-        if not points:
+        if not selected:
             raise InvalidInputError("names must hold at least one point")
-        return replace(self, names=selected, positions=np.stack(points, axis=1))
+        return replace(self, names=selected, positions=np.stack([self.point(name) for name in selected], axis=1))
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
         """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `quality_warnings`.

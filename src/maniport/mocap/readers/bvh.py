@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
@@ -22,7 +23,7 @@ class _Node:
     name: str
     parent: int  # index, -1 for the root
     offset: Array = field(default_factory=lambda: np.zeros(3))  # position in the parent
-    channels: list[tuple[int, str, int]] = field(default_factory=list)  # column, position or rotation, axis
+    channels: list[tuple[int, str, str]] = field(default_factory=list)  # column, position or rotation, axis
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -84,12 +85,13 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
     return nodes
 
 
-def _channels(words: list[str], first: int) -> list[tuple[int, str, int]]:
+def _channels(words: list[str], first: int) -> list[tuple[int, str, str]]:
     """Return the channels of a joint, whose columns begin at `first`."""
     matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in words[1:]]
-    if words[:1] != [str(len(matches))] or None in matches:
-        raise ValueError("the number of channels differs from the declared one")
-    return [(first + i, match[2], "xyz".index(match[1])) for i, match in enumerate(matches) if match is not None]
+    channels = [(first + i, match[2], match[1]) for i, match in enumerate(matches) if match]
+    if words[:1] != [str(len(matches))] or len(channels) < len(matches):
+        raise ValueError("the number of channels differs from the declared one, or a channel is unknown")
+    return channels
 
 
 def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
@@ -134,29 +136,18 @@ def _positions(nodes: list[_Node], table: Array) -> Array:
         rotation = np.tile(np.eye(3), (len(table), 1, 1))
         for column, kind, axis in node.channels:
             if kind == "rotation":
-                rotation = rotation @ _about(axis, np.radians(table[:, column]))
+                rotation @= Rotation.from_euler(axis, table[:, [column]], degrees=True).as_matrix()
         if node.parent < 0:
             root = np.tile(node.offset, (len(table), 1))
             for column, kind, axis in node.channels:
                 if kind == "position":
-                    root[:, axis] = table[:, column]
+                    root[:, "xyz".index(axis)] = table[:, column]
         else:
             offset = np.einsum("fij,j->fi", rotations[node.parent], node.offset)
             positions[:, i] = offset + positions[:, node.parent]
             rotation = rotations[node.parent] @ rotation
         rotations.append(rotation)
     return positions + root[:, None]
-
-
-def _about(axis: int, angle: Array) -> Array:
-    """Return rotations about the x (0), y (1) or z (2) axis, shape (n, 3, 3)."""
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    rotations = np.zeros((len(angle), 3, 3))
-    rotations[:, axis, axis] = 1.0
-    rotations[:, first, first] = rotations[:, second, second] = np.cos(angle)
-    rotations[:, second, first] = np.sin(angle)
-    rotations[:, first, second] = -rotations[:, second, first]
-    return rotations
 
 
 def _begins_at_rest(recording: Recording) -> bool:
