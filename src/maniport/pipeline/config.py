@@ -5,7 +5,7 @@ Values have SI units. The command line and ``run.yaml`` are generated from these
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -22,11 +22,12 @@ from maniport.util.options import Option, Options, absolute, option, options_of,
 from maniport.version import __version__
 
 if TYPE_CHECKING:
-    from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+    from maniport.arms import EllipsoidSpec
     from maniport.mocap import Recording
     from maniport.motion import PlanControl
 
 FREE = "free"
+CONFIG = "run.yaml"  # file of the configuration in a result folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +35,12 @@ class HumanOptions(Options):
     """Import of the recording, and the model of the person."""
 
     unit: str | None = option(
-        None, "Unit of length; default: recognized", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
+        None, "Unit of length; recognized by default", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
     )
     vertical_axis: str | None = option(
-        None, "Vertical axis; default: recognized", choices=("x", "y", "z", "-x", "-y", "-z"), common=True
+        None, "Vertical axis; recognized by default", choices=("x", "y", "z", "-x", "-y", "-z"), common=True
     )
-    fps: float | None = option(None, "Frame rate; default: from the file", "Hz", above=0.0, below=1e5, common=True)
+    fps: float | None = option(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
     start: float | None = option(None, "Start of the part that is used", "s", common=True)
     stop: float | None = option(None, "End of the part that is used", "s", common=True)
     markers: str | None = option(
@@ -107,7 +108,7 @@ class RobotOptions(Options):
     tips: str = option(
         "placed", "Two arms: placed on the hands' paths, or relative positions", choices=("placed", "relative")
     )
-    mesh_folder: tuple[str, ...] = option((), "Folder of further meshes; repeatable", repeated=True, is_file=True)
+    mesh_folders: tuple[str, ...] = option((), "Folder of further meshes; repeatable", repeated=True, is_file=True)
 
     def named(self) -> "RobotOptions":
         """Return options that load the same arm from its file or by its name, where it is an object."""
@@ -121,15 +122,16 @@ class RobotOptions(Options):
         source = chain.source or arm.name
         return RobotOptions(robot=(source,), frame=(arm.frame,), base=base, lock=dict(chain.locked) or None)
 
-    def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> "Arm | ArmGroup":
+    def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
         """Load the arm, or with `both` two arms; side and height are those of a human arm."""
         from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 
         robot: Any = self.robot[0]
-        options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folder}
+        options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
         if isinstance(robot, Arm | ArmGroup):
             return robot
-        several = [name for name in ("robot", "frame") if len(getattr(self, name)) > 1] + ["pose"] * bool(self.pose)
+        several = [name for name in ("robot", "frame") if len(getattr(self, name)) > 1]
+        several += [name for name in ("pose", "tips") if getattr(self, name) != getattr(RobotOptions(), name)]
         if not both:
             if several:
                 raise InvalidInputError(f"{argument(several[0])} of two arms needs {argument('side', BOTH)}")
@@ -253,7 +255,7 @@ class MotionOptions(Options):
         if self.export and not self.move:
             raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
 
-    def control(self, arm: "Arm | ArmGroup") -> "PlanControl":
+    def control(self, arm: Any) -> "PlanControl":
         """Return the settings of `maniport.motion.plan_motion` for an arm, checked."""
         from maniport.arms.collisions import Collisions
         from maniport.motion import MotionLimits, PlanControl
@@ -274,6 +276,18 @@ class MotionOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class LearningOptions(Options):
+    """Learning of a profile from several demonstrations."""
+
+    segments: tuple[str, ...] = option(
+        (), "Demonstrations [s]; once for all recordings, or for each", metavar="auto|A:B,C:D,…", repeated=True,
+        common=True,
+    )  # fmt: skip
+    components: int | None = option(None, "Number of Gaussians; default: minimum of the BIC", minimum=1, common=True)
+    lengths: str = option("mean", "Segment lengths of all persons", choices=("mean", "own"), common=True)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Config(Options):
     """Configuration of a run.
 
@@ -281,7 +295,8 @@ class Config(Options):
     ----------
     recording : str or tuple of str, optional
         Files, or names of bundled recordings.
-    human, robot, transfer, motion : HumanOptions, RobotOptions, TransferOptions, MotionOptions
+    human, robot, transfer, motion, learning
+        Sections of options.
     seed : int
         Random seed.
 
@@ -296,6 +311,7 @@ class Config(Options):
     robot: RobotOptions = field(default_factory=RobotOptions)
     transfer: TransferOptions = field(default_factory=TransferOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
+    learning: LearningOptions = field(default_factory=LearningOptions)
     seed: int = option(0, "Random seed", minimum=0, common=True)
 
     def changed(self, **options: Any) -> Self:
@@ -316,6 +332,16 @@ class Config(Options):
         own = parts.pop("", {})
         return replace(self, **own, **{name: replace(getattr(self, name), **part) for name, part in parts.items()})
 
+    def words(self, section: str) -> list[str]:
+        """Return the arguments of the command line for the options of a section that differ from their defaults."""
+        part, usual = getattr(self, section), SECTIONS[section]()
+        return [
+            word
+            for name, option in options_of(SECTIONS[section]).items()
+            if getattr(part, name) != getattr(usual, name)
+            for word in option.words(getattr(part, name))
+        ]
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the configuration as YAML, with absolute paths; objects of Python become their names."""
         with written_whole(path) as temporary:
@@ -335,27 +361,43 @@ class Config(Options):
         return head + str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110))
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a configuration; options that the file lacks have their defaults.
+    def load(cls, path: str | os.PathLike[str], base: "Config | None" = None, names: Collection[str] = ()) -> "Config":
+        """Read a configuration.
+
+        Parameters
+        ----------
+        path : str or path
+        base : Config, optional
+            Values of options that the file lacks. Default: those of this class.
+        names : collection of str
+            Options that are used. Default: all.
 
         Raises
         ------
         FileFormatError
             When the file is no readable YAML, has an unknown key or a value that is not allowed.
         """
-        config = cls()
+        config = base or cls()
         for section, name, value in _entries(path):
-            allowed = options_of(SECTIONS.get(section, cls))
+            allowed = {key: option for key, option in options_of(SECTIONS.get(section, cls)).items() if option.typed}
             try:
-                if name not in allowed or not allowed[name].typed:
-                    raise unknown_name("key", name, [key for key in allowed if allowed[key].typed])
-                config = config.changed(**{name: value})
+                if name not in allowed:
+                    raise unknown_name("key", name, allowed)
+                allowed[name].check(value)
+                if name in names or not names:
+                    config = config.changed(**{name: value})
             except InvalidInputError as error:
                 raise FileFormatError(f"{os.fspath(path)}{line_of(path, section, name)}: {error}") from None
         return config
 
 
-SECTIONS = {"human": HumanOptions, "robot": RobotOptions, "transfer": TransferOptions, "motion": MotionOptions}
+SECTIONS = {
+    "human": HumanOptions,
+    "robot": RobotOptions,
+    "transfer": TransferOptions,
+    "motion": MotionOptions,
+    "learning": LearningOptions,
+}
 OPTIONS: dict[str, tuple[str, Option]] = {
     name: (section, described)
     for section, kind in {"": Config, **SECTIONS}.items()

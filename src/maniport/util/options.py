@@ -82,10 +82,12 @@ class Option:
         """Convert what was typed on the command line: text, texts, a number or a flag."""
         label = self.flag + (f" [{self.unit}]" if self.unit else "")
         if self.kind is Mapping:
-            return dict(_assignment(label, text) for text in typed)
+            return _assignments(label, typed)
         if self.kind is tuple and self.element is str:
             words = typed if self.repeated else [word.strip() for text in typed for word in text.split(",")]
-            return tuple(word for word in words if word)
+            if not all(words):
+                raise InvalidInputError(f"{label} must be names separated by commas; found {','.join(typed)!r}")
+            return tuple(words)
         if self.repeated:
             return tuple(self._numbers(label, text) for text in typed)
         if self.kind not in (float, tuple) or (self.choices and _is_word(typed)):
@@ -115,6 +117,20 @@ class Option:
         if isinstance(value, list | tuple):
             return ",".join(map(self.text, value))
         return str(value)
+
+    @property
+    def placeholder(self) -> str:
+        """Stand-in for the value in help pages: the words that are allowed if they are short, else the unit."""
+        words = "|".join(self.choices)
+        if self.metavar or (words and len(words) <= 24):
+            return self.metavar or words
+        return self.unit or {int: "N", float: "X"}.get(self.kind, "NAME")
+
+    def description(self, default: Any) -> str:
+        """Return the help text of the command line, with words and default."""
+        words = f": {', '.join(self.choices)}" if self.choices and self.placeholder == "NAME" else ""
+        usual = "" if default is None or default == () or isinstance(default, bool) else self.text(default)
+        return f"{self.help}{words}{f' (default {usual})' if usual else ''}"
 
     def words(self, value: Any) -> list[str]:
         """Return the arguments of the command line that set a value."""
@@ -172,12 +188,19 @@ def _is_word(text: str) -> bool:
     return False
 
 
-def _assignment(label: str, text: str) -> tuple[str, float]:
-    name, _, number = text.rpartition("=")
-    try:
-        return name.strip(), float(number)
-    except ValueError:
-        raise InvalidInputError(f"{label} must be a name and a number, such as lift=0.2; found {text!r}") from None
+def _assignments(label: str, texts: Sequence[str]) -> dict[str, float]:
+    """Convert texts such as lift=0.2 to numbers by name."""
+    numbers: dict[str, float] = {}
+    for text in texts:
+        name, _, number = (part.strip() for part in text.rpartition("="))
+        try:
+            value = float(number)
+        except ValueError:
+            raise InvalidInputError(f"{label} must be NAME=NUMBER, such as lift=0.2; found {text!r}") from None
+        if name in numbers:
+            raise InvalidInputError(f"{label}: {name} is set twice; found {numbers[name]:g} and {value:g}")
+        numbers[name] = value
+    return numbers
 
 
 def plain(value: Any) -> Any:
