@@ -67,7 +67,7 @@ def agreement(
     profiles: Sequence[Array], alignment: Alignment, model: ProfileGMM, progress: Progress | None = None
 ) -> Agreement:
     """Measure how alike demonstrations are."""
-    step, k, n = Step(progress, "leave each demonstration out"), len(profiles), min(map(len, profiles))
+    step, k, n = Step(progress, "Leave demonstrations out"), len(profiles), min(map(len, profiles))
     apart = np.zeros((k, k))
     for i in range(k):
         for j in range(i):

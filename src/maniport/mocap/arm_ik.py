@@ -96,7 +96,7 @@ def fit_arm(
     """
     tall, cutoff = require_person(person, side, height, smooth, jumps)
     longest = as_number(fill, "fill [s]", minimum=0.0)
-    step = Step(progress, "fit the person's arm")
+    step = Step(progress, "Fit human arm")
     fit, differences = fitted(recording, observe(recording, markers, side, longest, cutoff), person, tall, jumps, step)
     for doubt in differences:
         warnings.warn(doubt, ManiportWarning, stacklevel=2)

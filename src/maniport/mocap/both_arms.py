@@ -125,7 +125,7 @@ def fit_arms(
     common = _common(recording, seen)
     fits: dict[str, ArmFit] = {}
     for side in EACH:
-        step = Step(progress, f"fit the person's {side} arm")
+        step = Step(progress, f"Fit human {side} arm")
         arm = replace(seen[side], frames=common, trunk=seen[RIGHT].trunk)
         fits[side], differences = fitted(recording, arm, person, tall, jumps, step)
         for doubt in differences:

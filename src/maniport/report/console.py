@@ -109,7 +109,7 @@ def _standard_error(quiet: bool = False) -> RichConsole:
 
 @contextmanager
 def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progress]:
-    """Print steps on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
+    """Print steps with a result on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
         tasks: dict[str, TaskID] = {first: bars.add_task(first, total=None)}  # until the first step begins
@@ -123,7 +123,8 @@ def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progre
                 bars.update(tasks[step], total=1.0, completed=fraction)
             if fraction >= 1.0:
                 bars.remove_task(tasks.pop(step))
-                _print_line(console, DONE, result, step)
+                if result:
+                    _print_line(console, DONE, result, step)
 
         yield report
 
@@ -145,7 +146,7 @@ def _notebook_steps(least_change: float = 0.01) -> Iterator[Progress]:
         drawn[step] = fraction
         if fraction >= 1.0:
             del running[step], drawn[step]
-            done.append(DONE + (f"{step}: {result}" if result else step))
+            done.extend([f"{DONE}{step}: {result}"] if result else [])
         output.update(HTML(_as_steps(done, running)))
 
     try:

@@ -86,7 +86,7 @@ def write_results(
     moves = not isinstance(result, LearnedProfile) and (not isinstance(result, BothResult) or result.motion is not None)
     if formats and not moves:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
-    step, report = Step(progress, "write the results"), facts_of(result)
+    step, report = Step(progress, "Write results"), facts_of(result)
     if isinstance(result, BothResult):
         require_free_for_both(Path(folder), overwrite)
         own = BOTH_FILES
@@ -102,7 +102,7 @@ def write_results(
             write_run_page(result, report, formats, staging)
         if result.config is not None:
             result.config.save(staging / CONFIG)
-    step.end(f"in {os.fspath(folder)}/")
+    step.end()
     return report
 
 
