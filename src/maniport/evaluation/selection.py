@@ -82,7 +82,7 @@ def choose(
     ManiportError
         When an input is invalid, or parallel transport cannot be fitted.
     """
-    step = "choose the method"
+    step = "Fit transfer"
     report = progress or (lambda step, fraction, found="": None)
     report(step, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")

@@ -45,7 +45,7 @@ from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_
 from maniport.util.progress import Progress, untold
 from maniport.util.validation import Array, as_choice
 
-KNOW = "get to know the robot"
+KNOW = "Sample robot"
 TURNED_APART = 5.0  # Where two adapters turn ellipsoids by more than this apart, that is told [degrees]
 
 
@@ -188,7 +188,7 @@ class BothJob:
 
     def known(self, planner: ArmsPlanner | None) -> tuple[RobotModel, RobotModel]:
         """Get to know what each arm can make, in postures in which neither collides with the other."""
-        job, step = self.each[0], "sample the domains of the robot's arms"
+        job, step = self.each[0], "Sample robot ellipsoids"
         self.tell(step, 0.0)
         apart = None if planner is None else planner.collisions
         domains = sample_domains(self.arms, job.sizes[1], job.seed + 1, spec=self.spec, collisions=apart)

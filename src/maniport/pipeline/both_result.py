@@ -7,6 +7,7 @@ from pathlib import Path
 from maniport.arms import ArmGroup
 from maniport.mocap import HumanMotion, Recording
 from maniport.motion import PlannedArms
+from maniport.pipeline.config import Config
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
 from maniport.util.atomic_io import folder_written_whole
@@ -40,6 +41,7 @@ class BothResult(SavedResult):
     right: TransferResult
     motion: PlannedArms | None
     warnings: tuple[str, ...]
+    config: Config | None = None  # How the transfer was requested
 
     @property
     def each(self) -> tuple[TransferResult, TransferResult]:

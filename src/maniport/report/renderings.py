@@ -89,10 +89,12 @@ def as_numbers(report: Report) -> dict[str, Any]:
     return dict(plain(result))
 
 
-def as_terminal(report: Report, folder: str, width: int = 80) -> str:
+def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool = False) -> str:
     """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
     summary = report.summary
     assert summary is not None
+    if table_only:
+        return "\n".join(_columns(summary.metrics))
     paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
     lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
     lines += _columns(summary.metrics)

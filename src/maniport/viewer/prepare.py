@@ -60,7 +60,7 @@ def prepare(
     source = None if recording is None else read_recording(recording)
     persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
 
-    tell("get the page ready", 0.0)
+    tell("Prepare page", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
     if given is not None and (given.damping, given.eigenvalue_floor) != (None, None):
         options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
@@ -74,7 +74,7 @@ def prepare(
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(students, sides, playback)
     sides[0].refitting.before = lambda: state.find_place(motion, ready)
-    tell("get the page ready", 1.0, f"{ready}; the placement and the other methods follow")
+    tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
     return state, shown, turn
 
 
