@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks, peak_widths
 
 from maniport.mocap.arm_ik_result import ArmFit
 from maniport.util.validation import Array
@@ -18,6 +17,8 @@ def repetitions(
     The path is smoothed over `width` [s]; a repetition reaches at least a share `least` of the farthest one, and lasts
     from where the hand has `returned` by this share before, to where it has after.
     """
+    from scipy.signal import find_peaks, peak_widths  # takes half a second to load
+
     if len(fit) < 3:
         return []
     hand = fit.arm.forward(fit.joint_angles)[:, :3, 3]
