@@ -71,7 +71,7 @@ def test_left_and_right_are_mirrored_and_said(people):
 def test_a_robot_follows_what_was_learned(people):
     """The main job takes a learned profile in place of a recording: its ellipsoids, its path, the learned arm."""
     with few_places():
-        result = mp.transfer_recording(people, method="raw-copy", **SMALL)
+        result = mp.transfer_recording(people, method="identity", **SMALL)
     assert_allclose(result.demonstrated_profile, people.profile)
     placed = result.execution.placement
     assert_allclose(placed.apply(people.path), result.execution.motion.path, atol=1e-9)
