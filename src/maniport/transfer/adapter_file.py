@@ -186,6 +186,7 @@ def as_flags(value: Any, name: str) -> None:
 
 
 def _subclasses(base: type) -> Iterator[type]:
+    kind: type
     yield base
     for kind in base.__subclasses__():
         yield from _subclasses(kind)
