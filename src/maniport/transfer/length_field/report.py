@@ -75,8 +75,8 @@ class FieldReport:
         return f"FieldReport({self.in_words()})"
 
     @classmethod
-    def read(cls, plain: Any) -> "FieldReport":
-        """Make one of the values in a file; ValueError or TypeError where they do not fit."""
+    def read(cls, plain: dict[str, Any]) -> "FieldReport":
+        """Return the report of the values in a file; ValueError or TypeError where they are not numbers."""
         report = cls(**plain)
         report.in_words()
         return report
