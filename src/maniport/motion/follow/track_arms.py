@@ -85,7 +85,7 @@ def track_arms(
         objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
         schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, postures[..., columns]))
     follower = Follower(objectives, settings, pair)
-    step = Step(progress, "move both arms")
+    step = Step(progress, "Track trajectory of all arms")
     whole = replace(schedules[0], postures=postures), *(replace(own, postures=None) for own in schedules[1:])
     sampled = tuple(
         own.sampled(objective, settings.rate, settings.interpolation)
@@ -103,5 +103,5 @@ def track_arms(
         control_time=motions[0].control_time, **together,
     )  # fmt: skip
     result = RobotMotion(pair, trajectory, motions, clearance=Clearance.of(apart, trajectory))
-    step.end(result.error_text())
+    step.end()
     return result

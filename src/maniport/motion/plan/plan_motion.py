@@ -118,15 +118,15 @@ def plan_motion(
     if relative and (paths is None or len(tasks) < 2):
         raise InvalidInputError("tips='relative' keeps vectors between end effectors; give several arms with paths")
     extra, generator = as_costs(costs, arms, tasks[0].schedule.time), as_generator(random_state)
-    step = Step(progress, "plan the motion")
+    step = Step(progress, "Plan trajectory")
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = Planner.of(settings.motion_limits, spec, settings.collisions, generator)
     motion = _Plan(settings, tasks, planner, extra, relative).motion(generator, between(step, 0.2, 0.9))
-    step.end(f"it takes {motion.timed.time[-1]:.1f} s, the person took {np.ptp(tasks[0].schedule.time):.1f} s")
-    step = Step(progress, "evaluate the motion")
+    step.end(f"{motion.timed.time[-1]:.1f} s (human {np.ptp(tasks[0].schedule.time):.1f} s)")
+    step = Step(progress, "Evaluate trajectory")
     result = motion.evaluated()
-    step.end(result.error_text())
+    step.end()
     return result
 
 
