@@ -99,7 +99,7 @@ def fit_arm(
     """
     height, cutoff = require_person(person, side, height, smooth, jumps)
     observation = observe(recording, markers, side, as_number(fill, "fill [s]", minimum=0.0), cutoff)
-    step = Step(progress, "fit the person's arm")
+    step = Step(progress, "Fit human arm")
     fit, differences = _fit(recording, observation, person, height, jumps, step)
     for text in differences:
         warnings.warn(text, ManiportWarning, stacklevel=2)
@@ -147,7 +147,7 @@ def fit_arms(
     )
     trunk, fits = observations[RIGHT].trunk, []
     for side, observation in observations.items():
-        step = Step(progress, f"fit the person's {side} arm")
+        step = Step(progress, f"Fit human {side} arm")
         observation = replace(observation, frames=common, trunk=trunk)
         fit, differences = _fit(recording, observation, person, height, jumps, step)
         for text in differences:
