@@ -33,7 +33,7 @@ def complete(result):
     n = len(result.time)
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": result.execution.motion.target}  # fmt: skip
-    fit = replace(result.fit, determined=np.ones_like(result.fit.determined), quality_warnings=())
+    fit = replace(result.fit, determined=np.ones_like(result.fit.observable), quality_warnings=())
     execution = replace(result.execution, gap=np.zeros(len(result.time)))
     execution = replace(execution, motion=replace(execution.motion, **tracked))
     return replace(result, fit=fit, execution=execution, warnings=(), config=Config())

@@ -8,7 +8,8 @@ import typer
 
 from maniport.cli.application import Overwrite, command, require_none, require_npz
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import Config, TransferOptions
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import TransferOptions
 from maniport.report.console import Console
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import as_numbers, write_facts

@@ -8,7 +8,8 @@ import typer
 
 from maniport.cli.application import Output, Overwrite, command
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import FREE, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import FREE
 from maniport.report.console import Console
 from maniport.util.options import Option
 

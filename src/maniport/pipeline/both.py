@@ -155,7 +155,7 @@ class BothJob:
         fits = fit_arms(motion, **self.whose, progress=self.tell)
         shown = [
             replace(job.shown_by(motion, fit), hand=path)
-            for job, fit, path in zip(self.each, fits.each, fits.hands, strict=True)
+            for job, fit, path in zip(self.each, fits.arms, fits.hands, strict=True)
         ]
         planner = self.planner()
         known = self.known(planner)

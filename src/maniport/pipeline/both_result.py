@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from maniport.arms import ArmGroup
-from maniport.mocap import ArmFits, Recording
+from maniport.mocap import HumanMotion, Recording
 from maniport.motion import PlannedArms
 from maniport.pipeline.config import Config
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
@@ -22,7 +22,7 @@ class BothResult(SavedResult):
 
     Attributes
     ----------
-    fits : ArmFits
+    fits : HumanMotion
         Both arms of the person, in the same frames.
     robot : ArmGroup
     left, right : TransferResult
@@ -35,7 +35,7 @@ class BothResult(SavedResult):
 
     data_files = DATA_FILES
 
-    fits: ArmFits
+    fits: HumanMotion
     robot: ArmGroup
     left: TransferResult
     right: TransferResult

@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 FREE, DEMONSTRATED = "free", "demonstrated"  # Two ways in which the robot's tip may be turned
 
-BESIDE = ("raw-copy", "mean-transport", "parallel-transport")  # What the chosen method is compared with
+BESIDE = ("identity", "mean-transport", "parallel-transport")  # What the chosen method is compared with
 
 
 @dataclass(frozen=True)
