@@ -12,7 +12,7 @@ import pytest
 import maniport as mp
 from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
 from maniport.pipeline.execution import Execution
 from maniport.report import as_html, as_markdown, as_numbers, facts_of
@@ -57,7 +57,7 @@ def test_green_needs_that_nothing_is_open(small_result):
     outlier = np.where(np.arange(n) == 0, 3.1 * tolerance, 0.0)
     for key, changes in {
         "assumed-acceleration-limits": {"plan": replace(execution.plan, limits=guessed)},
-        "unchecked-collisions": {"room": Room()},
+        "unchecked-collisions": {"room": Clearance()},
         "missing-meshes": {"room": above},
         "position-error": {"motion": replace(execution.motion, position_error=outlier)},
         "longest-axis": {"motion": replace(execution.motion, target=np.tile(across[0], (n, 1, 1)),
@@ -111,7 +111,7 @@ def test_what_should_not_be_run_is_not_advised(small_result):
     )
     assert quick.summary.text.startswith("It exceeds its limits of velocity")
     assert "--speed-scale 0.5" in quick.summary.command
-    hit = Room(True, "", 0.25, -0.01, 0.0, ("a", "b"))
+    hit = Clearance(True, "", 0.25, -0.01, 0.0, ("a", "b"))
     struck = facts_of(replace(whole, execution=replace(whole.execution, room=hit)))
     assert struck.summary.text.startswith("The robot collides in 25.0% of the time.")
     held = np.arange(len(motion.held)) == 0

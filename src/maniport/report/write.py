@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
-from maniport.motion.follow.joint_motion import JointMotion
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.trajectory import Trajectory
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
 from maniport.pipeline.both_result import FOLDERS
@@ -168,7 +169,7 @@ def _write_summary(report: Report, folder: Path) -> None:
         write_facts(folder / name, report)
 
 
-def _export(motion: JointMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
+def _export(motion: Trajectory | RobotMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
     """Write a motion in further formats; the scene is written with the page."""
     for name, file in formats.items():
         if name != SCENE:

@@ -148,7 +148,7 @@ def _errors(execution: Execution) -> tuple[Panel, ...]:
     motion, (title, _, meaning) = execution.motion, DEFINITIONS["distance"]
     lines = (
         Line("achieved", motion.distance),
-        Line(DEFINITIONS["pointwise_best"][0].lower(), execution.plan.pointwise_best, REFERENCE.name, 1),
+        Line(DEFINITIONS["pointwise_best"][0].lower(), np.asarray(execution.plan.pointwise_best), REFERENCE.name, 1),
         Line(DEFINITIONS["feasibility_gap"][0].lower(), execution.gap, REFERENCE.name, 2),
     )
     panels = [Panel(title, "", lines, meaning)]
