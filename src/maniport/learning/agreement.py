@@ -67,11 +67,7 @@ def agreement(
     profiles: Sequence[Array], alignment: Alignment, model: ProfileGMM, progress: Progress | None = None
 ) -> Agreement:
     """Measure the agreement of demonstrations and hold out each of them."""
-<<<<<<< HEAD
-    step, k, n = Step(progress, "Leave demonstrations out"), len(profiles), min(map(len, profiles))
-=======
     step, k, n = Step(progress, "Hold out demonstrations"), len(profiles), min(map(len, profiles))
->>>>>>> main
     apart = np.zeros((k, k))
     for i in range(k):
         for j in range(i):
