@@ -97,12 +97,9 @@ def track(
 
 def _direction(config: Config) -> Any:
     """Return the target direction of the end effector's z axis; a profile has no hand to follow."""
-    from maniport.pipeline.turns import facing
-
     orientation = config.motion.orientation
     if orientation == FREE:
         return None
     if isinstance(orientation, str):
         raise InvalidInputError(f"--orientation must be {FREE} or a vector without a person; found {orientation!r}")
-    facing(orientation, config.motion.orientation_axes)
     return orientation

@@ -246,6 +246,10 @@ class MotionOptions(Options):
             raise InvalidInputError(
                 f"{argument(around[0])} needs collision checking; found {argument('no_collisions')}"
             )
+        if not isinstance(self.orientation, str) and self.orientation_axes != "pointing":
+            raise InvalidInputError("orientation_axes must be 'pointing' for a vector as orientation; found 'whole'")
+        if not isinstance(self.orientation, str) and not any(self.orientation):
+            raise InvalidInputError("orientation must not be a zero vector")
         if self.export and not self.move:
             raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
 
