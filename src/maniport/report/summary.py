@@ -6,8 +6,9 @@ import numpy as np
 
 from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline import TransferResult
-from maniport.pipeline.config import CONFIG, FREE, OPTIONS, Config
+from maniport.pipeline.config import CONFIG, OPTIONS, Config
 from maniport.pipeline.execution import Execution
+from maniport.pipeline.options import FREE
 from maniport.report.metrics import INFO, Metric, Report, Section, Summary, in_axes, listed
 from maniport.report.motion import exceeded_limits, far_points, missed_points
 from maniport.util.defaults import POSITION_TOLERANCE
