@@ -182,7 +182,7 @@ class Manipulable(JointSpace):
         return self.differentials(q, spec)[2]
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give, bit for bit, at once."""
+        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian` at once."""
         return self.posed_differentials(q, spec)[1:]
 
 

@@ -99,7 +99,7 @@ class Directions:
         return (*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
-        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero where targets are missing."""
+        """Return weighted residuals (n, 3k) and derivatives (n, 3k, dof); zero where targets are missing."""
         values, slopes = self.model(q)
         weight = np.array([WEIGHTS[name] for name in self.names]) * ~np.isnan(self.targets[..., 0])
         difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
