@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm
 from maniport.arms.collisions import Collisions, Lowest
-from maniport.arms.collisions.carried import lowest_points
+from maniport.arms.collisions.hulls import lowest_points
 from maniport.motion import ArmMotion, Placement
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.motion.trajectory import Clearance

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain, Mesh
 from maniport.arms.meshes import Look, joined, reduced
+from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
 
@@ -247,3 +248,28 @@ def _farthest(solid: coal.Convex, points: Array) -> float:
         result.clear()
         farthest = max(farthest, coal.distance(solid, here, sphere, there, request, result))
     return farthest
+
+
+class Lowest(NamedTuple):
+    """Lowest point of a link during a motion: its height in the base frame [m], and when [s]."""
+
+    link: str
+    height: float
+    time: float
+
+
+def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
+    """Compute the lowest point of each moving link's convex hull over a motion."""
+    try:
+        hulls = [hull for part in parts_of(arm) if part.joint for hull in hulls_of(arm, part)]
+    except FileFormatError:
+        return ()
+    poses = arm.link_poses(q)
+    lowest: dict[str, Lowest] = {}
+    for hull in hulls:
+        vertical = poses[:, hull.joint, 2]
+        heights = (vertical[:, :3] @ hull.corners.T).min(axis=1) + vertical[:, 3] - hull.skin
+        i = int(np.argmin(heights))
+        point = Lowest(hull.name, float(heights[i]), float(time[i]))
+        lowest[hull.name] = min(lowest.get(hull.name, point), point, key=lambda point: point.height)
+    return tuple(sorted(lowest.values(), key=lambda point: point.height))
