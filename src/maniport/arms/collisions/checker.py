@@ -167,7 +167,7 @@ class Collisions(NotebookDisplay):
         """
         arms = as_group(self.arm).arms
         if self.known:
-            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
+            missing = dict.fromkeys(name for arm in arms for name in arm.geometry.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
@@ -175,7 +175,7 @@ class Collisions(NotebookDisplay):
     def stand_ins(self) -> tuple[str, ...]:
         """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
         arms = as_group(self.arm).arms
-        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.look.stand_ins()))
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins()))
 
     @property
     def table(self) -> float | None:

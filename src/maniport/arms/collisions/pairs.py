@@ -188,7 +188,8 @@ def require_free_base(solids: Solids, bodies: BodyHulls) -> None:
         if hull.joint == 0 and solids.table > low + sunk:
             raise InvalidInputError(
                 f"table: the plane at z = {solids.table:g} m goes through the robot's base or lies above it: "
-                f"{hull.name!r} reaches from z = {low:.3f} to {high:.3f} m in the base frame; allowed is at most {low + sunk:.3f} m"
+                f"{hull.name!r} reaches from z = {low:.3f} to {high:.3f} m in the base frame; "
+                f"allowed is at most {low + sunk:.3f} m"
             )
         for k in range(links, len(hulls)) if hull.joint == 0 else ():
             depth = -solids.at_rest(i, k)

@@ -15,7 +15,7 @@ from maniport.arms.loaders.document import XACRO, parsed
 from maniport.arms.loaders.limbs import Limb, one_side
 from maniport.arms.loaders.mjcf import Mjcf
 from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
-from maniport.arms.loaders.packages import Named, find_named, known_names
+from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.urdf import Urdf
 from maniport.arms.restriction import restrict
 from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
@@ -196,16 +196,16 @@ def robot_limbs(name_or_path: str | os.PathLike[str]) -> tuple[list[Limb], Limb 
     return limbs, limbs[0] if alone and not file.pair else None
 
 
-def _find(name_or_path: str | os.PathLike[str]) -> Named:
+def _find(name_or_path: str | os.PathLike[str]) -> RobotFile:
     """The file that a name or a path stands for."""
     text = os.fspath(name_or_path)
     path = Path(text)
-    named = find_named(text) if isinstance(name_or_path, str) and not os.path.isfile(path) else None
+    named = find_robot(text) if isinstance(name_or_path, str) and not os.path.isfile(path) else None
     if named is None and not _looks_like_path(name_or_path):
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
-    named = Named(path) if named is None else named
+    named = RobotFile(path) if named is None else named
     return replace(named, path=existing_file(named.path, READERS, ROBOT_BYTES))
 
 

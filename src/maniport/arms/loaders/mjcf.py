@@ -23,7 +23,7 @@ from maniport.arms.loaders.mjcf_tree import WORLD, kinematics, one_tree, whole
 from maniport.arms.loaders.model import Follower, RobotXML
 from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_places import Places, is_file
+from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
 
@@ -146,17 +146,17 @@ class Mjcf(RobotXML):
         require_numbers(self.path, self.root.iter(), _NUMBERS)
         return ""
 
-    def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
         """What Pinocchio finds to show; of a body's shapes those that touch nothing, if it has such, else all."""
-        meshes = _named_meshes(self.root, places.path.parent)
-        model, shown, solid = _geometries(self.root, places.path)
+        meshes = _named_meshes(self.root, paths.path.parent)
+        model, shown, solid = _geometries(self.root, paths.path)
         touching = {thing.name for thing in solid.geometryObjects}
         dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
         for thing in shown.geometryObjects:
             frame = model.frames[thing.parentFrame]
             if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
                 placement = (frame.placement.inverse() * thing.placement).homogeneous
-                for points, triangles in _meshes(thing, places, meshes):
+                for points, triangles in _meshes(thing, paths, meshes):
                     yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
 
@@ -212,7 +212,7 @@ def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.G
 
 
 def _meshes(
-    thing: pin.GeometryObject, places: Places, meshes: Mapping[str, Path | ElementTree.Element]
+    thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]
 ) -> Iterator[Mesh]:
     """The mesh of one of Coal's shapes; none for planes, which have no end."""
     shape = thing.geometry
@@ -229,20 +229,18 @@ def _meshes(
     elif isinstance(shape, coal.BVHModelBase):
         mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
         if isinstance(mesh, Path):
-            yield scaled(places.mesh(_found(mesh, meshes, places)), scale)
+            yield scaled(paths.mesh(_found(mesh, meshes, paths)), scale)
         else:
-            yield scaled(_own_mesh(places.path, mesh), scale)
+            yield scaled(_own_mesh(paths.path, mesh), scale)
     elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
-        raise FileFormatError(f"{places.path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
+        raise FileFormatError(f"{paths.path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
 
 
-def _found(file: Path, meshes: Mapping[str, Path | ElementTree.Element], places: Places) -> Path:
+def _found(file: Path, meshes: Mapping[str, Path | ElementTree.Element], paths: MeshPaths) -> Path:
     """The file of a mesh; an error that counts those that are missing."""
     if not is_file(file):
         there = {other for other in meshes.values() if isinstance(other, Path)}
         missing = sum(not is_file(other) for other in there)
-        raise FileFormatError(
-            f"{places.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)"
-        )
-    places.require_allowed(file, str(file))
+        raise FileFormatError(f"{paths.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)")
+    paths.require_allowed(file, str(file))
     return file

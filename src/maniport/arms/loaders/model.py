@@ -14,7 +14,7 @@ import pinocchio as pin
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
 from maniport.arms.loaders.document import parsed
 from maniport.arms.loaders.limbs import Limb, Limbs, bodies_off_chain, body_above, named_frames
-from maniport.arms.meshes.mesh_places import Places
+from maniport.arms.meshes.mesh_paths import MeshPaths
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.input_limits import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.util.validation import MAX_POSITION, Array
@@ -66,8 +66,8 @@ class RobotXML:
         """Joints that follow others."""
 
     @abstractmethod
-    def shapes(self, links: Collection[str], places: Places) -> Iterable[Shape]:
-        """What some links look like; meshes may be at `places`."""
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterable[Shape]:
+        """What some links look like; meshes may be at `paths`."""
 
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
         """Joints of each body, where several may share one: body name, then joint name."""
@@ -94,7 +94,7 @@ def read_shapes(
     """Read what some links look like; meshes of others may be missing."""
     shapes: list[Shape] = []
     triangles = 0
-    for shape in kind.checked(path, *parsed(path)).shapes(links, Places(path, mesh_folders)):
+    for shape in kind.checked(path, *parsed(path)).shapes(links, MeshPaths(path, mesh_folders)):
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)

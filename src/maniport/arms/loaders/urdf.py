@@ -13,7 +13,7 @@ from maniport.arms.chain import Mesh, Shape, pose
 from maniport.arms.loaders.model import Follower, RobotXML
 from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_places import Places
+from maniport.arms.meshes.mesh_paths import MeshPaths
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import NESTING
 
@@ -76,17 +76,17 @@ class Urdf(RobotXML):
             return f"must have one root link; found {len(roots)}{': ' if roots else ''}{', '.join(map(repr, roots))}"
         return _fault_of_tree(roots[0], below, len(links))
 
-    def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
         """The shapes under <visual>, or those under <collision> of links without <visual>, or with a missing mesh."""
         drawn = [link for link in self.root.findall("link") if link.get("name") in links]
-        find = cache(places.find)
+        find = cache(paths.find)
         kinds = {link: "visual" if all(map(find, _mesh_names(link, "visual"))) else "collision" for link in drawn}
         for link, kind in kinds.items():
             if kind == "collision" and not (link.findall(kind) and all(map(find, _mesh_names(link, kind)))):
-                raise _missing(places, find, link, drawn)
+                raise _missing(paths, find, link, drawn)
         for link, kind in kinds.items():
             for part in link.findall(kind) or link.findall("collision"):
-                points, triangles = _urdf_mesh(places, find, link, part)
+                points, triangles = _urdf_mesh(paths, find, link, part)
                 origin = part.find("origin")
                 if origin is not None:
                     xyz, rpy = (_numbers(self.path, _name(link), origin, n, 3, "0 0 0") for n in ("xyz", "rpy"))
@@ -116,19 +116,19 @@ def _mesh_names(link: Element, part: str) -> list[str]:
     return [name for mesh in link.iterfind(f"{part}/geometry/mesh") if (name := mesh.get("filename", ""))]
 
 
-def _missing(places: Places, find: _Find, link: Element, drawn: Sequence[Element]) -> FileFormatError:
+def _missing(paths: MeshPaths, find: _Find, link: Element, drawn: Sequence[Element]) -> FileFormatError:
     """The error that names the first missing mesh of a link, and counts those of all links that are drawn."""
     names = dict.fromkeys(name for each in drawn for name in _mesh_names(each, "visual"))
     first = next(name for name in _mesh_names(link, "visual") if find(name) is None)
     return FileFormatError(
-        f"{places.path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes are); "
-        f"looked {places.rule(first)}"
+        f"{paths.path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes are); "
+        f"looked {paths.rule(first)}"
     )
 
 
-def _urdf_mesh(places: Places, find: _Find, owner: Element, part: Element) -> Mesh:
+def _urdf_mesh(paths: MeshPaths, find: _Find, owner: Element, part: Element) -> Mesh:
     """The mesh of one <visual> or <collision> of a link in its own frame; its file is there."""
-    path, link = places.path, _name(owner)
+    path, link = paths.path, _name(owner)
     geometry = part.find("geometry")
     kind = geometry[0] if geometry is not None and len(geometry) else None
     if kind is None:
@@ -138,7 +138,7 @@ def _urdf_mesh(places: Places, find: _Find, owner: Element, part: Element) -> Me
         file = find(name) if name else None
         if file is None:
             raise FileFormatError(f"{path}: a <mesh> of link {link!r} names no file")
-        return scaled(places.mesh(file), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
+        return scaled(paths.mesh(file), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
     if kind.tag == "box":
         return box(_numbers(path, link, kind, "size", 3))
     if kind.tag not in ("sphere", "cylinder", "capsule"):
