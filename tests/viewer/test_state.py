@@ -217,7 +217,7 @@ def test_a_shared_torso_is_in_one_place():
     (left, right), reason = find_surfaces(humanoid)
     if not reason:
         assert 0 < len(right) < len(humanoid.arms[1].surfaces())
-        assert min(surface.joint for surface in right) >= humanoid.trunk
+        assert min(surface.joint for surface in right) >= humanoid.common[0, 1]
         assert len(left) == len(humanoid.arms[0].surfaces())
 
 
