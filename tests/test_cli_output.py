@@ -19,11 +19,11 @@ RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
 import json, os, sys
 from maniport import cli, mocap
-from maniport.pipeline import job
+from maniport.pipeline import transfer
 
 short = mocap.read_recording(mocap.shipped_recording("freeform")).crop(2.0, 2.2)
 mocap.shipped_recording = lambda name: short
-job.transfer_recording.__kwdefaults__.update(n_teacher=64, n_student=128)
+transfer.checked.__kwdefaults__.update(n_teacher=64, n_student=128)
 
 for environment, words in json.loads(sys.argv[1]):
     os.environ.update(environment)

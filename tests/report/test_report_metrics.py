@@ -20,15 +20,16 @@ from maniport.report.write import EXECUTION_FILES, RUN_FILES
 from maniport.studies.paper.outcome import Experiment, Outcome
 from maniport.studies.paper.report import Reproduction
 from maniport.studies.paper.tables import PaperRow
+from sizes import motion_alone, with_arm
 
 
 @pytest.fixture(scope="module")
 def warned(small_result):
     """A run with warnings of its motion, its targets and a step."""
-    execution = small_result.execution
+    execution = small_result.arm
     missed = dataclasses.replace(execution.motion, status=("ellipsoid missed",) * len(execution.motion.time))
-    far = dataclasses.replace(execution, gap=execution.gap + 1.0, motion=missed)
-    return dataclasses.replace(small_result, warnings=("mind <the> step & the gap",), execution=far)
+    far = with_arm(small_result, gap=execution.gap + 1.0, motion=missed)
+    return dataclasses.replace(far, warnings=("mind <the> step & the gap",))
 
 
 def test_warnings_are_the_same_everywhere(warned):
@@ -50,7 +51,7 @@ def test_warnings_are_the_same_everywhere(warned):
 
 def test_numbers_of_a_run(small_result):
     """JSON has maxima with their times and units in the names; nothing in it is infinite."""
-    facts, motion = facts_of(small_result), small_result.execution.motion
+    facts, motion = facts_of(small_result), small_result.arm.motion
     numbers = as_numbers(facts)
     assert numbers["motion"]["distance"]["max"] == motion.distance.max()
     assert numbers["motion"]["distance"]["max_at_s"] == small_result.time[np.argmax(motion.distance)]
@@ -62,12 +63,12 @@ def test_numbers_of_a_run(small_result):
 
 def test_a_large_position_error_is_warned_of(small_result):
     """An error of more than three times the tolerance at any time is a warning, however good the median is."""
-    execution = small_result.execution
+    execution = small_result.arm
     for factor, found in ((3.1, True), (2.9, False)):
         error = np.zeros(len(small_result.time))
         error[3] = factor * execution.motion.position_tolerance
         motion = dataclasses.replace(execution.motion, position_error=error)
-        facts = facts_of(dataclasses.replace(execution, motion=motion))
+        facts = facts_of(with_arm(small_result, motion=motion))
         assert ("position-error" in facts.warning_keys) == found
 
 
@@ -77,9 +78,10 @@ def test_results_are_data_and_are_described_in_a_folder(small_result, tmp_path):
     saved = {entry.name for entry in (tmp_path / "data").iterdir()}
     assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
     assert saved < set(RUN_FILES)
-    small_result.execution.save(tmp_path / "motion")
+    alone = motion_alone(small_result)
+    alone.save(tmp_path / "motion")
     assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
-    facts = mp.write_results(small_result.execution, tmp_path / "motion", overwrite=True)
+    facts = mp.write_results(alone, tmp_path / "motion", overwrite=True)
     summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
     assert summary["status"] == facts.summary.status
     assert [one["text"] for one in summary["warnings"]] == list(facts.warnings)

@@ -7,13 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from maniport.report.page.motions import motion_of
 from maniport.report.scene_file import write_scene
+from sizes import motion_alone
 
 
 @pytest.fixture(scope="module")
 def scene(small_result, tmp_path_factory):
     """A motion, and the rows of every place in its file, as Rerun's own reader gives them: static ones, others."""
     chunk = pytest.importorskip("rerun.chunk")
-    file, motion = tmp_path_factory.mktemp("scene") / "motion.rrd", motion_of(small_result.execution)
+    file, motion = tmp_path_factory.mktemp("scene") / "motion.rrd", motion_of(motion_alone(small_result))
     write_scene(file, motion)
     static, moving = {}, {}
     for one in chunk.RrdReader(file).stream().to_chunks():
@@ -28,7 +29,7 @@ def scene(small_result, tmp_path_factory):
 def test_ellipsoids_come_back_at_the_tip(scene, small_result):
     """From half sizes and quaternions the matrices are had again, at every time, where the tip is."""
     motion, static, moving = scene
-    robot = small_result.robot.name
+    robot = small_result.arm.robot.name
     for role, wanted in motion.bodies[-1].ellipsoids.items():
         rows = moving[f"/{robot}/{role}"]
         half = np.array(rows["Ellipsoids3D:half_sizes"])[:, 0] / motion.size
@@ -60,5 +61,5 @@ def test_every_curve_of_the_page_is_there(scene, small_result):
     curves = {path: rows for path, rows in moving.items() if path.startswith("/curves/")}
     assert len(curves) == lines
     found = next(rows for path, rows in curves.items() if "panda_joint3" in path)
-    positions = small_result.execution.motion.joint_positions[:, 2]
+    positions = small_result.arm.motion.joint_positions[:, 2]
     assert_allclose(np.array(found["Scalars:scalars"])[:, 0], np.degrees(positions), atol=1e-12)

@@ -36,7 +36,7 @@ METRICS = (
     *(f"motion.mean_distance.{part}" for part in ("mean", "no_posture", "path", "way")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("over_node_floor", "points_missed", "points", "leaps.points", "duration_s",
+    *(f"motion.{name}" for name in ("over_node_floor", "points_missed", "points", "jumps.points", "duration_s",
                                     "jerk.rms", "jerk.peak")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),

@@ -87,14 +87,15 @@ def learn(
 
 def _followed(robot: str, job: dict[str, Any], chain: Chain, motion: Motion) -> dict[str, Any]:
     """Return the options of the transfer to a robot, checked before the long work."""
-    from maniport.pipeline.job import checked_control
+    from maniport.pipeline.transfer import checked
     from maniport.transfer import method_of
 
     motion.require_exports()
     if job["method"] != AUTO:
         method_of(job["method"])
     arm = chain.load(robot)
-    control = checked_control(arm, motion.control(arm), motion.orientation, True)
+    control = motion.control(arm)
+    checked(arm, orientation=motion.orientation, **control)
     known = {
         name: job[name] for name in ("method", "base_rotation", "spec", "damping", "eigenvalue_floor", "random_state")
     }

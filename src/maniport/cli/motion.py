@@ -64,7 +64,7 @@ class Motion:
 
     def direction(self) -> Any:
         """The same where there is no person: a direction or None."""
-        from maniport.pipeline.turns import facing
+        from maniport.pipeline.targets import facing
 
         found = self.orientation
         if isinstance(found, str) and found != "free":

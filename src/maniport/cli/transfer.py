@@ -87,7 +87,6 @@ def transfer(
         if both:
             from maniport.mocap.both_arms import markers_of_each
 
-            del job["side"]
             job |= {} if pair.tips is None else {"tips": pair.tips}
             arms = pair.load(robot, chain)
             markers_of_each(data, job["markers"])
@@ -173,7 +172,7 @@ def track(
 ) -> None:
     """Plan a robot motion whose ellipsoids follow a target profile, and its end effector a target path."""
     from maniport.arms import EllipsoidSpec
-    from maniport.pipeline.follow import follow
+    from maniport.pipeline import follow_profile
     from maniport.report.write import EXECUTION_FILES, write_results
     from maniport.util.atomic_io import require_free
     from maniport.util.files import load_ellipsoids, load_path
@@ -187,11 +186,11 @@ def track(
     positions, path_time = (None, None) if path is None else load_path(path)
     times, file = (path_time, path) if time is None else (time, profile)  # the times of one file are enough
     with console.progress() as tell:
-        execution = follow(
+        result = follow_profile(
             arm,
-            target,
+            [target],
             None if times is None else as_times(times, f"time in {str(file)!r}", fewest=2),
-            positions,
+            None if positions is None else [positions],
             place=place,
             spec=EllipsoidSpec(part=part),
             damping=damping,
@@ -201,8 +200,8 @@ def track(
             **control,
         )
         files = tuple(str(file) for file in (profile, path) if file is not None)
-        execution = replace(execution, sources=files, options=motion.typed)
-        facts = write_results(execution, output, tell, motion.export, overwrite=overwrite)
+        result = replace(result, sources=files, options=motion.typed)
+        facts = write_results(result, output, tell, motion.export, overwrite=overwrite)
     console.tell(facts, output=str(output))
 
 
@@ -224,18 +223,14 @@ def _require_free(output: Path, overwrite: bool, both: bool = False) -> None:
 
 def _transfer(tell: Progress, output: Path, overwrite: bool, motion: Motion, robot: Any, job: dict[str, Any]) -> Report:
     """Transfer to an arm or a pair of arms, and write the results."""
-    from maniport.arms import Arm
-    from maniport.pipeline import transfer_both, transfer_recording
+    from maniport.pipeline import transfer_recording
     from maniport.report.write import write_results
 
     motion.require_exports()
-    one = isinstance(robot, Arm)
-    control = motion.control(robot) if one or job["move"] else {}
+    control = motion.control(robot)
     tell(LOAD, 1.0)
-    run: Any = transfer_recording if one else transfer_both
-    result = run(robot=robot, orientation=motion.orientation, progress=tell, **control, **job)
-    if one and result.execution is not None:
-        result = replace(result, execution=replace(result.execution, options=motion.typed))
+    result = transfer_recording(robot=robot, orientation=motion.orientation, progress=tell, **control, **job)
+    result = replace(result, options=motion.typed)
     return write_results(result, output, tell, motion.export, overwrite=overwrite)
 
 

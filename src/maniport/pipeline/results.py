@@ -3,10 +3,10 @@
 import csv
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Generic, NamedTuple, TypeVar
+from typing import ClassVar, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,8 @@ class ArmResult(ShownInNotebooks):
     @property
     def placement_time(self) -> Array:
         """Times of the robot at the waypoints that the placement was evaluated at, shape (m,) [s]."""
-        assert self.placement is not None and self.motion is not None
+        assert self.placement is not None
+        assert self.motion is not None
         return np.asarray(self.motion.time[placement_rows(len(self.motion.time))])
 
     @cached_property
@@ -117,7 +118,8 @@ class ArmResult(ShownInNotebooks):
     @property
     def mean_distance(self) -> "MeanDistance":
         """Mean distance of target and achieved ellipsoids, as a sum of three parts."""
-        assert self.motion is not None and self.gap is not None
+        assert self.motion is not None
+        assert self.gap is not None
         values = self.motion.distance, self.motion.pointwise_best, self.gap
         mean, pointwise, gap = (float(np.mean(value)) for value in values)
         return MeanDistance(gap, pointwise - gap, mean - pointwise)
@@ -143,6 +145,8 @@ class ArmTransfer(ArmResult):
         As in `ArmResult`; the name is the side of the person's arm.
     fit : ArmFit
         Human arm scaled to the person, and its joint angles.
+    person_base : ndarray, shape (3,)
+        Origin of the person's arm in the common frame of both arms [m], see `maniport.mocap.ArmFits`; zero for one arm.
     method : str
         Name of the transfer method.
     adapter : DomainAdapter
@@ -164,6 +168,7 @@ class ArmTransfer(ArmResult):
     """
 
     fit: ArmFit
+    person_base: Array = field(default_factory=lambda: np.zeros(3))
     method: str
     adapter: DomainAdapter
     choice: Choice | None = None
@@ -226,6 +231,13 @@ class RobotResult(SavedResult, Generic[A]):
             names = ", ".join(repr(arm.name) for arm in self.arms)
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
         return self.arms[0]
+
+    @property
+    def per_arm(self) -> tuple[Self, ...]:
+        """Results of each arm by itself, in their order."""
+        if len(self.arms) == 1:
+            return (self,)
+        return tuple(replace(self, robot=arm.robot, arms=(arm,), motion=arm.motion) for arm in self.arms)
 
     @property
     def data_files(self) -> tuple[str, ...]:
@@ -304,6 +316,11 @@ class MeanDistance(NamedTuple):
     infeasible: float  # mean feasibility gap
     path: float  # added by the end-effector path, at the pointwise optimum found
     motion: float  # added by limits, collisions and smoothness of the trajectory
+
+
+def motions_of(motion: RobotMotion) -> tuple[ArmMotion, ...]:
+    """Return the motion of each arm."""
+    return motion.each if isinstance(motion, PlannedArms) else (motion,)
 
 
 def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:

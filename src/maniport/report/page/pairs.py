@@ -7,30 +7,32 @@ from itertools import zip_longest
 import numpy as np
 
 from maniport.arms import ArmGroup
-from maniport.pipeline import BothResult
-from maniport.pipeline.both_result import FOLDERS
+from maniport.pipeline import TransferResult
 from maniport.report.page.content import STATES, Body, Motion, Panel, Part
 from maniport.report.page.motions import ELLIPSOIDS, ERRORS, HUMAN_JOINTS, opening_time
 from maniport.util.validation import Array
 
+SIDES_OF_ARMS = "left", "right"
 
-def motion_of_both(result: BothResult, each: Sequence[Motion]) -> Motion:
+
+def motion_of_both(result: TransferResult, each: Sequence[Motion]) -> Motion:
     """Return both arms of person and robot, with the curves of the arms next to one another."""
     first = each[0]
-    moved = [one.execution.motion for one in result.each if one.execution is not None]
-    persons = [_shifted(motion.bodies[0], base) for motion, base in zip(each, result.fits.bases, strict=True)]
+    moved = [arm.motion for arm in result.arms if arm.motion is not None]
+    persons = [_shifted(motion.bodies[0], arm.person_base) for motion, arm in zip(each, result.arms, strict=True)]
     bodies = [replace(together(*persons), figure=_trunk(*(person.figure for person in persons)))]
     joints: dict[str, tuple[Panel, ...]] = {}
     if moved:
+        assert isinstance(result.robot, ArmGroup)
         bodies.append(replace(together(*(motion.bodies[1] for motion in each)), name=result.robot.name))
-        own = [motion.panels[f"Joints of {one.robot.name}"] for motion, one in zip(each, result.each, strict=True)]
+        own = [motion.panels[f"Joints of {one.robot.name}"] for motion, one in zip(each, result.arms, strict=True)]
         joints = joints_of_both(result.robot, own)
     groups = {group: _sided([motion.panels.get(group, ()) for motion in each]) for group in (ERRORS, ELLIPSOIDS)}
     groups |= {**joints, HUMAN_JOINTS: _sided([motion.panels[HUMAN_JOINTS] for motion in each])}
     worse = "The strip below the slider has the state of the worse arm."
     order = list(STATES)
     profiles = [next(iter(motion.bodies[0].ellipsoids.values()), one.target_profile)
-                for motion, one in zip(each, result.each, strict=True)]  # fmt: skip
+                for motion, one in zip(each, result.arms, strict=True)]  # fmt: skip
     return replace(
         first,
         bodies=tuple(bodies),
@@ -73,7 +75,7 @@ def together(first: Body, *others: Body) -> Body:
     beside = []
     for body in others:
         own = tuple(part for part in body.parts if not any(same(part, other) for other in first.parts))
-        beside.append(replace(body, name=FOLDERS[1], turn=None, figure=None, parts=own))
+        beside.append(replace(body, name=SIDES_OF_ARMS[1], turn=None, figure=None, parts=own))
     return replace(first, beside=tuple(beside))
 
 
@@ -95,7 +97,7 @@ def _sided(each: Sequence[Sequence[Panel]]) -> tuple[Panel, ...]:
     """Alternate panels of the arms; panels of one row have one axis."""
     panels: list[Panel] = []
     for row in zip_longest(*each):
-        there = [(side, panel) for side, panel in zip(FOLDERS, row, strict=True) if panel is not None]
+        there = [(side, panel) for side, panel in zip(SIDES_OF_ARMS, row, strict=True) if panel is not None]
         span = _span([panel for _, panel in there])
         for side, panel in there:
             title = panel.title if panel.strip else panel.title[:1].lower() + panel.title[1:]

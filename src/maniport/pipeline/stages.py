@@ -1,0 +1,365 @@
+"""The method as stages, each a function from frozen values to a frozen value.
+
+    load → fit_human → sample_robot → fit_transfer → targets_of → place → plan → evaluate
+
+One arm is a group of one: values that belong to an arm are tuples over the arms, for two arms of a person left first.
+"""
+
+import copy
+import time as clock
+import warnings
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.domain import sample_domain, sample_domains
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.evaluation import choose
+from maniport.evaluation import evaluate as compared_with_baselines
+from maniport.feasibility import knowing
+from maniport.mocap import ArmFit, Recording, fit_arm, fit_arms, read_recording
+from maniport.motion import (
+    ArmsPlanner,
+    MotionLimits,
+    Placement,
+    Planner,
+    SeedBank,
+    TrackResult,
+    feasibility_gap,
+    place_paths,
+    plan_arms,
+    plan_motion,
+    track,
+)
+from maniport.motion.arm_model import why_not_trackable
+from maniport.motion.both.together import PLACED
+from maniport.motion.effort import as_effort
+from maniport.motion.plan.planned_motion import Room
+from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.results import (
+    ArmMotion,
+    ArmResult,
+    ArmTransfer,
+    RobotMotion,
+    TransferResult,
+    motions_of,
+    placement_rows,
+)
+from maniport.pipeline.targets import MotionTargets, targets_of
+from maniport.pipeline.values import (
+    MIN_FRAMES,
+    FittedMap,
+    Human,
+    MotionSettings,
+    Moved,
+    SampledRobot,
+    Settings,
+    arms_of,
+    planners_of,
+)
+from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
+from maniport.util.defaults import BOTH
+from maniport.util.progress import Progress
+from maniport.util.validation import Array
+
+BASELINES = ("raw-copy", "mean-transport", "parallel-transport")
+
+
+def load(recording: Recording | str | Path, settings: Settings) -> Recording:
+    """Read a recording."""
+    settings.progress("read the recording", 0.0)
+    motion = recording if isinstance(recording, Recording) else read_recording(recording)
+    _require_frames(motion, len(motion), "frames")
+    text = f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz"
+    settings.progress("read the recording", 1.0, text)
+    return motion
+
+
+def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Human:
+    """Fit one or both arms of the person; a learned profile has its arm already."""
+    if isinstance(recording, LearnedProfile):
+        if recording.spec != settings.spec:
+            raise InvalidInputError(
+                f"spec must be that of the learned profile, {recording.spec}; found {settings.spec}"
+            )
+        reference = recording.reference
+        return Human(reference.recording, (reference.fit,), (recording.profile,), (recording.path,), np.zeros((1, 3)))
+    if settings.person["side"] == BOTH:
+        options = {name: value for name, value in settings.person.items() if name != "side"}
+        both = fit_arms(recording, **options, progress=settings.progress)
+        fits: tuple[ArmFit, ...] = both.each
+        hands, bases = tuple(both.hands), both.bases
+    else:
+        fit = fit_arm(recording, **settings.person, progress=settings.progress)
+        fits, hands, bases = (fit,), (fit.arm.forward(fit.joint_angles)[:, :3, 3],), np.zeros((1, 3))
+    _require_frames(recording, len(fits[0]), "frames with the arm fully observed")
+    profiles = tuple(fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in fits)
+    return Human(recording, fits, profiles, hands, bases)
+
+
+def sample_robot(settings: Settings) -> SampledRobot:
+    """Sample the robot's domains, and what the planner needs to know of it."""
+    generator = np.random.default_rng(settings.random_state)
+    planner = _planner(settings, generator)
+    step, count = "sample the robot's domain", settings.n_student
+    settings.progress(step, 0.0)
+    options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
+    robot, seed = settings.robot, settings.random_state + 1
+    if isinstance(robot, ArmGroup):
+        domains = tuple(sample_domains(robot, count, seed, **options))
+    else:
+        domains = (sample_domain(robot, count, seed, **options),)
+    settings.progress(step, 1.0, f"{count} ellipsoids of {robot.name}")
+    return SampledRobot(planner, domains, generator)
+
+
+def _planner(settings: Settings, generator: np.random.Generator) -> Planner | ArmsPlanner | None:
+    """Make the planner, unless the robot cannot or shall not move."""
+    if settings.motion is None:
+        return None
+    for arm, spec in zip(settings.arms, settings.specs, strict=True):
+        if reason := why_not_trackable(arm, spec):
+            warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
+            return None
+    settings.progress("get to know the robot", 0.0)
+    planner = planner_of(settings.motion, settings.spec.velocity, generator)
+    text = " and ".join(f"{len(each.reachability_map)} postures" for each in planners_of(planner))
+    settings.progress("get to know the robot", 1.0, text)
+    return planner
+
+
+def planner_of(settings: MotionSettings, spec: EllipsoidSpec, generator: Any) -> Planner | ArmsPlanner:
+    """Sample the robot within its limits."""
+    limits, kind = settings.plan.motion_limits, ArmsPlanner if isinstance(settings.robot, ArmGroup) else Planner
+    assert isinstance(limits, MotionLimits)
+    return kind.of(limits, spec, settings.plan.collisions, generator)
+
+
+def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple[FittedMap, ...]:
+    """Fit the map of ellipsoids for each arm, by the method of the settings or a selected one."""
+    return tuple(
+        fit_map(fit.arm, profile, robot, settings, arm)
+        for arm, (fit, profile) in enumerate(zip(human.fits, human.profiles, strict=True))
+    )
+
+
+def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0) -> FittedMap:
+    """Fit the map from a person's arm to an arm of the robot; a selection needs the demonstrated profile (n, d, d)."""
+    teacher, student, spec = sample_teacher(person, settings), robot.domains[arm], settings.specs[arm]
+    bank, started, progress = _bank(robot, settings, arm), clock.perf_counter(), settings.progress
+    if not isinstance(settings.adapter, DomainAdapter):
+        assert profile is not None
+        choice = choose(
+            teacher, student, profile, person=person, robot=settings.arms[arm], spec=spec, bank=bank,
+            random_state=settings.random_state, progress=progress, **settings.adapter,
+        )  # fmt: skip
+        return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
+    progress("fit the adapter", 0.0)
+    adapter = knowing(method_of(settings.adapter), settings.arms[arm], spec, bank, settings.random_state)
+    adapter.fit(teacher, student)
+    if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
+        text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
+        warnings.warn(text, ManiportWarning, stacklevel=2)
+    progress("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
+    return FittedMap(adapter, teacher, clock.perf_counter() - started)
+
+
+def sample_teacher(person: Arm, settings: Settings) -> Array:
+    """Sample the domain of a person's arm, shape (n_teacher, d, d)."""
+    step, count = "sample the person's domain", settings.n_teacher
+    settings.progress(step, 0.0)
+    domain = sample_domain(person, count, settings.random_state, spec=settings.spec)
+    settings.progress(step, 1.0, f"{count} ellipsoids of {person.name}")
+    return domain
+
+
+def place(
+    targets: MotionTargets,
+    planner: Planner | ArmsPlanner,
+    settings: MotionSettings,
+    generator: np.random.Generator,
+    whole: bool = False,
+) -> tuple[Placement, ...]:
+    """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
+    assert targets.paths is not None
+    rows, each = placement_rows(len(targets.time)), planners_of(planner)
+    return place_paths(
+        [path[rows] for path in targets.paths],
+        [profile[rows] for profile in targets.profiles],
+        [own.limits.arm for own in each],
+        time=targets.time[rows],
+        wholes=targets.paths if whole else None,
+        turn=targets.turn,
+        workspace=settings.plan.workspace,
+        reachability_maps=[own.reachability_map for own in each],
+        banks=[own.bank for own in each],
+        planning_effort=settings.plan.planning_effort,
+        spec=targets.spec,
+        damping=targets.damping,
+        random_state=generator,
+        progress=settings.progress,
+    )
+
+
+def plan(
+    targets: MotionTargets,
+    placements: tuple[Placement, ...] | None,
+    planner: Planner | ArmsPlanner,
+    settings: MotionSettings,
+    generator: np.random.Generator,
+) -> Moved:
+    """Plan a motion of all arms along the placed targets; where the settings have a controller, it follows the plan."""
+    placed = targets if placements is None else targets.placed(placements)
+    options = {option.name: getattr(settings.plan, option.name) for option in fields(settings.plan)}
+    options |= {"time": targets.time, "spec": targets.spec, "damping": targets.damping}
+    options |= {"planner": planner, "random_state": generator}
+
+    def planned(rotations: Sequence[Array] | None, progress: Progress) -> RobotMotion:
+        several: dict[str, Any] = {
+            "paths": placed.paths,
+            "rotations": rotations,
+            "pointwise_bests": placed.pointwise_bests,
+        }
+        if isinstance(planner, ArmsPlanner):
+            return plan_arms(planner.arms, placed.profiles, **options, **several, tips=settings.tips, progress=progress)
+        path, rotation, best = (None if values is None else values[0] for values in several.values())
+        own: dict[str, Any] = {"path": path, "rotations": rotation, "pointwise_best": best, "progress": progress}
+        return plan_motion(planner.limits.arm, placed.profiles[0], **options, **own)
+
+    rotations, free = placed.base_rotations(settings.plan.orientation_axes), None
+    if rotations is not None:
+        free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
+    motion = planned(rotations, settings.progress)
+    if settings.tracking and isinstance(planner, Planner):
+        motion = _tracked(motions_of(motion)[0], planner, rotations, settings)
+    return Moved(motion, free, placements if settings.tips == PLACED else None)
+
+
+def _tracked(
+    plan: ArmMotion, planner: Planner, rotations: Sequence[Array] | None, settings: MotionSettings
+) -> ArmMotion:
+    """Follow a planned motion by a controller; return its motion with the targets and limits of the plan."""
+    motion = track(
+        planner.limits.arm,
+        plan.target,
+        time=plan.time,
+        path=plan.path,
+        reference=plan.joint_positions,
+        rotations=None if rotations is None else rotations[0],
+        spec=plan.spec,
+        damping=plan.damping,
+        progress=settings.progress,
+        **settings.tracking,
+    )
+    tracked = {field.name: getattr(motion, field.name) for field in fields(TrackResult)}
+    use = plan.limits.use(motion.control_time, motion.control_positions)
+    return replace(plan, **tracked, limit_use=use, room=Room.of(planner.collisions, motion))
+
+
+def place_and_plan(
+    targets: MotionTargets, planner: Planner | ArmsPlanner, settings: MotionSettings, generator: np.random.Generator
+) -> Moved:
+    """Place the paths and plan a motion; where that collides, again with a placement that reaches all waypoints."""
+    placements = place(targets, planner, settings, generator)
+    moved = plan(targets, placements, planner, settings, generator)
+    if moved.motion.room.share == 0.0:
+        return moved
+    others = place(targets, planner, settings, generator, whole=True)
+    if all(np.array_equal(own.path, other.path) for own, other in zip(placements, others, strict=True)):
+        return moved
+    again = plan(targets, others, planner, settings, generator)
+    return min(moved, again, key=lambda result: result.motion.room.share)
+
+
+def measure(
+    moved: Moved, names: Sequence[str], planner: Planner | ArmsPlanner, settings: MotionSettings
+) -> tuple[ArmResult, ...]:
+    """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
+    effort, results = as_effort(settings.plan.planning_effort).of_gap, []
+    for i, (name, arm, own) in enumerate(zip(names, arms_of(settings.robot), planners_of(planner), strict=True)):
+        motion, free = motions_of(moved.motion)[i], None if moved.free is None else motions_of(moved.free)[i]
+        same: dict[str, Any] = {"spec": motion.spec, "damping": motion.damping, "progress": settings.progress}
+        gap = feasibility_gap(own.limits.arm, motion.target, bank=own.bank, **effort, **same)
+        placement = None if moved.placements is None else moved.placements[i]
+        results.append(
+            ArmResult(name=name, robot=arm, placement=placement, motion=motion, free=free, gap=gap,
+                      collisions=own.collisions)
+        )  # fmt: skip
+    return tuple(results)
+
+
+def evaluate(
+    human: Human,
+    robot: SampledRobot,
+    maps: Sequence[FittedMap],
+    moved: Moved | None,
+    settings: Settings,
+    baselines: bool = True,
+) -> TransferResult:
+    """Compare each map with baselines, and measure the motion."""
+    names = [fit.arm.side or own.name for fit, own in zip(human.fits, settings.arms, strict=True)]
+    results = tuple(ArmResult(name=name, robot=own) for name, own in zip(names, settings.arms, strict=True))
+    if moved is not None and robot.planner is not None and settings.motion is not None:
+        results = measure(moved, names, robot.planner, settings.motion)
+    transfers = []
+    for i, (result, own) in enumerate(zip(results, maps, strict=True)):
+        evaluation = None if own.choice is None else own.choice.evaluation
+        if evaluation is None and baselines:
+            evaluation = compared_with_baselines(
+                own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
+                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0, draws=0,
+                random_state=settings.random_state, progress=settings.progress,
+            )  # fmt: skip
+        transfers.append(
+            ArmTransfer(
+                **{field.name: getattr(result, field.name) for field in fields(result)},
+                fit=human.fits[i],
+                person_base=human.bases[i],
+                method=name_of(own.adapter),
+                adapter=own.adapter,
+                choice=own.choice,
+                evaluation=evaluation,
+                time=human.fits[i].time,
+                demonstrated_profile=human.profiles[i],
+                target_profile=own.adapter.transform(human.profiles[i]),
+                teacher_domain=own.teacher,
+                student_domain=robot.domains[i],
+                seconds_to_fit=own.seconds,
+            )
+        )
+    return TransferResult(
+        robot=settings.robot,
+        arms=tuple(transfers),
+        motion=None if moved is None else moved.motion,
+        random_state=settings.random_state,
+        recording=human.recording,
+        spec=settings.spec,
+        base_rotation=settings.base_rotation,
+    )
+
+
+def transfer(
+    human: Human, robot: SampledRobot, maps: Sequence[FittedMap], settings: Settings, baselines: bool = True
+) -> TransferResult:
+    """Run the stages from the fitted maps on."""
+    moved = None
+    if robot.planner is not None and settings.motion is not None:
+        generator = copy.deepcopy(robot.random)
+        moved = place_and_plan(targets_of(human, maps, settings), robot.planner, settings.motion, generator)
+    return evaluate(human, robot, maps, moved, settings, baselines)
+
+
+def _bank(robot: SampledRobot, settings: Settings, arm: int) -> SeedBank | None:
+    """Return the planner's samples of an arm where they are of these ellipsoids."""
+    if robot.planner is None or settings.spec.kind != "velocity":
+        return None
+    return planners_of(robot.planner)[arm].bank
+
+
+def _require_frames(recording: Recording, count: int, what: str) -> None:
+    if count < MIN_FRAMES:
+        raise RecordingError(f"{what} of {recording.source!r}: {count}; at least {MIN_FRAMES} are needed")
