@@ -109,7 +109,7 @@ def adapters() -> dict[str, DomainAdapter]:
     known: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
     return {
         ADAPTED: mp.ParallelTransport(**known),
-        "raw copy": mp.RawCopy(**known),
+        "identity baseline": mp.IdentityMap(**known),
         "recentred": mp.MeanTransport(**known),
         # by default it keeps its start here, which is mean and dispersion
         "ICP, refined": mp.RiemannianICP(

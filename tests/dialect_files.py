@@ -12,7 +12,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from maniport.arms import myoarm
-from maniport.mocap import Recording, performed
+from maniport.mocap import Recording, synthetic_recording
 
 UPPER_ARM, FOREARM, HAND = 0.30, 0.26, 0.08
 BONES = (("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND))
@@ -51,7 +51,7 @@ def motion(side="right", n=40, rate=50.0):
     trunk = Rotation.from_euler("zyx", np.radians([20, 6, 4]) * np.sin(2 * time[:, None] + np.arange(3))).as_matrix()
     parts = {name: np.tile(np.array(place, dtype=float), (n, 1)) for name, place in REST.items()}
     for letter, sign, angles in (("r", 1.0, q), ("l", -1.0, still)):
-        seen = performed(arm, angles, time)
+        seen = synthetic_recording(arm, angles, time)
         mirror, at = np.array([1.0, sign, 1.0]), parts[f"shoulder_{letter}"]
         for start, end, length in (
             ("shoulder", "elbow", UPPER_ARM),

@@ -63,7 +63,7 @@ def test_each_step_on_its_own(run, domains):
     save_ellipsoids(domains / "profile.npz", original[:12])
     words = ("evaluate", adapter, person, panda, domains / "profile.npz", "-o")
     code, out, _ = run(*words, domains / "page.md")
-    assert (code, "raw-copy" in out) == (0, True)
+    assert (code, "identity" in out) == (0, True)
     assert (domains / "page.md").read_text().strip() == out.strip()
     assert run(*words, domains / "page.json", "--quiet")[:2] == (0, "")
     assert json.loads((domains / "page.json").read_text())

@@ -36,7 +36,7 @@ def test_a_method_is_chosen_or_named(clip, result):
     choice, numbers = result.arm.choice, as_numbers(facts_of(result))
     assert result.arm.adapter is choice.adapter
     assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(choice.failures)}
-    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "mean-transport", "parallel-transport", "length-field"}
+    assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
     named = transfer_recording(clip, method="mean-transport", **STILL)
     assert (named.arm.method, named.arm.choice) == ("mean-transport", None)
 
@@ -125,7 +125,7 @@ def test_the_mounting_turns_results_and_baselines(clip):
     )
     copy = turn @ turned.arm.demonstrated_profile @ turn.T
     gaps = mp.nearest_feasible(turned.arm.robot, copy, damping=turned.arm.adapter.student_regularization).distance
-    assert turned.arm.evaluation.row("raw-copy").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
+    assert turned.arm.evaluation.row("identity").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
     as_seen = half_turn @ half.arm.target_profile @ half_turn
     assert np.median(mp.spd.distance(as_seen, plain.arm.target_profile)) < 0.3
     assert np.median(mp.spd.distance(half.arm.target_profile, plain.arm.target_profile)) > 0.3

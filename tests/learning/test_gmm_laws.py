@@ -86,7 +86,7 @@ BAD = {
     "nan": (lambda: ProfileGMM(1).fit(TIME, np.where(TIME[:, None, None] > 0.5, np.nan, EYES)), "ellipsoids must be f"),
     "lengths": (lambda: ProfileGMM(1).fit(TIME[1:], EYES), "equally many; found 39 and 40"),
     "equal": (lambda: ProfileGMM(1).fit(np.ones(40), EYES), "inputs must not all be equal"),
-    "few": (lambda: ProfileGMM(6).fit(TIME, EYES), "6 components need at least 48 ellipsoids, 8 each .* found 40"),
+    "few": (lambda: ProfileGMM(6).fit(TIME, EYES), "6 components need 48 ellipsoids, 8 each .* found 40"),
     "groups": (lambda: ProfileGMM(1).fit(TIME, EYES, [1, 2]), r"groups must have shape \(40,\)"),
     "components": (lambda: ProfileGMM(0).fit(TIME, EYES), "n_components must be a whole number of at least 1"),
     "seed": (lambda: ProfileGMM(1, random_state="x").fit(TIME, EYES), "random_state"),

@@ -33,7 +33,7 @@ def complete(result):
     n = len(result.time)
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": result.arm.motion.target}  # fmt: skip
-    fit = replace(result.arm.fit, determined=np.ones_like(result.arm.fit.determined), quality_warnings=())
+    fit = replace(result.arm.fit, observable=np.ones_like(result.arm.fit.observable), quality_warnings=())
     motion = replace(result.motion, **tracked)
     return replace(with_arm(result, gap=np.zeros(n), motion=motion, fit=fit), warnings=())
 

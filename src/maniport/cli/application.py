@@ -136,7 +136,7 @@ Height = Annotated[
     float | None, typer.Option("--height", help="Body height [m], for lengths that are unknown otherwise.")
 ]
 Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
-METHODS = "icp, length-field, parallel-transport, nearest-neighbor, mean-transport, raw-copy"
+METHODS = "icp, length-field, parallel-transport, nearest-neighbor, mean-transport, identity"
 Method = Annotated[str, typer.Option("--method", help=f"Transfer method: auto, {METHODS}.")]
 NamedMethod = Annotated[str, typer.Option("--method", help=f"Transfer method: {METHODS}.")]
 Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]

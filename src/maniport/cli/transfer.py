@@ -85,11 +85,11 @@ def transfer(
             console.say(f"! {doubt}")
         job |= {"recording": data, "markers": recorded.roles(), "move": move}
         if both:
-            from maniport.mocap.both_arms import markers_of_each
+            from maniport.mocap.arm_ik import markers_by_side
 
             job |= {} if pair.tips is None else {"tips": pair.tips}
             arms = pair.load(robot, chain)
-            markers_of_each(data, job["markers"])
+            markers_by_side(data, job["markers"])
             facts = _transfer(tell, output, overwrite, motion, arms, job)
         else:
             facts = _transfer(tell, output, overwrite, motion, chain.load(robot), job)

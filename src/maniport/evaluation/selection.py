@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, RECENTRING, TRANSPORT
 from maniport.evaluation.comparison import evaluate
 from maniport.evaluation.verdict import Evaluation, Row
 from maniport.feasibility import knowing
@@ -102,7 +102,7 @@ def choose(
         person=person,
         spec=spec,
         name=method,
-        rows=(RAW_COPY, RECENTRING, TRANSPORT),
+        rows=(IDENTITY, RECENTRING, TRANSPORT),
         bank=bank,
         n_starts=16,  # with 48 the mean gaps are at most 3 % less
         n_domain=64,

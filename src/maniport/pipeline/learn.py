@@ -18,7 +18,6 @@ from maniport.learning.agreement import agreement
 from maniport.learning.mixture import points_each
 from maniport.mocap import Recording, fit_arm, read_recording
 from maniport.mocap.arm_ik import require_person
-from maniport.mocap.repetitions import repetitions
 from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import AUTO, DAMPING, KEEP, PERSON
@@ -61,7 +60,7 @@ def learn(
         At least two demonstrations: recordings, or segments of them.
     segments : "auto" or sequence, one entry for each recording, optional
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
-        (`maniport.mocap.repetitions`); None for the whole recording.
+        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
     person, markers, side, height, smooth, jumps : optional
         For all recordings; see `fit_arm`.
     spec : EllipsoidSpec
@@ -182,7 +181,7 @@ def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator
             )
     fit = fit_arm(recording, **whose)
     quality_warnings = tuple(f"{source}: {doubt}" for doubt in (*recording.quality_warnings, *fit.quality_warnings))
-    for segment in repetitions(fit) if segments == AUTO else segments:
+    for segment in fit.repetitions() if segments == AUTO else segments:
         start, stop = segment or (first, last)
         frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
         if frames < FEWEST:

@@ -146,7 +146,7 @@ class ArmTransfer(ArmResult):
     fit : ArmFit
         Human arm scaled to the person, and its joint angles.
     person_base : ndarray, shape (3,)
-        Origin of the person's arm in the common frame of both arms [m], see `maniport.mocap.ArmFits`; zero for one arm.
+        Origin of the person's arm in the common frame of both arms [m], see `maniport.mocap.HumanMotion`; zero for one arm.
     method : str
         Name of the transfer method.
     adapter : DomainAdapter

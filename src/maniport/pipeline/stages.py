@@ -21,7 +21,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import choose
 from maniport.evaluation import evaluate as compared_with_baselines
 from maniport.feasibility import knowing
-from maniport.mocap import ArmFit, Recording, fit_arm, fit_arms, read_recording
+from maniport.mocap import HumanMotion, Recording, fit_arm, fit_arms, read_recording
 from maniport.motion import (
     ArmsPlanner,
     MotionLimits,
@@ -66,7 +66,7 @@ from maniport.util.defaults import BOTH
 from maniport.util.progress import Progress
 from maniport.util.validation import Array
 
-BASELINES = ("raw-copy", "mean-transport", "parallel-transport")
+BASELINES = ("identity", "mean-transport", "parallel-transport")
 
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
@@ -87,18 +87,17 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
                 f"spec must be that of the learned profile, {recording.spec}; found {settings.spec}"
             )
         reference = recording.reference
-        return Human(reference.recording, (reference.fit,), (recording.profile,), (recording.path,), np.zeros((1, 3)))
-    if settings.person["side"] == BOTH:
-        options = {name: value for name, value in settings.person.items() if name != "side"}
-        both = fit_arms(recording, **options, progress=settings.progress)
-        fits: tuple[ArmFit, ...] = both.each
-        hands, bases = tuple(both.hands), both.bases
+        motion = HumanMotion((reference.fit,), np.zeros((1, 3)))
+        return Human(reference.recording, motion, (recording.profile,), (recording.path,))
+    options = {**settings.person, "progress": settings.progress}
+    if options["side"] == BOTH:
+        del options["side"]
+        motion = fit_arms(recording, **options)
     else:
-        fit = fit_arm(recording, **settings.person, progress=settings.progress)
-        fits, hands, bases = (fit,), (fit.arm.forward(fit.joint_angles)[:, :3, 3],), np.zeros((1, 3))
-    _require_frames(recording, len(fits[0]), "frames with the arm fully observed")
-    profiles = tuple(fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in fits)
-    return Human(recording, fits, profiles, hands, bases)
+        motion = HumanMotion((fit_arm(recording, **options),), np.zeros((1, 3)))
+    _require_frames(recording, len(motion), "frames with the arm fully observed")
+    profiles = tuple(fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms)
+    return Human(recording, motion, profiles, tuple(motion.hands))
 
 
 def sample_robot(settings: Settings) -> SampledRobot:
@@ -318,7 +317,7 @@ def evaluate(
             ArmTransfer(
                 **{field.name: getattr(result, field.name) for field in fields(result)},
                 fit=human.fits[i],
-                person_base=human.bases[i],
+                person_base=human.motion.bases[i],
                 method=name_of(own.adapter),
                 adapter=own.adapter,
                 choice=own.choice,

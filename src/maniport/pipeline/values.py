@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.evaluation import Choice
-from maniport.mocap import ArmFit, Recording
+from maniport.mocap import ArmFit, HumanMotion, Recording
 from maniport.motion import ArmsPlanner, Placement, PlanControl, Planner
 from maniport.motion.both.together import PLACED
 from maniport.pipeline.results import RobotMotion
@@ -73,18 +73,22 @@ class Human:
     """Fitted arms of a person, with their ellipsoids (n, d, d) and hand paths (n, 3) [m] in one frame."""
 
     recording: Recording
-    fits: tuple[ArmFit, ...]
+    motion: HumanMotion
     profiles: tuple[Array, ...]
     hands: tuple[Array, ...]
-    bases: Array  # origins of the arms in that frame (n_arms, 3) [m]
+
+    @property
+    def fits(self) -> tuple[ArmFit, ...]:
+        """Fit of each arm."""
+        return self.motion.arms
 
     def subsampled(self, rate: float) -> "Human":
         """Keep at most so many frames a second [Hz], evenly spaced."""
-        count = max(MIN_FRAMES, int(np.ceil(np.ptp(self.fits[0].time) * rate)) + 1)
-        rows = evenly_spaced(len(self.fits[0]), count)
+        count = max(MIN_FRAMES, int(np.ceil(np.ptp(self.motion.time) * rate)) + 1)
+        rows = evenly_spaced(len(self.motion), count)
         return replace(
             self,
-            fits=tuple(fit.thinned(count) for fit in self.fits),
+            motion=replace(self.motion, arms=tuple(fit.thinned(count) for fit in self.fits)),
             profiles=tuple(profile[rows] for profile in self.profiles),
             hands=tuple(hand[rows] for hand in self.hands),
         )

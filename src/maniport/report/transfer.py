@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.baselines import RAW_COPY, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, TRANSPORT
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
@@ -266,16 +266,16 @@ def label(name: str) -> str:
 
 def _comparison(verdict: Verdict) -> tuple[str, bool]:
     """Compare the method with the others; also whether it is worth while."""
-    name, mine, nothing = verdict.name, verdict.value, verdict.raw_copy
+    name, mine, nothing = verdict.name, verdict.value, verdict.identity
     if mine is None or nothing is None:
         return f"{name} is not compared: neither the truth nor the student's kinematics is known.", True
     measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
     others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
-    if RAW_COPY not in others:
-        return f"{name} does what a raw copy does ({measure} {mine:.3f}).", name == RAW_COPY
+    if IDENTITY not in others:
+        return f"{name} does what the identity baseline does ({measure} {mine:.3f}).", name == IDENTITY
     best = min(others, key=lambda other: others[other])
-    against = f"{measure} {mine:.3f} against {nothing:.3f} of a raw copy"
-    against += "" if best == RAW_COPY else f", {others[best]:.3f} of {label(best)}"
+    against = f"{measure} {mine:.3f} against {nothing:.3f} of the identity baseline"
+    against += "" if best == IDENTITY else f", {others[best]:.3f} of {label(best)}"
     if mine >= WORTH_WHILE * nothing:
         return f"{name} is not clearly better than doing nothing: {against}.", False
     if mine >= WORTH_WHILE * others[best]:

@@ -90,7 +90,7 @@ OPTIONAL: Schema = {
 """Attributes of maniport's methods that are checked where a file has them."""
 
 REQUIRED_BY: dict[str, Schema] = {
-    "RawCopy": {},
+    "IdentityMap": {},
     "MeanTransport": {},
     "ParallelTransport": {},
     "RiemannianICP": {},

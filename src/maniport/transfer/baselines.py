@@ -11,7 +11,7 @@ from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count
 
 
-class RawCopy(DomainAdapter):
+class IdentityMap(DomainAdapter):
     """Return the teacher's ellipsoids in the student's frame, S = R_b T R_bᵀ.
 
     Parameters

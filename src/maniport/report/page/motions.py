@@ -102,7 +102,7 @@ def body_of(
 def _camera(result: Any) -> Array:
     """Rotation from the person's trunk frame to the robot's base frame after placement, shape (3, 3)."""
     placement = result.arm.placement
-    return result.base_rotation if placement is None else placement.rotation @ result.base_rotation
+    return np.asarray(result.base_rotation if placement is None else placement.rotation @ result.base_rotation)
 
 
 def opening_time(time: Array, distances: Sequence[Array], profiles: Sequence[Array]) -> float:
@@ -247,7 +247,7 @@ def motion_of_learned(learned: LearnedProfile) -> Motion:
     """Return the curves of demonstrations and of the profile that is learned from them, on common times."""
     time, deviations = learned.alignment.time, axis_deviations(learned.profile, learned.covariance)
     semi_axes, each = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
-    d, unit, odd = semi_axes.shape[1], learned.spec.unit, learned.agreement.odd
+    d, unit, odd = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
 
     def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
         lines = [Line(name, one, REFERENCE.name if k == odd else PERSON.name, 1 if k == odd else 2)
