@@ -99,7 +99,7 @@ def export_motion(
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
     if not isinstance(motion, JointMotion):
         raise InvalidInputError(
-            f"motion must be a motion, such as result.execution.motion; found {type(motion).__name__}"
+            f"motion must be a motion, such as result.motion; found {type(motion).__name__}"
         )
     if found.robot == NEEDED and not isinstance(motion, TrackResult):
         raise InvalidInputError(
