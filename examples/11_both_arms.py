@@ -24,7 +24,7 @@ def main(folder):
     result = mp.transfer_recording(recording, robot=arms, method="parallel-transport", planning_effort="quick")
     hands = mp.fit_arms(recording).hands
     apart = np.linalg.norm(hands[1] - hands[0], axis=-1)
-    tips = np.linalg.norm(np.diff(arms.forward(result.motion.joint_positions)[:, :, :3, 3], axis=1)[:, 0], axis=-1)
+    tips = np.linalg.norm(np.diff(arms.forward(result.motion.trajectory.joint_positions)[:, :, :3, 3], axis=1)[:, 0], axis=-1)
     scale = result.arms[0].placement.scale
     print(
         f"the hands are {apart.min():.2f} to {apart.max():.2f} m apart, the tips {tips.min():.2f} to {tips.max():.2f} m"
@@ -36,9 +36,9 @@ def main(folder):
             f"{arm.name:>5}: ellipsoids at {np.median(motion.distance):.2f} (median) from the targets, the tip "
             f"{1e3 * np.percentile(motion.position_error, 95):.1f} mm beside its path (95 %)"
         )
-    room = result.motion.room
-    print(f"{np.ptp(result.motion.control_time):.1f} s; nearest to a collision: {' and '.join(room.pair)}, "
-          f"{1e3 * room.clearance:.0f} mm apart")  # fmt: skip
+    clearance = result.motion.clearance
+    print(f"{np.ptp(result.motion.trajectory.control_time):.1f} s; nearest to a collision: {' and '.join(clearance.pair)}, "
+          f"{1e3 * clearance.distance:.0f} mm apart")  # fmt: skip
     result.save(folder / "both", overwrite=True)
     print(f"joints of both in {folder / 'both' / 'joints.csv'}")
     return result

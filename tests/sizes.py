@@ -5,7 +5,7 @@ from unittest import mock
 
 from maniport.motion.effort import EFFORTS
 from maniport.pipeline import MotionResult
-from maniport.pipeline.results import ArmResult
+from maniport.pipeline.results import ArmResult, motion_of_arm
 
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
@@ -20,11 +20,11 @@ def few_places(**sizes):
 def with_arm(result, **changes):
     """Return a result of one arm with other attributes of the arm, and its motion."""
     arm = replace(result.arm, **changes)
-    return replace(result, arms=(arm,), motion=arm.motion)
+    return replace(result, arms=(arm,), motion=motion_of_arm(result.robot, arm.motion))
 
 
 def motion_alone(result):
     """Return the motion of a transfer as a result without a person."""
     names = ("name", "robot", "placement", "motion", "free", "gap", "collisions")
     arm = ArmResult(**{name: getattr(result.arm, name) for name in names})
-    return MotionResult(robot=result.arm.robot, arms=(arm,), motion=arm.motion)
+    return MotionResult(robot=result.robot, arms=(arm,), motion=result.motion)

@@ -62,7 +62,7 @@ def test_the_robot_follows_to_the_end(result):
     np.testing.assert_allclose(motion.achieved, robot.manipulability(motion.joint_positions))
     assert np.percentile(motion.position_error, 95) < result.arm.motion.position_tolerance
     assert motion.limit_use is not None
-    assert result.motion.room.share == 0.0
+    assert result.motion.clearance.share == 0.0
 
 
 def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
@@ -214,10 +214,10 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
     """Ellipsoids to a median distance of 0.05; it is at rest at both ends. The folder can be read back."""
     time, profile, path = own
     execution = follow_profile(panda, [profile], time, [path], place=False)
-    motion = execution.motion
+    motion = execution.arm.motion
     assert np.median(motion.distance) < 0.05
     assert np.percentile(motion.distance, 95) < 0.1
-    assert np.percentile(motion.position_error, 95) < execution.motion.position_tolerance
+    assert np.percentile(motion.position_error, 95) < motion.position_tolerance
     assert execution.arm.placement is None
     mp.write_results(execution, tmp_path / "out")
     assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= set(EXECUTION_FILES)
@@ -234,11 +234,11 @@ def test_tempo_and_placement(panda, own):
     """Half the speed_scale takes twice the time; a distant path is placed, and the placed path and profile are followed."""
     time, profile, path = own
     slow = follow_profile(panda, [profile], time, [path + 2.0], speed_scale=0.5, planning_effort="quick")
-    assert 2.0 * np.ptp(time) <= slow.motion.control_time[-1] < 2.1 * np.ptp(time)
-    np.testing.assert_array_equal(slow.motion.demonstrated_time, time)
-    np.testing.assert_allclose(slow.motion.path, slow.arm.placement.path, atol=1e-12)
-    np.testing.assert_allclose(slow.motion.target, slow.arm.placement.profile, atol=1e-12)
-    assert np.percentile(slow.motion.position_error, 95) < slow.motion.position_tolerance
+    assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)
+    np.testing.assert_array_equal(slow.arm.motion.demonstrated_time, time)
+    np.testing.assert_allclose(slow.arm.motion.path, slow.arm.placement.path, atol=1e-12)
+    np.testing.assert_allclose(slow.arm.motion.target, slow.arm.placement.profile, atol=1e-12)
+    assert np.percentile(slow.arm.motion.position_error, 95) < slow.arm.motion.position_tolerance
     assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.arm.placement.scale
 
 

@@ -122,7 +122,7 @@ def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
     distances = np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2)))
     gap = found.adapter.feasibility_gap
     assert (gap.mean, gap.largest) == pytest.approx((distances.mean(), distances.max()), rel=1e-6)
-    assert "eigenvalue_floor" in found.settings["feasibility gap"]
+    assert "floor" in found.settings["feasibility gap"]
 
 
 def test_bad_input_is_refused(problem, arms):

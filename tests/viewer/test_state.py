@@ -176,7 +176,7 @@ def pandas():
 
 def sides_of(robot):
     """The person's arms and a robot's, on small domains."""
-    for side, arm, base in zip(("left", "right"), robot.each, BASES, strict=True):
+    for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
         person = human_arm("rhuman", side)
         methods = Methods(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
         yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), SeedBank.build(arm, 512, 0), base=base)
@@ -216,9 +216,9 @@ def test_a_shared_torso_is_in_one_place():
     assert sum(frame.distance for frame in later) < sum(frame.distance for frame in first)
     (left, right), reason = find_surfaces(humanoid)
     if not reason:
-        assert 0 < len(right) < len(humanoid.right.surfaces())
+        assert 0 < len(right) < len(humanoid.arms[1].surfaces())
         assert min(surface.joint for surface in right) >= humanoid.trunk
-        assert len(left) == len(humanoid.left.surfaces())
+        assert len(left) == len(humanoid.arms[0].surfaces())
 
 
 @pytest.mark.parametrize(

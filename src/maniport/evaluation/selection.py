@@ -80,20 +80,19 @@ def choose(
     Raises
     ------
     ManiportError
-        When an input is invalid, or parallel transport cannot be fitted.
+        When an input is invalid, or neither method can be fitted.
     """
-    step = "choose the method"
+    step = "Fit transfer"
     report = progress or (lambda step, fraction, found="": None)
     report(step, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    transport = method_of(TRANSPORT, **shared).fit(*domains)
     field = knowing(method_of(FIELD, **shared), robot, spec, bank)
     failures = _failures(field, domains, spec)
     report(step, 0.7)
-    adapter, method = (transport, TRANSPORT) if failures else (field, FIELD)
+    adapter, method = (method_of(TRANSPORT, **shared).fit(*domains), TRANSPORT) if failures else (field, FIELD)
     evaluation = evaluate(
         adapter,
         *domains,

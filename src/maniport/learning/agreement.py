@@ -67,7 +67,7 @@ def agreement(
     profiles: Sequence[Array], alignment: Alignment, model: ProfileGMM, progress: Progress | None = None
 ) -> Agreement:
     """Measure the agreement of demonstrations and hold out each of them."""
-    step, k, n = Step(progress, "hold out each demonstration"), len(profiles), min(map(len, profiles))
+    step, k, n = Step(progress, "Hold out demonstrations"), len(profiles), min(map(len, profiles))
     apart = np.zeros((k, k))
     for i in range(k):
         for j in range(i):

@@ -121,7 +121,7 @@ def align(
     clocks = _checked_times(times, data)
     k = len(data)
     chosen = None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
-    step = Step(progress, "align the demonstrations")
+    step = Step(progress, "Align demonstrations")
     search, match = pieces(step, k * (k - 1) / 2 if reference is None else 0.0, k)
     chosen = _medoid(data, search) if chosen is None else chosen
     matches = [matched(data[chosen], other, same=i == chosen) for i, other in enumerate(counted(data, k, match))]

@@ -160,7 +160,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
             "max_iter": as_count(self.max_iter, "max_iter"),
             "tol": as_number(self.tol, "tol", above=0.0),
         }
-        step = Step(progress, "fit the mixture")
+        step = Step(progress, "Fit Gaussian mixture")
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
             fits = [
                 most_likely(x, points, count, generator, part, **checked)

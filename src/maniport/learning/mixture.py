@@ -56,15 +56,15 @@ def points_each(d: int, inputs: int = 1) -> int:
     return inputs + d * (d + 1) // 2 + 1
 
 
-def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
-    """Return the numbers of components to try: the wanted one, or up to `most` that the points allow."""
+def component_counts(count: Any, most: Any, x: Array, points: Array) -> range:
+    """Return the numbers of components to try: `count`, or up to `most` that the points allow."""
     d, p = points.shape[-1], x.shape[1]
     each = points_each(d, p)
     allowed = len(x) // each
-    if wanted is None:
+    if count is None:
         low, high = 1, min(as_count(most, "max_components"), max(allowed, 1))
     else:
-        low = high = as_count(wanted, "n_components")
+        low = high = as_count(count, "n_components")
     if high > allowed:
         raise InvalidInputError(
             f"{high} components need {high * each} ellipsoids, {each} each for {p} inputs and {d}×{d} matrices, "

@@ -133,9 +133,9 @@ def covariance_tensor(ellipsoids: ArrayLike, covariance: ArrayLike) -> Array:
 def _as_covariance(value: ArrayLike, name: str = "covariance", d: int | None = None) -> Array:
     """Convert to symmetric positive-semidefinite matrices (..., m, m); m may exceed the sizes of ellipsoids."""
     array = as_finite(value, name)
-    wanted = "m" if d is None else str(d * (d + 1) // 2)
-    if array.ndim < 2 or array.shape[-1] != array.shape[-2] or (d is not None and array.shape[-1] != int(wanted)):
-        raise InvalidInputError(f"{name} must have shape (..., {wanted}, {wanted}); found {array.shape}")
+    size = "m" if d is None else str(d * (d + 1) // 2)
+    if array.ndim < 2 or array.shape[-1] != array.shape[-2] or (d is not None and array.shape[-1] != int(size)):
+        raise InvalidInputError(f"{name} must have shape (..., {size}, {size}); found {array.shape}")
     if not array.size:
         raise InvalidInputError(f"{name} must not be empty; found shape {array.shape}")
     transposed = np.swapaxes(array, -1, -2)

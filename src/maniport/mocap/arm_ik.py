@@ -99,7 +99,7 @@ def fit_arm(
     """
     height, cutoff = require_person(person, side, height, smooth, jumps)
     observation = observe(recording, markers, side, as_number(fill, "fill [s]", minimum=0.0), cutoff)
-    step = Step(progress, "fit the person's arm")
+    step = Step(progress, "Fit human arm")
     fit, differences = _fit(recording, observation, person, height, jumps, step)
     for text in differences:
         warnings.warn(text, ManiportWarning, stacklevel=2)
@@ -135,7 +135,7 @@ def fit_arms(
     Raises
     ------
     RecordingError
-        When one of the arms is not recorded, or no frame shows all of them.
+        When one of the arms is not recorded, or never all of them at once.
     """
     height, cutoff = require_person(person, AUTO, height, smooth, jumps)
     fill = as_number(fill, "fill [s]", minimum=0.0)
@@ -143,11 +143,11 @@ def fit_arms(
     observations = {side: observe(recording, own[side], side, fill, cutoff) for side in GROUP}
     counts = ", ".join(f"{len(one.frames)} the {side} one" for side, one in observations.items())
     common = _common(
-        observations.values(), f"no frame of {recording.source!r} shows all arms: of its frames show {counts}"
+        observations.values(), f"no frame of {recording.source!r} has all arms; fully observed are {counts}"
     )
     trunk, fits = observations[RIGHT].trunk, []
     for side, observation in observations.items():
-        step = Step(progress, f"fit the person's {side} arm")
+        step = Step(progress, f"Fit human {side} arm")
         observation = replace(observation, frames=common, trunk=trunk)
         fit, differences = _fit(recording, observation, person, height, jumps, step)
         for text in differences:

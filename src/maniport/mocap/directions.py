@@ -1,6 +1,6 @@
-"""Directions of segments and joint axes relative to the trunk: what a recording shows of an arm.
+"""Directions of segments and joint axes relative to the trunk, the measurements to which an arm is fitted.
 
-Only directions are compared, never positions: the place of the shoulder in the trunk is not measured, and the
+Only directions are compared, never positions: the position of the shoulder in the trunk is not measured, and the
 recorded segment lengths change with the skin. The residual of a segment is ``u(q) - u``, a difference of unit vectors;
 its length is the angle between them [rad] as long as that is small.
 """
@@ -28,10 +28,10 @@ TURN = JOINTS.index("pro_sup")
 DEVIATION = JOINTS.index("deviation")
 FLEXION = JOINTS.index("flexion")
 
-AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint whose axis each pair of markers shows
+AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint with the axis of each pair of markers
 
 AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
-"""The segment whose rotation about its own axis each pair of markers shows."""
+"""The segment that rotates about its own axis with each pair of markers."""
 
 MARKED = {"right": 1.0, "left": -1.0}
 """Sign of the axes of elbow (medial to lateral) and wrist (ulnar to radial); a left arm is a mirror image."""
@@ -39,7 +39,7 @@ MARKED = {"right": 1.0, "left": -1.0}
 WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wrist_axis": 0.1}
 """Weights of the residuals, inverse to the expected error of each direction.
 
-A hand is measured over a fifth of a forearm's length. The markers beside a joint are near its axis, not on it. Both
+A hand is measured over a fifth of a forearm's length. Markers of a joint are near its axis, not on it. Both
 decide what upper arm and forearm leave open, and do not pull those two aside when the hand exceeds the model's limits.
 """
 
@@ -65,7 +65,7 @@ class Directions:
 
     arm: Arm
     names: tuple[str, ...]  # keys of `SEGMENTS`, then of `AXES`
-    targets: Array  # unit vectors, shape (n, len(names), 3); nan where not seen
+    targets: Array  # unit vectors, shape (n, len(names), 3); nan where missing
 
     def take(self, frames: NDArray[np.intp] | slice) -> "Directions":
         """Keep some frames, in any order and repeated or not."""
@@ -99,7 +99,7 @@ class Directions:
         return (*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
-        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero for what is not seen."""
+        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero where targets are missing."""
         values, slopes = self.model(q)
         weight = np.array([WEIGHTS[name] for name in self.names]) * ~np.isnan(self.targets[..., 0])
         difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
@@ -117,17 +117,17 @@ class Directions:
 
     def twists(self, q: Array) -> dict[str, Array]:
         """Return the rotations of segments about their own axis that bring joint axes to their markers [rad]."""
-        values, found = self._values(q), {}
+        values, twists = self._values(q), {}
         for axis, segment in AROUND.items():
             if axis in self.names:
                 i, along = self.names.index(axis), values[:, self.names.index(segment)]
-                model, seen = (
+                model, target = (
                     vectors - np.sum(vectors * along, axis=1)[:, None] * along
                     for vectors in (values[:, i], self.targets[:, i])
                 )
-                sine, cosine = np.sum(np.cross(model, seen) * along, axis=1), np.sum(model * seen, axis=1)
-                found[segment] = np.arctan2(sine, cosine)
-        return found
+                sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
+                twists[segment] = np.arctan2(sine, cosine)
+        return twists
 
 
 def _normalized(vector: Array, slope: Array) -> tuple[Array, Array]:
@@ -185,7 +185,7 @@ def frame_terms(  # type: ignore[no-untyped-def]
 
 @part
 def add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian):  # type: ignore[no-untyped-def]
-    """The same for points (the first of the values) and directions whose derivatives are known."""
+    """Add the terms for points (the first of the values) and directions with their derivatives."""
     dof = len(gradient)
     cost, slope = 0.0, np.empty((3, dof))
     for n in range(len(targets)):

@@ -79,7 +79,7 @@ class ImportOptions:
         if np.isnan(points).all():
             raise FileFormatError(f"{file}: every point is missing in every frame")
         if self.rate is not None:
-            notes = [f"frames per second given by the caller: {self.rate:g}", *notes]
+            notes = [f"frames per second set by the caller: {self.rate:g}", *notes]
             time = np.arange(len(points)) / self.rate
         elif time is None:
             raise FileFormatError(
@@ -105,7 +105,7 @@ class ImportOptions:
     def _scale(self, recording: Recording, file: Path, declared: str, origin: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
         if self.unit is not None:
-            return UNITS[self.unit], f"unit given by the caller: {self.unit}"
+            return UNITS[self.unit], f"unit set by the caller: {self.unit}"
         unit, arm = known_unit(declared), _upper_arm(recording)
         if unit is not None:
             if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
@@ -113,7 +113,7 @@ class ImportOptions:
             return UNITS[unit], f"unit {unit}, {origin}"
         fitting = [] if arm is None else _fitting_units(arm[1])
         if arm is None or not fitting:
-            why = f"the upper arm ({arm[0]}) has {arm[1]:.4g} units" if arm else "the points show no upper arm"
+            why = f"the upper arm ({arm[0]}) has {arm[1]:.4g} units" if arm else "no points are those of an upper arm"
             names = ", ".join(recording.names[:12]) + (", …" if len(recording.names) > 12 else "")
             raise FileFormatError(
                 f"{file}: the unit of length cannot be recognized: {why}; give {argument('unit')} one of "
@@ -126,7 +126,7 @@ class ImportOptions:
     def _vertical(self, recording: Recording, declared: str, origin: str) -> tuple[str, str]:
         """Return the vertical axis, with a note on the origin."""
         if self.up is not None:
-            return self.up, f"vertical axis given by the caller: {self.up}"
+            return self.up, f"vertical axis set by the caller: {self.up}"
         if declared in UP_AXES:
             return declared, f"vertical axis {declared}, {origin}"
         if pair := find_roles(recording.observed)[1].get("trunk_up"):
@@ -138,7 +138,10 @@ class ImportOptions:
                     name = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
                     low, high = map("+".join, pair)
                     return name, f"vertical axis recognized as {name}: {high} lies above {low} along it"
-        return recording.up, f"vertical axis {recording.up}, the usual one of the format, as the points do not show it"
+        return (
+            recording.up,
+            f"vertical axis {recording.up}, the usual one of the format, as the points do not determine it",
+        )
 
     def checked(self, recording: Recording) -> Recording:
         """Compare the options with the points; add data-quality warnings.

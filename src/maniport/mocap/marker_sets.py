@@ -12,7 +12,7 @@ import yaml
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import Array
 
-Group = tuple[str, ...]  # Names of points whose mean is taken
+Group = tuple[str, ...]  # Names of points that are averaged
 
 POINTS = ("shoulder", "elbow", "wrist", "hand")  # Roles of a point, or of the mean of several
 
@@ -45,10 +45,10 @@ _DATA = load_names("marker_sets.yaml")
 MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = _DATA["marker_sets"]
 """For each marker set and role the alternatives; the first whose points are recorded counts.
 
-An alternative is written as in the argument ``markers`` of `fit_arm`, for the right arm: a name or a list of names (their
-mean counts); for a direction a pair (from, to) of these. The set with most roles of the arm counts, the later one
-of equals; the trunk may come from another one. Upper and lower case, spaces, ``_``, ``.``, ``-`` and prefixes before a
-colon (``Nick01:RELB``) are ignored. `fit_arm` and `read_recording` use the entries that are added.
+An alternative has the form of the argument ``markers`` of `fit_arm`, for the right arm: a name or names (their
+mean counts); for a direction a pair (from, to) of these. The set with most roles of the arm counts, else the later;
+the trunk may come from another one. Case, spaces, ``_``, ``.``, ``-`` and prefixes before a colon (``Nick01:RELB``) are
+ignored. `fit_arm` and `read_recording` use the entries that are added.
 """
 
 _OTHER_SIDE = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "r": "l", "R": "L"}
@@ -63,7 +63,7 @@ def other_side(name: str) -> str:
     if bare.startswith(END):
         return before + colon + END + other_side(bare.removeprefix(END))
     pattern = _SIDE_WORD if _SIDE_WORD.search(bare) else _SIDE_LETTER
-    return before + colon + pattern.sub(lambda found: _OTHER_SIDE[found[0]], bare, count=1)
+    return before + colon + pattern.sub(lambda match: _OTHER_SIDE[match[0]], bare, count=1)
 
 
 def body_of(name: str) -> str:

@@ -83,8 +83,8 @@ def solve_path(
 ) -> Array:
     """Fit all frames together; `fixed` frames at either end stay.
 
-    Where the arm hangs straight, a joint turns far for next to no gain, and of a long path such a place is a small
-    part of the cost: hence `smallest_step` [rad].
+    Where the arm hangs straight, a joint rotates far for hardly any gain, which is a small part of the cost of a long
+    path: hence `smallest_step` [rad].
     """
 
     def cost_of(q: Array, values: Array) -> float:

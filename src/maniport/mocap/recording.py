@@ -259,8 +259,8 @@ def _count(runs: list[tuple[int, int]]) -> str:
 
 def _interpolate(time: Array, track: Array, runs: list[tuple[int, int]]) -> None:
     """Fill runs of one track, shape (n_frames, 3), in place."""
-    known = ~np.isnan(track[:, 0])
-    times, values = time[known], track[known]
+    present = ~np.isnan(track[:, 0])
+    times, values = time[present], track[present]
     # Akima's spline needs more than two points.
     spline = Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, k=1)
     for start, stop in runs:

@@ -1,8 +1,36 @@
-"""The main job: a recording in, the motion of a robot out; before it, several demonstrations become one."""
+"""The main job: a recording in, the motion of a robot out; before it, several demonstrations become one.
 
-from maniport.pipeline.learn import learn
-from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.results import MotionResult, TransferResult
-from maniport.pipeline.transfer import follow_profile, transfer_recording
+The names are loaded on first use, since the command line needs the configuration alone.
+"""
 
-__all__ = ["LearnedProfile", "MotionResult", "TransferResult", "follow_profile", "learn", "transfer_recording"]
+import importlib
+from typing import TYPE_CHECKING, Any
+
+_MODULE_OF = {
+    "Config": "config",
+    "LearnedProfile": "learned",
+    "MotionResult": "results",
+    "TransferResult": "results",
+    "follow_profile": "transfer",
+    "learn": "learn",
+    "transfer_recording": "transfer",
+}
+
+__all__ = [
+    "Config", "LearnedProfile", "MotionResult", "TransferResult", "follow_profile", "learn", "transfer_recording",
+]  # fmt: skip
+
+if TYPE_CHECKING:
+    from maniport.pipeline.config import Config
+    from maniport.pipeline.learn import learn
+    from maniport.pipeline.learned import LearnedProfile
+    from maniport.pipeline.results import MotionResult, TransferResult
+    from maniport.pipeline.transfer import follow_profile, transfer_recording
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    globals()[name] = value
+    return value

@@ -157,7 +157,7 @@ def _demonstrations(
 ) -> list[Demonstration]:
     """Fit an arm to each recording, and cut the fits."""
     found: list[Demonstration] = []
-    step = Step(progress, "fit an arm to each recording")
+    step = Step(progress, "Fit human arms")
     for given, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
         recording = given if isinstance(given, Recording) else read_recording(given)
         found += _cut(recording, segments, whose)
@@ -211,7 +211,7 @@ def _count(time: Array, rate: float = 30.0, most: int = 1500) -> int:
 
 def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
     """Fit a mixture of so many Gaussians, or of as many as the BIC says."""
-    step, data = Step(progress, "learn the profile"), alignment.stacked()
+    step, data = Step(progress, "Learn profile"), alignment.stacked()
     room = len(data[1]) // points_each(data[1].shape[-1])
     tried = [one for one in (1, 2, 4, 8, 16, 32) if one <= max(room, 1)] if count is None else [count]
     best: ProfileGMM | None = None

@@ -2,7 +2,6 @@
 
 import csv
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,22 +10,20 @@ from typing import ClassVar, Generic, NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.carried import lowest_points
 from maniport.errors import InvalidInputError
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
-from maniport.motion import Placement, PlannedArms, PlannedMotion
+from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import ShownInNotebooks
 from maniport.util.validation import Array
-
-ArmMotion = PlannedMotion
-RobotMotion = PlannedMotion | PlannedArms
 
 JOINT_FILES = "joints.csv", "joints.npz"
 MOTION_FILES = (*PLACED_FILES, *JOINT_FILES)
@@ -120,6 +117,7 @@ class ArmResult(ShownInNotebooks):
         """Mean distance of target and achieved ellipsoids, as a sum of three parts."""
         assert self.motion is not None
         assert self.gap is not None
+        assert self.motion.pointwise_best is not None
         values = self.motion.distance, self.motion.pointwise_best, self.gap
         mean, pointwise, gap = (float(np.mean(value)) for value in values)
         return MeanDistance(gap, pointwise - gap, mean - pointwise)
@@ -208,15 +206,15 @@ class RobotResult(SavedResult, Generic[A]):
         Joint trajectory of all arms, with one time. None where the robot was not moved.
     random_state : int
         Random seed.
-    options : mapping of str
-        Options of the command line that differ from their defaults.
+    config : Config or None
+        Configuration that the result was requested with.
     """
 
-    robot: Arm | ArmGroup
+    robot: ArmGroup
     arms: tuple[A, ...]
     motion: RobotMotion | None = None
     random_state: int = 0
-    options: Mapping[str, str] = field(default_factory=dict)
+    config: Config | None = None
 
     @property
     def arm(self) -> A:
@@ -237,7 +235,15 @@ class RobotResult(SavedResult, Generic[A]):
         """Results of each arm by itself, in their order."""
         if len(self.arms) == 1:
             return (self,)
-        return tuple(replace(self, robot=arm.robot, arms=(arm,), motion=arm.motion) for arm in self.arms)
+        return tuple(
+            replace(
+                self,
+                robot=as_group(arm.robot),
+                arms=(arm,),
+                motion=None if arm.motion is None else motion_of_arm(as_group(arm.robot), arm.motion),
+            )
+            for arm in self.arms
+        )
 
     @property
     def data_files(self) -> tuple[str, ...]:
@@ -255,7 +261,7 @@ class RobotResult(SavedResult, Generic[A]):
             (folder / arm.name).mkdir(exist_ok=True)
             arm.write_data(folder / arm.name)
         if self.motion is not None:
-            self.motion.save_joints_csv(folder / JOINT_FILES[0])
+            self.motion.trajectory.save_joints_csv(folder / JOINT_FILES[0])
             self.motion.save_joints(folder / JOINT_FILES[1])
 
     def __repr__(self) -> str:
@@ -268,7 +274,7 @@ class MotionResult(RobotResult[ArmResult]):
 
     Attributes
     ----------
-    robot, arms, motion, random_state, options
+    robot, arms, motion, random_state, config
         As in `RobotResult`; the motion exists.
     sources : tuple of str
         Files of the profile and the path.
@@ -283,7 +289,7 @@ class TransferResult(RobotResult[ArmTransfer]):
 
     Attributes
     ----------
-    robot, arms, motion, random_state, options
+    robot, arms, motion, random_state, config
         As in `RobotResult`.
     recording : Recording
     spec : EllipsoidSpec
@@ -318,9 +324,12 @@ class MeanDistance(NamedTuple):
     motion: float  # added by limits, collisions and smoothness of the trajectory
 
 
-def motions_of(motion: RobotMotion) -> tuple[ArmMotion, ...]:
-    """Return the motion of each arm."""
-    return motion.each if isinstance(motion, PlannedArms) else (motion,)
+def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
+    """Return the motion of a group of one arm."""
+    use = None
+    if motion.limits is not None:
+        use = motion.limits.use(motion.control_time, motion.control_positions)
+    return RobotMotion(group, motion, (motion,), motion.limits, use, motion.clearance)
 
 
 def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import choose
@@ -23,30 +23,26 @@ from maniport.evaluation import evaluate as compared_with_baselines
 from maniport.feasibility import knowing
 from maniport.mocap import HumanMotion, Recording, fit_arm, fit_arms, read_recording
 from maniport.motion import (
-    ArmsPlanner,
     MotionLimits,
     Placement,
     Planner,
+    RobotMotion,
     SeedBank,
-    TrackResult,
     feasibility_gap,
     place_paths,
-    plan_arms,
     plan_motion,
     track,
 )
 from maniport.motion.arm_model import why_not_trackable
-from maniport.motion.both.together import PLACED
 from maniport.motion.effort import as_effort
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.plan.plan_motion import PLACED
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import (
-    ArmMotion,
     ArmResult,
     ArmTransfer,
-    RobotMotion,
     TransferResult,
-    motions_of,
+    motion_of_arm,
     placement_rows,
 )
 from maniport.pipeline.targets import MotionTargets, targets_of
@@ -58,8 +54,6 @@ from maniport.pipeline.values import (
     Moved,
     SampledRobot,
     Settings,
-    arms_of,
-    planners_of,
 )
 from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
 from maniport.util.defaults import BOTH
@@ -95,6 +89,9 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
         motion = fit_arms(recording, **options)
     else:
         motion = HumanMotion((fit_arm(recording, **options),), np.zeros((1, 3)))
+        if len(settings.arms) > 1:  # each robot arm moves in front of its own base
+            stands = [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in settings.arms]
+            motion = HumanMotion(motion.arms * len(stands), np.array(stands) - np.mean(stands, axis=0))
     _require_frames(recording, len(motion), "frames with the arm fully observed")
     profiles = tuple(fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms)
     return Human(recording, motion, profiles, tuple(motion.hands))
@@ -109,14 +106,14 @@ def sample_robot(settings: Settings) -> SampledRobot:
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
     robot, seed = settings.robot, settings.random_state + 1
     if isinstance(robot, ArmGroup):
-        domains = tuple(sample_domains(robot, count, seed, **options))
+        domains = sample_domains(robot, count, seed, **options)
     else:
         domains = (sample_domain(robot, count, seed, **options),)
     settings.progress(step, 1.0, f"{count} ellipsoids of {robot.name}")
     return SampledRobot(planner, domains, generator)
 
 
-def _planner(settings: Settings, generator: np.random.Generator) -> Planner | ArmsPlanner | None:
+def _planner(settings: Settings, generator: np.random.Generator) -> Planner | None:
     """Make the planner, unless the robot cannot or shall not move."""
     if settings.motion is None:
         return None
@@ -126,16 +123,16 @@ def _planner(settings: Settings, generator: np.random.Generator) -> Planner | Ar
             return None
     settings.progress("get to know the robot", 0.0)
     planner = planner_of(settings.motion, settings.spec.velocity, generator)
-    text = " and ".join(f"{len(each.reachability_map)} postures" for each in planners_of(planner))
+    text = " and ".join(f"{len(each.reachability_map)} postures" for each in planner.arms)
     settings.progress("get to know the robot", 1.0, text)
     return planner
 
 
-def planner_of(settings: MotionSettings, spec: EllipsoidSpec, generator: Any) -> Planner | ArmsPlanner:
+def planner_of(settings: MotionSettings, spec: EllipsoidSpec, generator: Any) -> Planner:
     """Sample the robot within its limits."""
-    limits, kind = settings.plan.motion_limits, ArmsPlanner if isinstance(settings.robot, ArmGroup) else Planner
+    limits = settings.plan.motion_limits
     assert isinstance(limits, MotionLimits)
-    return kind.of(limits, spec, settings.plan.collisions, generator)
+    return Planner.of(limits, spec, settings.plan.collisions, generator)
 
 
 def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple[FittedMap, ...]:
@@ -178,14 +175,14 @@ def sample_teacher(person: Arm, settings: Settings) -> Array:
 
 def place(
     targets: MotionTargets,
-    planner: Planner | ArmsPlanner,
+    planner: Planner,
     settings: MotionSettings,
     generator: np.random.Generator,
     whole: bool = False,
 ) -> tuple[Placement, ...]:
     """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
     assert targets.paths is not None
-    rows, each = placement_rows(len(targets.time)), planners_of(planner)
+    rows, each = placement_rows(len(targets.time)), planner.arms
     return place_paths(
         [path[rows] for path in targets.paths],
         [profile[rows] for profile in targets.profiles],
@@ -207,43 +204,43 @@ def place(
 def plan(
     targets: MotionTargets,
     placements: tuple[Placement, ...] | None,
-    planner: Planner | ArmsPlanner,
+    planner: Planner,
     settings: MotionSettings,
     generator: np.random.Generator,
 ) -> Moved:
     """Plan a motion of all arms along the placed targets; where the settings have a controller, it follows the plan."""
     placed = targets if placements is None else targets.placed(placements)
-    options = {option.name: getattr(settings.plan, option.name) for option in fields(settings.plan)}
-    options |= {"time": targets.time, "spec": targets.spec, "damping": targets.damping}
-    options |= {"planner": planner, "random_state": generator}
+    options: dict[str, Any] = {option.name: getattr(settings.plan, option.name) for option in fields(settings.plan)}
+    options |= {
+        "time": targets.time,
+        "paths": placed.paths,
+        "spec": targets.spec,
+        "damping": targets.damping,
+        "planner": planner,
+        "pointwise_bests": placed.pointwise_bests,
+        "random_state": generator,
+    }
 
     def planned(rotations: Sequence[Array] | None, progress: Progress) -> RobotMotion:
-        several: dict[str, Any] = {
-            "paths": placed.paths,
-            "rotations": rotations,
-            "pointwise_bests": placed.pointwise_bests,
-        }
-        if isinstance(planner, ArmsPlanner):
-            return plan_arms(planner.arms, placed.profiles, **options, **several, tips=settings.tips, progress=progress)
-        path, rotation, best = (None if values is None else values[0] for values in several.values())
-        own: dict[str, Any] = {"path": path, "rotations": rotation, "pointwise_best": best, "progress": progress}
-        return plan_motion(planner.limits.arm, placed.profiles[0], **options, **own)
+        several: dict[str, Any] = {"rotations": rotations, "tips": settings.tips, "progress": progress}
+        return plan_motion(planner.group, placed.profiles, **options, **several)
 
     rotations, free = placed.base_rotations(settings.plan.orientation_axes), None
     if rotations is not None:
         free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
     motion = planned(rotations, settings.progress)
-    if settings.tracking and isinstance(planner, Planner):
-        motion = _tracked(motions_of(motion)[0], planner, rotations, settings)
+    if settings.tracking:
+        motion = _tracked(motion, planner, rotations, settings)
     return Moved(motion, free, placements if settings.tips == PLACED else None)
 
 
 def _tracked(
-    plan: ArmMotion, planner: Planner, rotations: Sequence[Array] | None, settings: MotionSettings
-) -> ArmMotion:
-    """Follow a planned motion by a controller; return its motion with the targets and limits of the plan."""
+    planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: MotionSettings
+) -> RobotMotion:
+    """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
+    (plan,) = planned.arms
     motion = track(
-        planner.limits.arm,
+        planner.arms[0].limits.arm,
         plan.target,
         time=plan.time,
         path=plan.path,
@@ -254,33 +251,34 @@ def _tracked(
         progress=settings.progress,
         **settings.tracking,
     )
-    tracked = {field.name: getattr(motion, field.name) for field in fields(TrackResult)}
-    use = plan.limits.use(motion.control_time, motion.control_positions)
-    return replace(plan, **tracked, limit_use=use, room=Room.of(planner.collisions, motion))
+    kept = ("demonstrated_time", "limits", "pointwise_best")
+    clearance = Clearance.of(planner.collisions, motion)
+    motion = replace(motion, clearance=clearance, **{name: getattr(plan, name) for name in kept})
+    return motion_of_arm(planned.group, motion)
 
 
 def place_and_plan(
-    targets: MotionTargets, planner: Planner | ArmsPlanner, settings: MotionSettings, generator: np.random.Generator
+    targets: MotionTargets, planner: Planner, settings: MotionSettings, generator: np.random.Generator
 ) -> Moved:
     """Place the paths and plan a motion; where that collides, again with a placement that reaches all waypoints."""
     placements = place(targets, planner, settings, generator)
     moved = plan(targets, placements, planner, settings, generator)
-    if moved.motion.room.share == 0.0:
+    if moved.motion.clearance.share == 0.0:
         return moved
     others = place(targets, planner, settings, generator, whole=True)
     if all(np.array_equal(own.path, other.path) for own, other in zip(placements, others, strict=True)):
         return moved
     again = plan(targets, others, planner, settings, generator)
-    return min(moved, again, key=lambda result: result.motion.room.share)
+    return min(moved, again, key=lambda result: result.motion.clearance.share)
 
 
 def measure(
-    moved: Moved, names: Sequence[str], planner: Planner | ArmsPlanner, settings: MotionSettings
+    moved: Moved, names: Sequence[str], planner: Planner, settings: MotionSettings
 ) -> tuple[ArmResult, ...]:
     """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
     effort, results = as_effort(settings.plan.planning_effort).of_gap, []
-    for i, (name, arm, own) in enumerate(zip(names, arms_of(settings.robot), planners_of(planner), strict=True)):
-        motion, free = motions_of(moved.motion)[i], None if moved.free is None else motions_of(moved.free)[i]
+    for i, (name, arm, own) in enumerate(zip(names, as_group(settings.robot).arms, planner.arms, strict=True)):
+        motion, free = moved.motion.arms[i], None if moved.free is None else moved.free.arms[i]
         same: dict[str, Any] = {"spec": motion.spec, "damping": motion.damping, "progress": settings.progress}
         gap = feasibility_gap(own.limits.arm, motion.target, bank=own.bank, **effort, **same)
         placement = None if moved.placements is None else moved.placements[i]
@@ -300,7 +298,9 @@ def evaluate(
     baselines: bool = True,
 ) -> TransferResult:
     """Compare each map with baselines, and measure the motion."""
-    names = [fit.arm.side or own.name for fit, own in zip(human.fits, settings.arms, strict=True)]
+    names = [str(fit.arm.side or arm.name) for fit, arm in zip(human.fits, settings.arms, strict=True)]
+    if len(set(names)) < len(names):
+        names = list(as_group(settings.robot).names)
     results = tuple(ArmResult(name=name, robot=own) for name, own in zip(names, settings.arms, strict=True))
     if moved is not None and robot.planner is not None and settings.motion is not None:
         results = measure(moved, names, robot.planner, settings.motion)
@@ -331,7 +331,7 @@ def evaluate(
             )
         )
     return TransferResult(
-        robot=settings.robot,
+        robot=as_group(settings.robot),
         arms=tuple(transfers),
         motion=None if moved is None else moved.motion,
         random_state=settings.random_state,
@@ -356,7 +356,7 @@ def _bank(robot: SampledRobot, settings: Settings, arm: int) -> SeedBank | None:
     """Return the planner's samples of an arm where they are of these ellipsoids."""
     if robot.planner is None or settings.spec.kind != "velocity":
         return None
-    return planners_of(robot.planner)[arm].bank
+    return robot.planner.arms[arm].bank
 
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, load_arm, load_arms
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group, load_arm, load_arms
 from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
 from maniport.mocap.arm_ik import require_person
-from maniport.motion import ArmsPlanner, Control, PlanControl, Planner
-from maniport.motion.both.together import PLACED, RELATIVE
+from maniport.motion import Control, PlanControl, Planner
 from maniport.motion.objective import Damping, Objective
+from maniport.motion.plan.plan_motion import PLACED, RELATIVE
 from maniport.pipeline import stages
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import MotionResult, TransferResult
 from maniport.pipeline.targets import CONSTANT, DEMONSTRATED, FREE, MotionTargets, facing
-from maniport.pipeline.values import MotionSettings, Settings, arms_of
+from maniport.pipeline.values import MotionSettings, Settings
 from maniport.spd.regularization import Regularization
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import (
@@ -62,9 +62,10 @@ def transfer_recording(
     markers, height, smooth, jumps : optional
         Points of the recording by role, body height [m], smoothing, treatment of jumps; see `fit_arm`.
     side : {"auto", "right", "left", "both"}
-        Arm of the person; with "auto" both for a robot of two arms, else the one that moves more.
+        Arm of the person; with "auto" both for a robot of two arms, else the one that moves more. One arm may lead
+        several arms of a robot, each in front of its own base.
     robot : Arm, ArmGroup, str or Path
-        One or two arms, the name of a robot, or its URDF or MJCF file.
+        One or more arms, the name of a robot, or its URDF or MJCF file.
     method : str or DomainAdapter
         A name in `maniport.transfer.METHODS`, an adapter, of which a clone is fitted for each arm, or "auto": the
         length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`.
@@ -123,7 +124,7 @@ def follow_profile(
     direction: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
-    planner: Planner | ArmsPlanner | None = None,
+    planner: Planner | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
     **options: Any,
@@ -156,7 +157,8 @@ def follow_profile(
     settings = motion_settings(robot, options, FREE if direction is None else direction, progress=progress)
     if settings.plan.workspace is not None and (paths is None or not place):
         raise InvalidInputError("workspace bounds a path that is placed; found none")
-    arms, generator = arms_of(robot), as_generator(random_state)
+    group, generator = as_group(robot), as_generator(random_state)
+    arms = group.arms
     times = as_times(time)
     for name, values in (("profiles", profiles), ("paths", paths)):
         shapes = [] if values is None else [np.shape(value) for value in values]
@@ -177,9 +179,9 @@ def follow_profile(
         moved = stages.place_and_plan(targets, planner, settings, generator)
     else:
         moved = stages.plan(targets, None, planner, settings, generator)
-    names = [arms[0].name] if len(arms) == 1 else ["left", "right"]
+    names = group.names if len(arms) > 1 else (arms[0].name,)
     results = stages.measure(moved, names, planner, settings)
-    return MotionResult(robot=robot, arms=results, motion=moved.motion, random_state=random_state)
+    return MotionResult(robot=group, arms=results, motion=moved.motion, random_state=random_state)
 
 
 def checked(
@@ -209,12 +211,12 @@ def checked(
     require_person(person, AUTO if side == BOTH else side, height, smooth, jumps)
     if not isinstance(robot, Arm | ArmGroup):
         robot = load_arms(robot) if side == BOTH else load_arm(robot)
-    if isinstance(robot, ArmGroup) and side in (AUTO, BOTH):
-        side = BOTH
-    elif isinstance(robot, ArmGroup) or side == BOTH:
-        raise InvalidInputError(f"{argument('side')} must be {BOTH!r} for two arms of a robot, and for them only; found {side!r}")
-    spec_of_arms = robot.specs(spec) if isinstance(robot, ArmGroup) else (spec,)
-    if len(spec_of_arms) > 1 and not isinstance(spec.joint_weights, str | None):
+    count = len(as_group(robot))
+    side = BOTH if count == 2 and side == AUTO else side
+    if side == BOTH and count != 2:
+        raise InvalidInputError(f"{argument('side', BOTH)} is for a robot of two arms; found {count}")
+    as_group(robot).specs(spec)
+    if count > 1 and not isinstance(spec.joint_weights, str | None):
         raise InvalidInputError("spec must have no weights of single joints for several arms")
     Regularization(damping, eigenvalue_floor)
     seed = as_count(random_state, "random_state", minimum=0)
@@ -252,7 +254,7 @@ def motion_settings(
     plan = PlanControl(**{name: value for name, value in options.items() if name in planned})
     tracking = {}
     if own := sorted(set(options) - planned):
-        if isinstance(robot, ArmGroup):
+        if len(as_group(robot)) > 1:
             raise TypeError(f"unexpected option {own[0]!r}: a controller follows the plan of one arm only")
         tracking = {name: value for name, value in options.items() if name in tracked}
         Control(**tracking)

@@ -6,28 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.evaluation import Choice
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.motion import ArmsPlanner, Placement, PlanControl, Planner
-from maniport.motion.both.together import PLACED
-from maniport.pipeline.results import RobotMotion
+from maniport.motion import Placement, PlanControl, Planner, RobotMotion
+from maniport.motion.plan.plan_motion import PLACED
 from maniport.transfer import DomainAdapter
 from maniport.util.progress import Progress
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
 MIN_FRAMES = 3  # frames without which there is no motion
-
-
-def arms_of(robot: Arm | ArmGroup) -> tuple[Arm, ...]:
-    """Return the arms of a robot."""
-    return robot.each if isinstance(robot, ArmGroup) else (robot,)
-
-
-def planners_of(planner: Planner | ArmsPlanner) -> tuple[Planner, ...]:
-    """Return the planners of each arm."""
-    return planner.each if isinstance(planner, ArmsPlanner) else (planner,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +49,12 @@ class Settings:
     @property
     def arms(self) -> tuple[Arm, ...]:
         """All arms of the robot."""
-        return arms_of(self.robot)
+        return as_group(self.robot).arms
 
     @property
     def specs(self) -> tuple[EllipsoidSpec, ...]:
         """Ellipsoids of each arm."""
-        return self.robot.specs(self.spec) if isinstance(self.robot, ArmGroup) else (self.spec,)
+        return as_group(self.robot).specs(self.spec)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +87,7 @@ class Human:
 class SampledRobot:
     """A robot's domains and planner, which many recordings share."""
 
-    planner: Planner | ArmsPlanner | None  # None where the robot is not moved
+    planner: Planner | None  # None where the robot is not moved
     domains: tuple[Array, ...]  # (m, d, d) of each arm
     random: np.random.Generator  # state after sampling; each motion uses a copy
 

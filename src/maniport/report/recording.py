@@ -173,7 +173,7 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
         "Write names of points instead of the words in capitals into a file markers.json:",
         f"`{json.dumps(template)}`",
         f"and give it: `maniport transfer {command} --markers markers.json"
-        f"{' --arm left' if side == 'left' else ''} -o results`",
+        f"{' --side left' if side == 'left' else ''} -o results`",
     ]
     return Section(title, tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))
 

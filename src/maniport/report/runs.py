@@ -1,7 +1,6 @@
 """Reports of the main job for one arm or both, and of a robot's motion along given ellipsoids."""
 
 import platform
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import metadata
@@ -9,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup
+from maniport.arms import Arm
 from maniport.errors import argument
-from maniport.motion import PlannedArms
-from maniport.pipeline import MotionResult, TransferResult
-from maniport.pipeline.results import ArmResult, ArmTransfer
+from maniport.pipeline import BothResult, TransferResult
+from maniport.pipeline.both_result import FOLDERS
+from maniport.pipeline.execution import Execution
 from maniport.report.metrics import (
     INFO,
     Metric,
@@ -45,29 +44,26 @@ STEP = "step"  # Key of warnings that a step of the run gave
 @describe.register
 def run_report(result: TransferResult) -> Report:
     """Report a transfer."""
-    if len(result.arms) > 1:
-        return arms_report(result)
-    arm = result.arm
-    robot, execution = arm.robot, None if arm.motion is None else arm
+    robot, execution = result.robot, result.execution
     source = Path(result.recording.source).stem or "A recording"
-    moved = "" if result.motion is None else f" The motion takes {np.ptp(result.motion.control_time):.1f} s."
+    moved = "" if execution is None else f" The motion takes {np.ptp(execution.motion.control_time):.1f} s."
     lead = (
-        f"{np.ptp(result.time):.1f} s of the {arm.fit.arm.side} arm, {len(result.time)} {result.spec.kind} "
-        f"ellipsoids ({result.spec.part}), transferred to {robot.name} by {arm.method}.{moved}"
+        f"{np.ptp(result.time):.1f} s of the {result.fit.arm.side} arm, {len(result.time)} {result.spec.kind} "
+        f"ellipsoids ({result.spec.part}), transferred to {robot.name} by {result.method}.{moved}"
     )
-    gaps = None if arm.evaluation is None else arm.evaluation.adapter.feasibility_gap
+    gaps = None if result.evaluation is None else result.evaluation.adapter.feasibility_gap
     unmoved_metrics = () if gaps is None else tuple(infeasible_targets(gaps.median))
     sections = (
         *([Section("Targets", unmoved_metrics, key="motion", text="The robot was not moved.")] if execution is None
           else motion_sections(execution, result.time)),
-        *([] if arm.evaluation is None
-          else [evaluation_section(arm.evaluation, choice=arm.choice, time=result.time)]),
-        *(replace(section, folded=True) for section in (_adapter(arm), person_section(arm.fit),
+        *([] if result.evaluation is None
+          else [evaluation_section(result.evaluation, choice=result.choice, time=result.time)]),
+        *(replace(section, folded=True) for section in (_adapter(result), person_section(result.fit),
                                                         recording_section(result.recording), _settings(result))),
     )  # fmt: skip
     quality_warnings = (
         *warnings_of(RECORDING, result.recording.quality_warnings),
-        *warnings_of(FIT, arm.fit.quality_warnings),
+        *warnings_of(FIT, result.fit.quality_warnings),
     )
     report = Report(f"{source[:1].upper()}{source[1:]} → {robot.name}", lead, sections, data_warnings=quality_warnings)
     if execution is None:
@@ -76,47 +72,45 @@ def run_report(result: TransferResult) -> Report:
 
 
 @describe.register
-def motion_report(result: MotionResult) -> Report:
+def execution_report(execution: Execution) -> Report:
     """Report a robot's motion along given ellipsoids."""
-    execution, sources = result.arm, result.sources
     motion, robot = execution.motion, execution.robot
-    assert motion is not None
-    files = Metric("Files", listed(sources), "Target ellipsoids and path.", "sources", list(sources))
-    settings = files, *_robot(robot, execution), *software(result.random_state)
+    files = Metric("Files", listed(execution.sources), "Target ellipsoids and path.", "sources",
+                   list(execution.sources))  # fmt: skip
+    settings = files, *_robot(robot, execution), *software(execution.random_state)
     lead = f"{len(motion.time)} target ellipsoids, followed by {robot.name} in {np.ptp(motion.control_time):.1f} s."
-    title = f"{Path(sources[0]).stem} → {robot.name}" if sources else f"The motion of {robot.name}"
+    title = f"{Path(execution.sources[0]).stem} → {robot.name}" if execution.sources else f"The motion of {robot.name}"
     sections = (*motion_sections(execution), Section("Settings", settings, key="run", folded=True))
     report = Report(title, lead, sections)
-    return replace(report, summary=motion_summary(execution, report, result))
+    return replace(report, summary=motion_summary(execution, report))
 
 
-def motion_sections(execution: ArmResult, clock: Array | None = None) -> list[Section]:
+def motion_sections(execution: Execution, clock: Array | None = None) -> list[Section]:
     """Describe a motion and the placement of its path; `clock` as in `motion_section`."""
-    motion, placed, gap = execution.motion, execution.placement, execution.gap
-    assert motion is not None
-    assert gap is not None
+    motion, placed = execution.motion, execution.placement
     time = motion.time if clock is None else clock
     more = [
-        *plan_metrics(motion, motion, motion.room, clock, execution.collisions),
+        *plan_metrics(execution.plan, motion, execution.room, clock, execution.collisions),
         *_lowest(execution, time),
         mean_distance(execution),
         *_orientation_price(execution),
-        *infeasible_targets(float(np.median(gap))),
-        defined("feasibility_gap", gap, time),
+        *infeasible_targets(float(np.median(execution.gap))),
+        defined("feasibility_gap", execution.gap, time),
     ]
     section = motion_section(motion, more, clock)
     if placed is None:
         return [section]
-    return [section, placement_section(placed, np.interp(execution.placement_time, motion.time, time))]
+    return [section, placement_section(placed, np.interp(execution.placed_time, motion.time, time))]
 
 
-def _lowest(execution: ArmResult, time: Array) -> list[Metric]:
+def _lowest(execution: Execution, time: Array) -> list[Metric]:
     """Report the lowest point of each moving link; warn where it is below the base plane and no table is given."""
     lowest, collisions = execution.lowest, execution.collisions
-    if lowest is None or execution.motion is None:
+    if lowest is None:
         return [warning("unchecked-floor", "the height above the base plane is unknown: no link has a known shape")]
-    times = execution.motion.time
-    when = {point.link: float(np.interp(point.time, times, time)) for point in execution.lowest_of_links}
+    when = {
+        point.link: float(np.interp(point.time, execution.motion.time, time)) for point in execution.lowest_of_links
+    }
     value = {p.link: {"height_mm": 1e3 * p.height, "at_s": when[p.link]} for p in execution.lowest_of_links}
     text = f"{1e3 * lowest.height:.0f} mm, {lowest.link} {at_time(when[lowest.link])}"
     metric = Metric("Lowest point", text, "Of the moving links, above the base plane.", "lowest_points", value)
@@ -126,16 +120,16 @@ def _lowest(execution: ArmResult, time: Array) -> list[Metric]:
     return [warning("below-base-plane", f"{below}. {argument('table', 0)} keeps the robot above it"), metric]
 
 
-def _orientation_price(execution: ArmResult) -> list[Metric]:
+def _orientation_price(execution: Execution) -> list[Metric]:
     """Return the mean distance with and without the orientation constraint."""
-    if execution.free is None or execution.motion is None:
+    if execution.free is None:
         return []
-    kept, free = (float(np.mean(one.distance)) for one in (execution.motion, execution.free))
+    kept, free = (float(np.mean(one.distance)) for one in (execution.plan, execution.free))
     text = f"{kept - free:+.2f} in the mean distance: {kept:.2f}; {free:.2f} with free orientation"
     return [Metric("Cost of the orientation", text, "", "orientation_price", {"kept": kept, "free": free})]
 
 
-def _robot(robot: Arm, execution: ArmResult) -> list[Metric]:
+def _robot(robot: Arm, execution: Execution | None = None) -> list[Metric]:
     """Describe the robot and the settings of its motion."""
     chain = chain_metrics(robot)
     base, _, held = (metric.text for metric in chain)
@@ -146,9 +140,9 @@ def _robot(robot: Arm, execution: ArmResult) -> list[Metric]:
         *numbers(joint_limits=limits),
         Metric("Fixed joints", held),
     ]  # fmt: skip
-    motion = execution.motion
-    if motion is None:
+    if execution is None:
         return metrics
+    motion = execution.motion
     rate = float((len(motion.control_time) - 1) / np.ptp(motion.control_time))
     return [
         *metrics,
@@ -174,7 +168,7 @@ def software(seed: int | None) -> list[Metric]:
     ]  # fmt: skip
 
 
-def _adapter(result: ArmTransfer) -> Section:
+def _adapter(result: TransferResult) -> Section:
     """Describe the adapter, the samples that it was fitted to, and its rotation relative to parallel transport."""
     adapter, human, robot = result.adapter, len(result.teacher_domain), len(result.student_domain)
     label = "Time to fit" if result.choice is None else "Time to choose and fit"
@@ -196,81 +190,78 @@ def _settings(result: TransferResult) -> Section:
     spec, count = result.spec, len(result.time)
     metrics = (
         *warnings_of(STEP, result.warnings),
-        *_robot(result.arm.robot, result.arm),
+        *_robot(result.robot, result.execution),
         Metric("Ellipsoids", f"{count}, {spec.kind}, {spec.part}",
                "Human: trunk frame (x forward, y left, z up); robot: base frame.", "ellipsoids",
                {"kind": spec.kind, "part": spec.part, "count": count}),
         Metric("Base rotation", base_rotation_text(result.base_rotation), "From the trunk frame to the robot's base.",
                "base_rotation", result.base_rotation.round(6).tolist()),
-        *numbers(method=result.arm.method),
+        *numbers(method=result.method),
         *software(result.random_state),
     )  # fmt: skip
     return Section("Settings", metrics, key="run")
 
 
-def arms_report(result: TransferResult) -> Report:
+@describe.register
+def both_report(result: BothResult) -> Report:
     """Report a transfer of both arms: the pair, then each arm as a run of its own."""
-    reports = {own.arm.name: run_report(own) for own in result.per_arm}
+    reports = dict(zip(FOLDERS, map(run_report, result.each), strict=True))
     source, motion = Path(result.recording.source).stem or "A recording", result.motion
-    moved = "" if motion is None else f" The motion takes {np.ptp(motion.control_time):.1f} s."
+    moved = "" if motion is None else f" The motion takes {np.ptp(motion.trajectory.control_time):.1f} s."
     lead = (
-        f"{np.ptp(result.time):.1f} s of both arms, {len(result.time)} ellipsoids each, transferred to "
-        f"{result.robot.name}: {', '.join(f'{arm.name} by {arm.method}' for arm in result.arms)}.{moved} The folders "
-        f"{' and '.join(arm.name for arm in result.arms)} have the report of each arm."
+        f"{np.ptp(result.fits.time):.1f} s of both arms, {len(result.fits)} ellipsoids each, transferred to "
+        f"{result.robot.name}: left by {result.left.method}, right by {result.right.method}.{moved} The folders left "
+        "and right have the report of each arm."
     )
-    shared = next(section for section in reports[result.arms[0].name].sections if section.key == RECORDING)
+    shared = next(section for section in reports[FOLDERS[0]].sections if section.key == RECORDING)
     sections = (_pair(result), *(one for side, report in reports.items() for one in _of_one(side, report)), shared)
-    each = [(arm.name, text) for arm in result.arms for text in arm.fit.quality_warnings]
-    counts = Counter(text for _, text in each)
-    fits = dict.fromkeys(text if counts[text] == len(result.arms) else f"{name} arm: {text}" for name, text in each)
     quality_warnings = (
         *warnings_of(RECORDING, result.recording.quality_warnings),
-        *warnings_of(FIT, fits),
+        *warnings_of(FIT, result.fits.quality_warnings),
     )
     title = f"{source[:1].upper()}{source[1:]} → {result.robot.name}, both arms"
     report = Report(title, lead, sections, data_warnings=quality_warnings)
     return replace(report, summary=_both_summary(result, reports, report.warning_keys))
 
 
-def _pair(result: TransferResult) -> Section:
+def _pair(result: BothResult) -> Section:
     """Describe what concerns all arms together."""
     metrics, motion, robot = [*warnings_of(STEP, result.warnings)], result.motion, result.robot
-    if isinstance(motion, PlannedArms):
-        collisions = result.arms[0].collisions
-        at = float(np.interp(motion.room.time, motion.time, result.time))
-        relative = motion.beside_way
+    if motion is not None:
+        collisions = None if result.left.execution is None else result.left.execution.collisions
+        at = float(np.interp(motion.clearance.time, motion.trajectory.time, result.fits.time))
+        relative = None if motion.relative_error is None else motion.relative_error[:, 0]
         metrics += [
-            *collision_metrics(motion.room, at, collisions),
-            Metric("Configurations", "optimized together" if motion.together else "those of each arm",
-                   "", "together", motion.together),
-            *([] if relative is None else [defined("beside_way", 1e3 * relative, result.time)]),
+            *collision_metrics(motion.clearance, at, collisions),
+            Metric("Configurations", "optimized together" if motion.coupled else "those of each arm",
+                   "", "together", motion.coupled),
+            *([] if relative is None else [defined("beside_way", 1e3 * relative, result.fits.time)]),
             Metric("Ratio to the best pointwise solutions found", f"{motion.pointwise_ratio:.2f}",
                    "Ratio of root mean squares of both distances.", "pointwise_ratio", motion.pointwise_ratio),
         ]  # fmt: skip
-    assert isinstance(robot, ArmGroup)
     shared = f"; shared joints: {', '.join(robot.shared)}" if robot.shared else ""
-    frames = f"end effectors {robot.left.frame} and {robot.right.frame}"
+    frames = f"end effectors {robot.arms[0].frame} and {robot.arms[1].frame}"
     metrics += [
         Metric("Robot", f"{robot.name}, {robot.dof} joints, {frames}{shared}", "", "robot",
                {"name": robot.name, "joints": list(robot.joint_names), "shared": list(robot.shared)}),
-        *numbers(duration_s=float(np.ptp(result.time))),
+        *numbers(duration_s=float(np.ptp(result.fits.time))),
     ]  # fmt: skip
     return Section("Both arms", tuple(metrics), _arms_table(result), key="pair")
 
 
-def _arms_table(result: TransferResult) -> tuple[Table, ...]:
+def _arms_table(result: BothResult) -> tuple[Table, ...]:
     """Compare the arms; nothing where they were not moved."""
     rows, values = [], {}
-    for one in result.arms:
-        side, motion, gap = one.name, one.motion, one.gap
-        if motion is None or gap is None:
+    for side, one in zip(FOLDERS, result.each, strict=True):
+        if one.execution is None:
             return ()
-        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, motion.pointwise_best))
+        motion, plan = one.execution.motion, one.execution.plan
+        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, np.asarray(plan.pointwise_best)))
         value = {
             "method": one.method,
             "rms": rms,
             "pointwise_best_rms": floor,
-            "gap": float(np.mean(gap)),
+            "gap": float(np.mean(one.execution.gap)),
         }
         position = "–"
         if motion.position_error is not None:
@@ -300,10 +291,10 @@ def _of_one(side: str, report: Report) -> list[Section]:
     ]
 
 
-def _both_summary(result: TransferResult, reports: dict[str, Report], reasons: Sequence[str]) -> Summary:
+def _both_summary(result: BothResult, reports: dict[str, Report], reasons: Sequence[str]) -> Summary:
     """Summarize all arms; `reasons` are the keys of all warnings."""
     each = {side: report.summary for side, report in reports.items() if report.summary is not None}
-    room = None if result.motion is None else result.motion.room
+    room = None if result.motion is None else result.motion.clearance
     status = "" if result.motion is None else status_of(reasons)
     collide = room is not None and room.known and room.share > 0.0
     collision = (

@@ -106,29 +106,18 @@ def _identifiability(adapter: DomainAdapter, mounted: bool) -> list[Metric]:
     words, free = found.in_words(), not found.determined
     text = f"the base orientation is taken as known, since {words}" if mounted and free else words
     severity = "warning" if free else "note"
-    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity), _spread(found)]
-
-
-def _spread(found: Identifiability) -> Metric:
-    text = f"dispersion of the rotation {found.spread_deg:.2g}°" if len(found.resampled) else ""
-    return Metric("Resampled domains", text, key="rotation_spread", value=found.spread_deg, unit="°")
+    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity)]
 
 
 @describe.register
 def identifiability_report(found: Identifiability) -> Report:
-    """Describe which directions of the rotation the domains determine, and the local optima."""
+    """Describe which directions of the rotation the domains determine."""
     axes = [axis_name(axis) for axis in found.axes] or [f"direction {k + 1}" for k in range(len(found.flat))]
     rows = tuple(
         (name, f"{curve:.2g} ± {error:.1g}", "not determined" if flat else "determined")
         for name, curve, error, flat in zip(axes, found.curvature, found.standard_error, found.flat, strict=True)
     )
-    ends = [f"{_degrees(one.rotation, found.rotation)} from the fitted rotation: cost {one.cost:.4g}, distance of the "
-            f"domains {one.cloud_distance:.3g}, {one.n_starts} starts" for one in found.optima]  # fmt: skip
-    metrics = (
-        Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),
-        _spread(found),
-        Metric("Local optima", "\n".join(ends), key="optima", value=[one.cost for one in found.optima]),
-    )
+    metrics = (Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),)
     return Report("", "", (Section("", metrics, (Table(("rotation about", "curvature [1/rad²]", ""), rows),)),))
 
 

@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING
 from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
-from maniport.motion.follow.joint_motion import JointMotion
-from maniport.pipeline import MotionResult, TransferResult
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.trajectory import Trajectory
+from maniport.pipeline import BothResult, TransferResult
+from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
+from maniport.pipeline.both_result import FOLDERS
+from maniport.pipeline.config import CONFIG
+from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
+from maniport.pipeline.execution import Execution
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES
+from maniport.pipeline.result import DATA_FILES
 from maniport.report.metrics import Report, facts_of
 from maniport.report.renderings import PAGE, SUMMARY, files_of, write_facts
 from maniport.util.atomic_io import folder_written_whole, require_free
@@ -22,36 +28,35 @@ from maniport.util.validation import as_choice
 if TYPE_CHECKING:
     from maniport.report.page.content import Motion
 
-TOLD = ("summary.md", SUMMARY, PAGE)
+TOLD = ("summary.md", SUMMARY, PAGE, CONFIG)
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms", "motion")
 """Figures of a run, which `maniport figures` adds to its folder."""
 
 EXPORTS = tuple(one.file for one in FORMATS.values())
-EXECUTION_FILES = (*MOTION_FILES, *TOLD, *EXPORTS, *files_of("motion"))
-"""Files of a `MotionResult`. A folder with other files is not replaced."""
+EXECUTION_FILES = (*MOTION_DATA, *TOLD, *EXPORTS, *files_of("motion"))
+"""Files of an `Execution`. A folder with other files is not replaced."""
 LEARNED_FILES = (*LEARNED_DATA, *TOLD, *files_of("learned"))  # Files of a `LearnedProfile`
-RUN_FILES = (*TRANSFER_FILES, *TOLD, *EXPORTS, *files_of(*FIGURES))  # Files of a `TransferResult`
-FOLDERS = "left", "right"
-BOTH_FILES = (*FOLDERS, *JOINT_FILES, *TOLD, *EXPORTS, *files_of("motions", "arms"))
-"""Files of a `TransferResult` of two arms, and folders with `RUN_FILES`."""
+RUN_FILES = (*DATA_FILES, *TOLD, *EXPORTS, *files_of(*FIGURES))  # Files of a `TransferResult`
+BOTH_FILES = (*BOTH_DATA, *TOLD, *EXPORTS, *files_of("motions", "arms"))
+"""Files of a `BothResult`, and folders with `RUN_FILES`."""
 
 
 def write_results(
-    result: TransferResult | MotionResult | LearnedProfile,
+    result: TransferResult | BothResult | Execution | LearnedProfile,
     folder: str | os.PathLike[str],
     progress: Progress | None = None,
     exports: Iterable[str] = (),
     *,
     overwrite: bool = False,
 ) -> Report:
-    """Write data, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
+    """Write data, ``run.yaml``, summaries and ``report.html`` to a folder, whole or not at all.
 
     The folder is made where it is missing. ``result.save(folder)`` writes the data alone, `write_figures` adds figures.
 
     Parameters
     ----------
-    result : TransferResult, MotionResult or LearnedProfile
-        The results of each of several arms are in a folder with its name.
+    result : TransferResult, BothResult, Execution or LearnedProfile
+        The results of each arm of a `BothResult` are in the folders ``left`` and ``right``.
     folder : str or path-like
     progress : callable, optional
         Called with the name of a step and the fraction done.
@@ -74,43 +79,45 @@ def write_results(
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    kinds = (TransferResult, MotionResult, LearnedProfile)
+    kinds = (TransferResult, BothResult, Execution, LearnedProfile)
     if not isinstance(result, kinds):
         names = ", ".join(kind.__name__ for kind in kinds)
         raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
     formats = export_files(exports)
-    moves = not isinstance(result, LearnedProfile) and result.motion is not None
-    several = isinstance(result, TransferResult) and len(result.arms) > 1
+    moves = not isinstance(result, LearnedProfile) and (not isinstance(result, BothResult) or result.motion is not None)
     if formats and not moves:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
-    step, report = Step(progress, "write the results"), facts_of(result)
-    if several:
+    step, report = Step(progress, "Write results"), facts_of(result)
+    if isinstance(result, BothResult):
         require_free_for_both(Path(folder), overwrite)
         own = BOTH_FILES
     else:
-        own = {LearnedProfile: LEARNED_FILES, MotionResult: EXECUTION_FILES}.get(type(result), RUN_FILES)
+        own = {LearnedProfile: LEARNED_FILES, Execution: EXECUTION_FILES}.get(type(result), RUN_FILES)
     with folder_written_whole(folder, own, overwrite) as staging:
-        if several and isinstance(result, TransferResult):
+        if isinstance(result, BothResult):
             _write_both(result, report, formats, staging)
         elif isinstance(result, LearnedProfile):
             _write_learned(result, report, staging)
         else:
             write_run(result, report, formats, staging)
             write_run_page(result, report, formats, staging)
-    step.end(f"in {os.fspath(folder)}/")
+        if result.config is not None:
+            result.config.save(staging / CONFIG)
+    step.end()
     return report
 
 
-def write_run(result: TransferResult | MotionResult, report: Report, formats: Mapping[str, str], folder: Path) -> None:
+def write_run(result: TransferResult | Execution, report: Report, formats: Mapping[str, str], folder: Path) -> None:
     """Write data, summaries and exports of a run or of a motion to a folder that exists."""
     result.write_data(folder)
     _write_summary(report, folder)
-    if result.motion is not None:
-        _export(result.motion, result.robot, formats, folder)
+    execution = result if isinstance(result, Execution) else result.execution
+    if execution is not None:
+        _export(execution.motion, execution.robot, formats, folder)
 
 
 def write_run_page(
-    result: TransferResult | MotionResult, report: Report, formats: Mapping[str, str], folder: Path
+    result: TransferResult | Execution, report: Report, formats: Mapping[str, str], folder: Path
 ) -> "Motion":
     """Write the page of a run or of a motion, and its scene where it is requested; return what they show."""
     from maniport.report.page.motions import motion_of  # slow to load
@@ -120,7 +127,7 @@ def write_run_page(
     return motion
 
 
-def _write_both(result: TransferResult, report: Report, formats: Mapping[str, str], folder: Path) -> None:
+def _write_both(result: BothResult, report: Report, formats: Mapping[str, str], folder: Path) -> None:
     """Write the results of both arms, those of each arm to a folder of its own."""
     from maniport.report.page.pairs import motion_of_both  # slow to load
 
@@ -128,7 +135,7 @@ def _write_both(result: TransferResult, report: Report, formats: Mapping[str, st
     of_one = {name: file for name, file in formats.items() if FORMATS[name].robot == NEEDED}
     of_both = {name: file for name, file in formats.items() if name not in of_one}
     motions = []
-    for side, one in zip(FOLDERS, result.per_arm, strict=True):
+    for side, one in zip(FOLDERS, result.each, strict=True):
         (folder / side).mkdir(exist_ok=True)
         own = facts_of(one)
         write_run(one, own, of_one, folder / side)
@@ -162,7 +169,7 @@ def _write_summary(report: Report, folder: Path) -> None:
         write_facts(folder / name, report)
 
 
-def _export(motion: JointMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
+def _export(motion: Trajectory | RobotMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
     """Write a motion in further formats; the scene is written with the page."""
     for name, file in formats.items():
         if name != SCENE:

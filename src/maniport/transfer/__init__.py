@@ -15,7 +15,6 @@ from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
 from maniport.transfer.baselines import IdentityMap, MeanTransport, NearestNeighbor
-from maniport.transfer.icp.algorithm import Search
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
@@ -25,6 +24,7 @@ from maniport.transfer.icp.correspondence import (
     OneToOneCorrespondence,
     TransportCorrespondence,
 )
+from maniport.transfer.icp.search import Search
 from maniport.transfer.length_field_adapter import LengthField
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.riemannian_icp import RiemannianICP

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import Arm, ArmGroup, load_arm, load_arms
+from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
@@ -60,7 +60,7 @@ def prepare(
     source = None if recording is None else read_recording(recording)
     persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
 
-    tell("get the page ready", 0.0)
+    tell("Prepare page", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
     if given is not None and (given.damping, given.eigenvalue_floor) != (None, None):
         options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
@@ -74,7 +74,7 @@ def prepare(
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(students, sides, playback)
     sides[0].refitting.before = lambda: state.find_place(motion, ready)
-    tell("get the page ready", 1.0, f"{ready}; the placement and the other methods follow")
+    tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
     return state, shown, turn
 
 
@@ -97,7 +97,7 @@ def _loaded(robot: Any, both: bool) -> Arm | ArmGroup:
 
 
 def _each(robot: Arm | ArmGroup) -> tuple[Arm, ...]:
-    return robot.each if isinstance(robot, ArmGroup) else (robot,)
+    return as_group(robot).arms
 
 
 def _person(

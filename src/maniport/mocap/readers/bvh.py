@@ -57,7 +57,7 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
     if opened != closed:
         raise FileFormatError(f"{file}: the hierarchy has {opened} opening and {closed} closing braces")
     nodes: list[_Node] = []
-    path: list[int] = []  # the nodes whose braces are open
+    path: list[int] = []  # the nodes with open braces
     columns = 0
     for number, line in enumerate(lines, 1):
         word, *rest = line.split() or [""]
@@ -86,7 +86,7 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
 
 
 def _channels(words: list[str], first: int) -> list[tuple[int, str, str]]:
-    """Return the channels of a joint, whose columns begin at `first`."""
+    """Return the channels of a joint, with columns from `first`."""
     matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in words[1:]]
     channels = [(first + i, match[2], match[1]) for i, match in enumerate(matches) if match]
     if words[:1] != [str(len(matches))] or len(channels) < len(matches):

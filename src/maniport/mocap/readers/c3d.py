@@ -160,7 +160,7 @@ def _points(file: Path, content: bytes, processor: int, values: Parameters, tria
     size = kind * (4 * count + analog)
     require_at_most(count, POINTS, "points", file)
     require_at_most(frames, FRAMES, "frames", file)
-    require_at_most(frames * count, PLACES, "places", file)
+    require_at_most(frames * count, PLACES, "places (frames × points)", file)
     if count == 0 or frames <= 0:
         raise FileFormatError(
             f"{file}: the file holds no points ({count} points, {max(frames, 0)} frames); "

@@ -119,7 +119,7 @@ def _saul(q: Array) -> dict[str, Array]:
 
 
 def _rajagopal(q: Array) -> dict[str, Array]:
-    """Return the points of the right arm of Rajagopal's model, whose axes are x forward, y up, z right [m]."""
+    """Return the points of the right arm of Rajagopal's model; its axes are x forward, y up, z right [m]."""
     elbow_axis = np.array([0.22604696, 0.022269, 0.97386183])
     forearm_axis = np.array([0.05639803, 0.99840646, 0.001952])
     humerus = Rotation.from_euler("ZXY", q[:, [0, 1, 2]])

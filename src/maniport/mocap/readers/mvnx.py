@@ -11,7 +11,7 @@ from maniport.mocap.recording import Recording
 from maniport.util.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.util.validation import Array
 
-ELEMENTS = 3_000_000  # Most elements of a file; the largest file whose frames hold nothing but positions has half of it
+ELEMENTS = 3_000_000  # Most elements of a file; the largest file of positions alone has half of them
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -79,6 +79,6 @@ def _row(file: Path, number: int, text: str | None, width: int) -> Array:
         raise FileFormatError(f"{file}: frame {number} holds no <position>; export positions of segments, too")
     words = text.split(None, width)  # more words than that stay in one
     if len(words) != width:
-        found = len(words) if len(words) < width else f"more than {width}"
-        raise FileFormatError(f"{file}: frame {number} holds {found} numbers for {width // 3} segments, not three each")
+        count = len(words) if len(words) < width else f"more than {width}"
+        raise FileFormatError(f"{file}: frame {number} holds {count} numbers for {width // 3} segments, not three each")
     return np.array([float(word) for word in words])

@@ -13,8 +13,8 @@ from maniport.arms.human import BREADTH
 from maniport.arms.restriction import mirrored
 from maniport.errors import FileFormatError
 from maniport.learning.agreement import axis_deviations
-from maniport.pipeline import LearnedProfile, MotionResult, TransferResult
-from maniport.pipeline.results import ArmResult, ArmTransfer
+from maniport.pipeline import LearnedProfile, TransferResult
+from maniport.pipeline.execution import Execution
 from maniport.report.metrics import DEFINITIONS
 from maniport.report.page.content import Body, Cloud, DomainMap, Line, Motion, Panel, Part
 from maniport.report.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
@@ -26,17 +26,12 @@ from maniport.util.validation import Array
 ERRORS, ELLIPSOIDS, HUMAN_JOINTS = "Distance and position error", "Ellipsoids", "Joints of the person"
 
 
-def motion_of(result: TransferResult | MotionResult) -> Motion:
+def motion_of(result: TransferResult | Execution) -> Motion:
     """Return what moves in a result: person and robot with the person's clock, or the robot alone with its own."""
-    arm = result.arm
-    run = result.arm if isinstance(result, TransferResult) else None
-    motion = arm.motion
-    if isinstance(result, TransferResult):
-        spec, time = result.spec, result.time
-    else:
-        assert motion is not None
-        spec, time = motion.spec, motion.time
-    drawn = spec.part != "full"
+    run = result if isinstance(result, TransferResult) else None
+    execution = result.execution if isinstance(result, TransferResult) else result
+    source = result.motion if isinstance(result, Execution) else result
+    spec, drawn = source.spec, source.spec.part != "full"
     shown: dict[str, Array] = {}
     bodies: list[tuple[Body, str]] = []
     panels: dict[str, tuple[Panel, ...]] = {}
@@ -44,35 +39,36 @@ def motion_of(result: TransferResult | MotionResult) -> Motion:
         shown[PERSON.name] = velocity_ellipsoids(run.demonstrated_profile, spec)
         person, why = body_of(run.fit.arm, run.fit.joint_angles, dict(shown) if drawn else {}, name="Person")
         bodies.append((replace(person, figure=trunk_and_head(run.fit.arm)), why))
-    if motion is not None:
+    if execution is not None:
+        motion = execution.motion
         followed = {TARGET.name: motion.target, ACHIEVED.name: motion.achieved}
         shown |= followed
-        robot, why = body_of(arm.robot, motion.joint_positions, followed if drawn else {}, motion.path)
-        bodies.append((robot if run is None else replace(robot, turn=_camera(result)), why))
-        panels[ERRORS] = _errors(arm)
+        robot, why = body_of(execution.robot, motion.joint_positions, followed if drawn else {}, motion.path)
+        bodies.append((robot if run is None else replace(robot, turn=_camera(run)), why))
+        panels[ERRORS] = _errors(execution)
     elif run is not None:
         shown[TARGET.name] = velocity_ellipsoids(run.target_profile, spec)
     if drawn:
         names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: result.robot.name}
         panels[ELLIPSOIDS] = ellipsoid_panels(shown, names, spec.velocity.unit)
-    if motion is not None:
-        joints = _joints(arm.robot, motion.joint_positions, ACHIEVED.name)
+    if execution is not None:
+        joints = _joints(execution.robot, execution.motion.joint_positions, ACHIEVED.name)
         panels[f"Joints of {result.robot.name}"] = joints
     if run is not None:
         panels[HUMAN_JOINTS] = _joints(run.fit.arm, run.fit.joint_angles, PERSON.name)
-    distances = [] if motion is None else [motion.distance]
+    distances = [] if execution is None else [execution.motion.distance]
     return Motion(
-        time,
+        source.time,
         tuple(body for body, _ in bodies),
         panels,
-        _map(result, result.arm) if isinstance(result, TransferResult) else None,
+        None if run is None else _map(run),
         unit=spec.velocity.unit,
-        clocks={"robot": motion.time} if run is not None and motion is not None else {},
+        clocks={"robot": execution.motion.time} if run is not None and execution is not None else {},
         legend={role: ROLES[role].about for role in shown} if drawn else {},
-        note=" ".join([_picture(spec), *(["The robot was not moved."] if motion is None else []),
+        note=" ".join([_picture(spec), *(["The robot was not moved."] if execution is None else []),
                        *(why for _, why in bodies if why)]),
-        states=() if motion is None else motion.status,
-        opening=opening_time(time, distances, [next(iter(shown.values()))]) if distances else None,
+        states=() if execution is None else execution.motion.status,
+        opening=opening_time(source.time, distances, [next(iter(shown.values()))]) if distances else None,
     )  # fmt: skip
 
 
@@ -99,10 +95,10 @@ def body_of(
     return replace(body, parts=parts), ""
 
 
-def _camera(result: Any) -> Array:
+def _camera(result: TransferResult) -> Array:
     """Rotation from the person's trunk frame to the robot's base frame after placement, shape (3, 3)."""
-    placement = result.arm.placement
-    return np.asarray(result.base_rotation if placement is None else placement.rotation @ result.base_rotation)
+    placement = None if result.execution is None else result.execution.placement
+    return result.base_rotation if placement is None else placement.rotation @ result.base_rotation
 
 
 def opening_time(time: Array, distances: Sequence[Array], profiles: Sequence[Array]) -> float:
@@ -147,15 +143,13 @@ def _picture(spec: EllipsoidSpec) -> str:
     return note + (" Drawn are the inverses of the force ellipsoids." if spec.kind == "force" else "")
 
 
-def _errors(arm: ArmResult) -> tuple[Panel, ...]:
+def _errors(execution: Execution) -> tuple[Panel, ...]:
     """Return panels of the distance, with its two pointwise references, and of the position error."""
-    motion, gap, (title, _, meaning) = arm.motion, arm.gap, DEFINITIONS["distance"]
-    assert motion is not None
-    assert gap is not None
+    motion, (title, _, meaning) = execution.motion, DEFINITIONS["distance"]
     lines = (
         Line("achieved", motion.distance),
-        Line(DEFINITIONS["pointwise_best"][0].lower(), motion.pointwise_best, REFERENCE.name, 1),
-        Line(DEFINITIONS["feasibility_gap"][0].lower(), gap, REFERENCE.name, 2),
+        Line(DEFINITIONS["pointwise_best"][0].lower(), np.asarray(execution.plan.pointwise_best), REFERENCE.name, 1),
+        Line(DEFINITIONS["feasibility_gap"][0].lower(), execution.gap, REFERENCE.name, 2),
     )
     panels = [Panel(title, "", lines, meaning)]
     if motion.position_error is not None:
@@ -209,33 +203,30 @@ def _axis_angles(found: Mapping[str, Course]) -> list[Panel]:
 
 def regularized(result: TransferResult) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return domains and profiles of a run by role, regularized as in the fit, in the robot's base frame."""
-    arm = result.arm
-    rotation, student = result.spec.rotation(result.base_rotation), arm.adapter.student_side
+    rotation, student = result.spec.rotation(result.base_rotation), result.adapter.student_side
 
     def teacher(points: Array) -> Array:
-        return np.asarray(rotation @ arm.adapter.teacher_side(points) @ rotation.T)
+        return np.asarray(rotation @ result.adapter.teacher_side(points) @ rotation.T)
 
-    domains = {PERSON.name: teacher(arm.teacher_domain), ACHIEVED.name: student(arm.student_domain)}
-    profiles = {PERSON.name: teacher(arm.demonstrated_profile), TARGET.name: student(arm.target_profile)}
+    domains = {PERSON.name: teacher(result.teacher_domain), ACHIEVED.name: student(result.student_domain)}
+    profiles = {PERSON.name: teacher(result.demonstrated_profile), TARGET.name: student(result.target_profile)}
     return domains, profiles
 
 
-def _map(result: TransferResult, arm: ArmTransfer, fitted: int = 40, dots: int = 300) -> DomainMap:
+def _map(result: TransferResult, fitted: int = 40, dots: int = 300) -> DomainMap:
     """Return the map of a run, fitted to few points such that it takes less than 0.2 s."""
-    few = replace(
-        arm,
-        teacher_domain=arm.teacher_domain[evenly_spaced(len(arm.teacher_domain), dots)],
-        student_domain=arm.student_domain[evenly_spaced(len(arm.student_domain), dots)],
-    )
-    domains, profiles = regularized(replace(result, arms=(few,)))
+    domains, profiles = regularized(replace(
+        result, teacher_domain=result.teacher_domain[evenly_spaced(len(result.teacher_domain), dots)],
+        student_domain=result.student_domain[evenly_spaced(len(result.student_domain), dots)],
+    ))  # fmt: skip
     chart = map_of([*domains.values(), *profiles.values()], fitted)
-    gap = None
-    if arm.motion is not None and result.spec.kind == "velocity":
-        placed = np.eye(3) if arm.placement is None else arm.placement.rotation
+    execution, gap = result.execution, None
+    if execution is not None and result.spec.kind == "velocity":
+        placed = np.eye(3) if execution.placement is None else execution.placement.rotation
         back = result.spec.rotation(placed.T)  # the domain is that of the base before the path was placed
-        found = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-        profiles |= {role: arm.adapter.student_side(back @ points @ back.T, role) for role, points in found.items()}
-        gap = arm.gap
+        found = {TARGET.name: execution.motion.target, ACHIEVED.name: execution.motion.achieved}
+        profiles |= {role: result.adapter.student_side(back @ points @ back.T, role) for role, points in found.items()}
+        gap = execution.gap
     names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: result.robot.name}
     clouds = [Cloud(names[role], role, chart.transform(points), points) for role, points in domains.items()]
     lines = [Cloud(names[role], role, chart.transform(points), points, gap if role == TARGET.name else None)
