@@ -30,7 +30,7 @@ def small_result(second):
     """The main job on a small scale, the robot's motion at half the speed_scale included; computed once, never changed."""
     from maniport.pipeline import transfer_recording
 
-    return transfer_recording(second, speed_scale=0.5, effort="quick", **SMALL)
+    return transfer_recording(second, speed_scale=0.5, planning_effort="quick", **SMALL)
 
 
 @pytest.fixture(scope="session")
@@ -39,9 +39,9 @@ def repeated():
     import numpy as np
 
     from maniport.arms.human import human_arm
-    from maniport.mocap import performed
+    from maniport.mocap import synthetic_recording
 
     time = np.arange(0.0, 8.0, 1 / 30)
     way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]
     rest, reach = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
-    return performed(human_arm("myoarm"), rest + way * reach, time)
+    return synthetic_recording(human_arm("myoarm"), rest + way * reach, time)

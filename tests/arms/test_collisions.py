@@ -11,8 +11,9 @@ from scipy.spatial import ConvexHull
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_postures
 from maniport.motion.plan.planned_motion import Room
-from maniport.report.metrics import WARNING
-from maniport.report.motion import collision_metrics
+from maniport.report.motion import collision_value
+from maniport.report.motion_warnings import collision_warnings
+from maniport.report.values import WARNING
 
 CUBE = 0.2
 
@@ -216,10 +217,10 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
     time = np.linspace(0.0, 1.0, 5)
     room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
-    told, fact = collision_metrics(room, 1.0)
-    assert told.severity == WARNING
-    assert told.key == "missing-meshes"
-    assert "250 mm" in fact.text
+    (warned,) = collision_warnings(room, collisions)
+    assert warned.severity == WARNING
+    assert warned.key == "missing-meshes"
+    assert "250 mm" in collision_value(room, 1.0)[0]
 
 
 def test_a_watch_sees_what_is_there(panda, collisions, gantry):

@@ -20,7 +20,7 @@ from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit, Recording, read_recording
 from maniport.pipeline.parts import Fitted, RobotModel, Shown
 from maniport.report.metrics import facts_of
-from maniport.report.write import RUN_FILES, write_run, write_run_page
+from maniport.report.write import RUN_FILES, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
 
@@ -175,9 +175,7 @@ def _pair(task: Task, robot: Robot, settings: Mapping[str, str], shown: Shown, b
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
-        write_run(result, facts, order.exports, staging)
-        if order.pages:
-            write_run_page(result, facts, order.exports, staging)
+        write_run(result, facts, order.exports, staging, order.pages)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")

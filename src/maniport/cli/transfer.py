@@ -15,7 +15,7 @@ from maniport.cli.recorded import Recorded, takes_recording, transfers
 from maniport.cli.robots import Chain, Pair, takes_chain, takes_pair
 from maniport.errors import InvalidInputError
 from maniport.report.console import Console
-from maniport.report.metrics import Report
+from maniport.report.values import Report
 from maniport.util.defaults import BOTH, DAMPING, EFFORT, ROBOT
 from maniport.util.progress import Progress
 

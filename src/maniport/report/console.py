@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
-from maniport.report.metrics import Report
 from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+from maniport.report.values import Report
 from maniport.util.progress import Progress
 
 DONE = "✓ "
@@ -61,7 +61,7 @@ class Console:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or in full."""
         more |= {"output": output} if output else {}
         short = report.summary is not None and output
-        parts = [as_markdown(report)] if self.verbose or not short else []
+        parts = [as_markdown(report, details=True)] if self.verbose or not short else []
         self.finish({**as_numbers(report), **more}, "\n".join(parts), markdown=True)
         if short and not (self.as_json or self.quiet):
             width = self._out.width if self._out.is_terminal else 100

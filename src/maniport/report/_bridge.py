@@ -1,0 +1,50 @@
+"""Convert results of one arm and of both arms to results of several arms, until the pipeline returns these."""
+
+from dataclasses import fields, replace
+from typing import Any
+
+from maniport.motion.follow.track_result import TrackResult
+from maniport.pipeline import BothResult
+from maniport.pipeline import TransferResult as OneResult
+from maniport.pipeline.execution import Execution
+from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
+
+
+def as_result(result: Any) -> Any:
+    """Return a `TransferResult` or a `MotionResult` with arms; other results as they are."""
+    if isinstance(result, Execution):
+        arm = ArmResult(name=result.robot.name, **_moved(result))
+        return MotionResult(
+            robot=result.robot, arms=(arm,), motion=arm.motion, random_state=result.random_state or 0,
+            options=result.options, sources=result.sources,
+        )  # fmt: skip
+    if isinstance(result, OneResult):
+        arm = _transfer(result, str(result.fit.arm.side or "right"))
+        return _whole(result, (arm,), result.robot, arm.motion, result.warnings)
+    if isinstance(result, BothResult):
+        arms = tuple(_transfer(one, side) for side, one in zip(("left", "right"), result.each, strict=True))
+        warnings = (*result.warnings, *(text for one in result.each for text in one.warnings))
+        return _whole(result.left, arms, result.robot, result.motion, tuple(dict.fromkeys(warnings)))
+    return result
+
+
+def _whole(one: OneResult, arms: Any, robot: Any, motion: Any, warnings: tuple[str, ...]) -> TransferResult:
+    options = {} if one.execution is None else one.execution.options
+    return TransferResult(
+        robot=robot, arms=arms, motion=motion, random_state=one.random_state, options=options,
+        recording=one.recording, spec=one.spec, base_rotation=one.base_rotation, warnings=warnings,
+    )  # fmt: skip
+
+
+def _transfer(one: OneResult, name: str) -> ArmTransfer:
+    moved = {"robot": one.robot} if one.execution is None else _moved(one.execution)
+    names = ("fit", "method", "adapter", "choice", "evaluation", "time", "demonstrated_profile", "target_profile",
+             "teacher_domain", "student_domain", "seconds_to_fit")  # fmt: skip
+    return ArmTransfer(name=name, **moved, **{field: getattr(one, field) for field in names})
+
+
+def _moved(execution: Execution) -> dict[str, Any]:
+    own = {field.name: getattr(execution.motion, field.name) for field in fields(TrackResult)}
+    motion = replace(execution.plan, **own, room=execution.room)
+    names = ("robot", "placement", "free", "gap", "collisions")
+    return {"motion": motion, **{name: getattr(execution, name) for name in names}}
