@@ -17,7 +17,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.arms import ArmGroup
-from maniport.mocap import ArmFits, fit_arms, read_recording
+from maniport.mocap import HumanMotion, fit_arms, read_recording
 from maniport.motion import PlannedArms, PlannedMotion, place_paths, plan_arms, plan_motion
 
 RECORDING = Path(mp.mocap.__file__).parent / "data" / "both_arms.c3d"
@@ -44,10 +44,10 @@ class Task:
     """Processor time [s]."""
 
 
-def task_of(fits: ArmFits, arms: ArmGroup, planning_effort: str) -> Task:
+def task_of(fits: HumanMotion, arms: ArmGroup, planning_effort: str) -> Task:
     """Both hands' paths in one place, with target ellipsoids by parallel transport."""
     profiles = []
-    for fit, arm in zip(fits.each, arms.each, strict=True):
+    for fit, arm in zip(fits.arms, arms.each, strict=True):
         teacher, student = (mp.sample_domain(one, SAMPLES, random_state=0) for one in (fit.arm, arm))
         adapter = mp.ParallelTransport().fit(teacher, student)
         profiles.append(adapter.transform(fit.arm.manipulability(fit.joint_angles)))
@@ -87,7 +87,7 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def told(name: str, fits: ArmFits, arms: ArmGroup, planning_effort: str, tips: str) -> list[str]:
+def told(name: str, fits: HumanMotion, arms: ArmGroup, planning_effort: str, tips: str) -> list[str]:
     """Lines about one robot."""
     task = task_of(fits, arms, planning_effort)
     (single, one), (both, two) = alone(arms, task, planning_effort), together(arms, task, planning_effort, tips)

@@ -188,23 +188,23 @@ def test_wrong_arguments_are_named_before_long_work(recording, arms, given, erro
         transfer_both(**ready)
 
 
-PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0", "0")
+PANDAS = ("--pose", "0,0.3,0,0", "--pose", "0,-0.3,0,0")
 
 
-BOTH = ("both-arms", "--arm", "both")
+BOTH = ("both-arms", "--side", "both")
 
 
 @pytest.mark.parametrize(
     ("words", "found"),
     [
-        ((*BOTH, *PANDAS[:5]), "--base-left places one of two robots; give --base-right, too"),
-        ((*BOTH, *PANDAS, "--frame", "panda_link8"), "--frame is that of one arm; with --arm both"),
-        ((*BOTH, *PANDAS, "--frames", "panda_link8", "panda_lnk8"), "unknown frame 'panda_lnk8'"),
+        ((*BOTH, *PANDAS[:2]), "two"),
+        ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
+        ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
         ((*BOTH, *PANDAS, "--tips", "absolute"), "unknown tips 'absolute'"),
         ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "is named twice"),
         (BOTH, "no pair"),
-        ((*BOTH, "--base-left", "0", "0", "0", "0", "--base-right", "0", "0", "0", "0"), "one place"),
-        (("both-arms", "--tips", "relative"), "--tips is for two arms; --arm both takes both of the person"),
+        ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
+        (("both-arms", "--tips", "relative"), "of two arms needs"),
     ],
 )
 def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path, words, found):
@@ -222,7 +222,7 @@ def test_verbs_that_move_one_arm_say_what_moves_both(verb, monkeypatch, tmp_path
     """Before long work, and nothing is written."""
     monkeypatch.chdir(tmp_path)
     more = ("--udp", "0") if verb == "live" else ("-o", "out")
-    result = CliRunner().invoke(app, [verb, str(shipped_recording("both-arms")), "--arm", "both", *more])
+    result = CliRunner().invoke(app, [verb, str(shipped_recording("both-arms")), "--side", "both", *more])
     assert isinstance(result.exception, ManiportError), result.output
     assert "both arms are taken by" in str(result.exception)
     assert list(tmp_path.iterdir()) == []

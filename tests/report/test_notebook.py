@@ -49,9 +49,7 @@ def objects(small_result):
     profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
-        icp = mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(n_starts=2)).fit(
-            teacher, student
-        )
+        icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(teacher, student)
     bank = mp.SeedBank.build(panda, 1024, 0)
     return {
         "Arm": panda,

@@ -13,6 +13,7 @@ import maniport as mp
 from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
 from maniport.motion.plan.planned_motion import Room
+from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_html, as_markdown, as_numbers, facts_of
 from maniport.report.console import Console
@@ -27,8 +28,8 @@ def complete(result, changed):
     n, arm = len(result.time), result.arm
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": arm.motion.target}  # fmt: skip
-    fit = replace(arm.fit, determined=np.ones_like(arm.fit.determined), quality_warnings=())
-    return replace(changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=())
+    fit = replace(arm.fit, observable=np.ones_like(arm.fit.observable), quality_warnings=())
+    return replace(changed(result, {"fit": fit, "gap": np.zeros(n)}, **tracked), warnings=(), config=Config())
 
 
 def test_green_requires_that_there_is_no_warning(complete, changed):
@@ -108,18 +109,18 @@ def test_the_advice_suits_a_missed_path(result, changed):
         ("--place", 0.005, None),
     ):
         missed = {"distance": np.zeros(n), "position_error": np.full(n, 0.05), "position_tolerance": tolerance}
-        summary = facts_of(changed(result, {"placement": own}, **missed)).summary
+        moved = replace(changed(result, {"placement": own}, **missed), config=Config())
+        summary = facts_of(moved).summary
         assert words in summary.command
         assert summary.title.startswith("Position not tracked; ellipsoids tracked")
 
 
-def test_the_next_command_keeps_the_options(result, changed):
-    """A table, a file of limits or a speed scale hold for the next motion, which is slower than that."""
-    options = {"--table": "-0.1", "--speed-scale": "0.5", "--limits": "my limits.yaml"}
+def test_the_next_command_keeps_the_configuration(result, changed):
+    """It takes run.yaml and half of its speed scale; the orientation of a hand, which a profile lacks, is dropped."""
     missed = changed(result, position_error=np.full(len(result.time), 0.05), position_tolerance=0.005)
-    words = shlex.split(facts_of(replace(missed, options=options)).summary.command)
-    for name, value in (("--table", "-0.1"), ("--speed-scale", "0.25"), ("--limits", "my limits.yaml")):
-        assert words.count(name) == 1
+    config = Config().changed(speed_scale=0.5, orientation="demonstrated")
+    words = shlex.split(facts_of(replace(missed, config=config)).summary.command)
+    for name, value in (("--config", "{folder}/run.yaml"), ("--speed-scale", "0.25"), ("--orientation", "free")):
         assert words[words.index(name) + 1] == value
 
 

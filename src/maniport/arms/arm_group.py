@@ -300,5 +300,5 @@ def _agreed(left: Chain, right: Chain, count: int) -> tuple[str, ...]:
 
 def two_bases() -> str:
     """How two robots are placed, for messages."""
-    given = "--base-left and --base-right, such as 0 0.3 0 0 and 0 -0.3 0 0"
+    given = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
     return given if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

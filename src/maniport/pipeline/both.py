@@ -45,7 +45,7 @@ from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_
 from maniport.util.progress import Progress, untold
 from maniport.util.validation import Array, as_choice
 
-KNOW = "get to know the robot"
+KNOW = "Sample robot"
 TURNED_APART = 5.0  # Where two adapters turn ellipsoids by more than this apart, that is told [degrees]
 
 
@@ -111,7 +111,7 @@ def transfer_both(
         raise TypeError(f"unexpected option {sorted(tracked)[0]!r}: both arms are planned, not tracked step by step")
     if as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE and settings.get("workspace") is not None:
         raise InvalidInputError("workspace says where paths are placed; with tips='relative' the tips leave them")
-    kept = {"orientation_axes": settings["orientation_axes"]} if "keep" in settings else {}
+    kept = {"orientation_axes": settings["orientation_axes"]} if "orientation_axes" in settings else {}
     given: dict[str, Any] = {
         "base_rotation": base_rotation, "damping": damping, "eigenvalue_floor": eigenvalue_floor, "n_teacher": n_teacher, "n_student": n_student,
         "move": False, "orientation": orientation, "random_state": random_state, "progress": progress,
@@ -155,7 +155,7 @@ class BothJob:
         fits = fit_arms(motion, **self.whose, progress=self.tell)
         shown = [
             replace(job.shown_by(motion, fit), hand=path)
-            for job, fit, path in zip(self.each, fits.each, fits.hands, strict=True)
+            for job, fit, path in zip(self.each, fits.arms, fits.hands, strict=True)
         ]
         planner = self.planner()
         known = self.known(planner)
@@ -188,7 +188,7 @@ class BothJob:
 
     def known(self, planner: ArmsPlanner | None) -> tuple[RobotModel, RobotModel]:
         """Get to know what each arm can make, in postures in which neither collides with the other."""
-        job, step = self.each[0], "sample the domains of the robot's arms"
+        job, step = self.each[0], "Sample robot ellipsoids"
         self.tell(step, 0.0)
         apart = None if planner is None else planner.collisions
         domains = sample_domains(self.arms, job.sizes[1], job.seed + 1, spec=self.spec, collisions=apart)

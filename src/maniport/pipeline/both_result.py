@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from maniport.arms import ArmGroup
-from maniport.mocap import ArmFits, Recording
+from maniport.mocap import HumanMotion, Recording
 from maniport.motion import PlannedArms
+from maniport.pipeline.config import Config
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
 from maniport.util.atomic_io import folder_written_whole
@@ -21,7 +22,7 @@ class BothResult(SavedResult):
 
     Attributes
     ----------
-    fits : ArmFits
+    fits : HumanMotion
         Both arms of the person, in the same frames.
     robot : ArmGroup
     left, right : TransferResult
@@ -34,12 +35,13 @@ class BothResult(SavedResult):
 
     data_files = DATA_FILES
 
-    fits: ArmFits
+    fits: HumanMotion
     robot: ArmGroup
     left: TransferResult
     right: TransferResult
     motion: PlannedArms | None
     warnings: tuple[str, ...]
+    config: Config | None = None  # How the transfer was requested
 
     @property
     def each(self) -> tuple[TransferResult, TransferResult]:

@@ -1,8 +1,7 @@
 """A robot's motion along a profile: what it is, where its distance comes from, and its files."""
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -16,6 +15,7 @@ from maniport.arms.collisions.carried import lowest_points
 from maniport.motion import Placement, PlannedMotion, TrackResult
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.motion.plan.planned_motion import Room
+from maniport.pipeline.config import Config
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import ShownInNotebooks
@@ -62,8 +62,7 @@ class Execution(SavedResult):
     free: PlannedMotion | None = None  # The same with the orientation of the tip free, where it is not
     random_state: int | None = 0  # Seed of the searches, where it is known
     sources: tuple[str, ...] = ()  # The files that profile and path came from, as far as they did
-    # What else was asked for on the command line, as it was typed there, such as ``{"--table": "0"}``
-    options: Mapping[str, str] = field(default_factory=dict)
+    config: Config | None = None  # How the motion was requested
 
     def __repr__(self) -> str:
         return f"Execution({self.robot.name!r}, {self.motion!r})"

@@ -2,8 +2,7 @@
 
 import csv
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, Generic, NamedTuple, TypeVar
@@ -19,6 +18,7 @@ from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import Placement, PlannedArms, PlannedMotion
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
@@ -203,15 +203,15 @@ class RobotResult(SavedResult, Generic[A]):
         Joint trajectory of all arms, with one time. None where the robot was not moved.
     random_state : int
         Random seed.
-    options : mapping of str
-        Options of the command line that differ from their defaults.
+    config : Config or None
+        Configuration that the result was requested with.
     """
 
     robot: Arm | ArmGroup
     arms: tuple[A, ...]
     motion: RobotMotion | None = None
     random_state: int = 0
-    options: Mapping[str, str] = field(default_factory=dict)
+    config: Config | None = None
 
     @property
     def arm(self) -> A:
@@ -256,7 +256,7 @@ class MotionResult(RobotResult[ArmResult]):
 
     Attributes
     ----------
-    robot, arms, motion, random_state, options
+    robot, arms, motion, random_state, config
         As in `RobotResult`; the motion exists.
     sources : tuple of str
         Files of the profile and the path.
@@ -271,7 +271,7 @@ class TransferResult(RobotResult[ArmTransfer]):
 
     Attributes
     ----------
-    robot, arms, motion, random_state, options
+    robot, arms, motion, random_state, config
         As in `RobotResult`.
     recording : Recording
     spec : EllipsoidSpec

@@ -16,23 +16,22 @@ def as_result(result: Any) -> Any:
         arm = ArmResult(name=result.robot.name, **_moved(result))
         return MotionResult(
             robot=result.robot, arms=(arm,), motion=arm.motion, random_state=result.random_state or 0,
-            options=result.options, sources=result.sources,
+            config=result.config, sources=result.sources,
         )  # fmt: skip
     if isinstance(result, OneResult):
         arm = _transfer(result, str(result.fit.arm.side or "right"))
-        return _whole(result, (arm,), result.robot, arm.motion, result.warnings)
+        return _whole(result, (arm,), result.robot, arm.motion, result.warnings, result.config)
     if isinstance(result, BothResult):
         arms = tuple(_transfer(one, side) for side, one in zip(("left", "right"), result.each, strict=True))
         warnings = (*result.warnings, *(text for one in result.each for text in one.warnings))
-        return _whole(result.left, arms, result.robot, result.motion, tuple(dict.fromkeys(warnings)))
+        return _whole(result.left, arms, result.robot, result.motion, tuple(dict.fromkeys(warnings)), result.config)
     return result
 
 
-def _whole(one: OneResult, arms: Any, robot: Any, motion: Any, warnings: tuple[str, ...]) -> TransferResult:
-    options = {} if one.execution is None else one.execution.options
+def _whole(one: Any, arms: Any, robot: Any, motion: Any, warnings: tuple[str, ...], config: Any) -> TransferResult:
     return TransferResult(
-        robot=robot, arms=arms, motion=motion, random_state=one.random_state, options=options,
-        recording=one.recording, spec=one.spec, base_rotation=one.base_rotation, warnings=warnings,
+        robot=robot, arms=arms, motion=motion, random_state=one.random_state, config=config, recording=one.recording,
+        spec=one.spec, base_rotation=one.base_rotation, warnings=warnings,
     )  # fmt: skip
 
 

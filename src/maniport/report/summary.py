@@ -1,17 +1,14 @@
 """Summary of a motion: status, outcome of position and ellipsoids of each arm, and the next step."""
 
-import shlex
-from pathlib import Path
-
 import numpy as np
 
 from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
+from maniport.pipeline.config import CONFIG, FREE, OPTIONS
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import in_axes, sentence, status_of
 from maniport.report.motion_warnings import exceeded_limits, far_points, missed_points
-from maniport.report.robot import command_line_of
 from maniport.report.values import GREEN, RED, Metric, Report, Summary
-from maniport.util.defaults import DAMPING, POSITION_TOLERANCE
+from maniport.util.defaults import POSITION_TOLERANCE
 
 RUN = "joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others."
 
@@ -108,9 +105,9 @@ def _next_of_arm(result: TransferResult | MotionResult, arm: ArmResult) -> tuple
     assert motion is not None
     if not _is_on_path(arm):
         if arm.placement is None:
-            return "Let the path be placed where the robot reaches it.", _track(result, "placed", place=True)
+            return "Let the path be placed where the robot reaches it.", _track(result, "placed", "--place")
         if motion.position_tolerance > POSITION_TOLERANCE:
-            command = _track(result, "nearer", position_tolerance=1e3 * POSITION_TOLERANCE)
+            command = _track(result, "nearer", position_tolerance=POSITION_TOLERANCE)
             return "The position error uses the tolerance: reduce it.", command
         return "The robot is too slow for its path: give it more time.", _slower(result)
     if float(np.median(motion.distance)) <= NEAR_DISTANCE:
@@ -125,38 +122,29 @@ def _next_of_arm(result: TransferResult | MotionResult, arm: ArmResult) -> tuple
 
 
 def _infeasible(result: TransferResult | MotionResult, arm: ArmResult) -> tuple[str, str]:
-    robot, better = command_line_of(arm.robot), ""
-    if isinstance(arm, ArmTransfer) and isinstance(result, TransferResult):
-        better = arm.evaluation.verdict.recommended if arm.evaluation is not None and arm.choice is None else ""
-        if better and better != arm.method:
-            file = Path(result.recording.source).name
-            named = shlex.quote(file or "RECORDING")
-            verb = f"transfer {named}" if Path(file).suffix or not file else "learn RECORDINGS"
-            command = f"maniport {verb} --robot {robot} --method {better} -o {{folder}}-{better}"
-            return f"The targets are infeasible: those of {better} are nearer to the feasible set.", command
-    return "The targets are infeasible: try other methods and base rotations.", f"maniport view --robot {robot}"
+    better, config = "", result.config
+    if isinstance(arm, ArmTransfer) and arm.evaluation is not None and arm.choice is None:
+        better = arm.evaluation.verdict.recommended
+    if better and isinstance(arm, ArmTransfer) and better != arm.method:
+        text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
+        command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
+        return text, command if config is not None and len(config.recording) == 1 else ""
+    command = f"maniport view --config {{folder}}/{CONFIG}"
+    return "The targets are infeasible: try other methods and base rotations.", "" if config is None else command
 
 
 def _slower(result: TransferResult | MotionResult) -> str:
-    return _track(result, "slower", speed_scale=0.5 * float(result.options.get("--speed-scale", 1.0)))
+    return _track(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
 
 
-def _track(
-    result: TransferResult | MotionResult, suffix: str, *, path: bool = True, place: bool = False, **options: float
-) -> str:
-    """Return the command that repeats the motion with other options, into another folder."""
-    if len(result.arms) > 1:
+def _track(result: TransferResult | MotionResult, suffix: str, *words: str, path: bool = True, **options: float) -> str:
+    """Return the command that repeats the motion of one arm with other options, into another folder."""
+    config = result.config
+    if config is None or len(result.arms) > 1:
         return ""
-    motion = result.arm.motion
-    assert motion is not None
-    changed = {f"--{name.replace('_', '-')}": f"{value:g}" for name, value in options.items()}
-    words = [
-        f"maniport track {{folder}}/placed_profile.npz --robot {command_line_of(result.arm.robot)}",
-        *([f"--part {motion.spec.part}"] if motion.spec.part != "translation" else []),
-        *([f"--damping {motion.damping.damping:g}"] if motion.damping.damping not in (DAMPING, 0.0) else []),
-        *(["--path {folder}/path.npz"] if path and motion.path is not None else []),
-        *(["--place"] if place else []),
-        *(f"{name} {shlex.quote(value)}" if value else name for name, value in {**result.options, **changed}.items()),
-        f"-o {{folder}}-{suffix}",
-    ]
-    return " ".join(words)
+    changed = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
+    if isinstance(config.motion.orientation, str) and config.motion.orientation != FREE:
+        changed += ["--orientation", FREE]  # a profile has no hand to follow
+    with_path = path and result.arm.motion is not None and result.arm.motion.path is not None
+    files = [f"{{folder}}/placed_profile.npz --config {{folder}}/{CONFIG}", *["--path {folder}/path.npz"] * with_path]
+    return " ".join(["maniport track", *files, *words, *changed, f"-o {{folder}}-{suffix}"])

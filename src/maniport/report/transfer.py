@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.baselines import RAW_COPY
+from maniport.evaluation.baselines import IDENTITY
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict
@@ -88,13 +88,7 @@ def _identifiability(adapter: DomainAdapter, mounted: bool) -> list[Metric]:
     words, free = found.in_words(), not found.determined
     text = f"the base orientation is taken as known, since {words}" if mounted and free else words
     severity = WARNING if free else NOTE
-    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity), _dispersion(found)]
-
-
-def _dispersion(identifiability: Identifiability) -> Metric:
-    spread = identifiability.spread_deg
-    text = f"dispersion of the rotation {spread:.2g}°" if len(identifiability.resampled) else ""
-    return Metric("Resampled domains", text, key="rotation_spread", value=spread, unit="°")
+    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity)]
 
 
 @describe.register
@@ -105,19 +99,12 @@ def identifiability_report(found: Identifiability) -> Report:
         (name, f"{curve:.2g} ± {error:.1g}", "not determined" if flat else "determined")
         for name, curve, error, flat in zip(axes, found.curvature, found.standard_error, found.flat, strict=True)
     )
-    optima = [f"{_degrees(one.rotation, found.rotation)} from the fitted rotation: cost {one.cost:.4g}, distance of "
-              f"the domains {one.cloud_distance:.3g}, {one.n_starts} starts" for one in found.optima]  # fmt: skip
-    metrics = (
-        Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),
-        _dispersion(found),
-        Metric("Local optima", "\n".join(optima), key="optima", value=[one.cost for one in found.optima]),
-    )
+    metrics = (Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),)
     return Report("", "", (Section("", metrics, (Table(("rotation about", "curvature [1/rad²]", ""), rows),)),))
 
 
-def _degrees(rotation: Array, other: Array | None = None) -> str:
-    start = np.eye(len(rotation)) if other is None else other
-    return f"{np.degrees(rotation_angle(start, rotation)):.1f}°"
+def _degrees(rotation: Array) -> str:
+    return f"{np.degrees(rotation_angle(np.eye(len(rotation)), rotation)):.1f}°"
 
 
 class Column(NamedTuple):
@@ -237,15 +224,15 @@ def label(name: str) -> str:
 
 def _comparison(verdict: Verdict) -> tuple[str, bool]:
     """Compare the method with the baselines; also return whether it is better."""
-    name, own, identity = sentence(label(verdict.name))[:-1], verdict.value, verdict.raw_copy
+    name, own, identity = sentence(label(verdict.name))[:-1], verdict.value, verdict.identity
     if own is None or identity is None:
         return f"{name} is not compared: neither the truth nor the robot is available.", True
     measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
     others = {row: value for row, value in verdict.values.items() if row not in (verdict.name, *verdict.same_as)}
     best = min(others, key=lambda other: others[other], default="")
-    if RAW_COPY not in others:
-        return f"{name} equals the identity baseline ({measure} {own:.3f}).", verdict.name == RAW_COPY
-    values = {RAW_COPY: identity, best: others[best]}
+    if IDENTITY not in others:
+        return f"{name} equals the identity baseline ({measure} {own:.3f}).", verdict.name == IDENTITY
+    values = {IDENTITY: identity, best: others[best]}
     text = f"{measure} {own:.3f}; {', '.join(f'{label(row)} {value:.3f}' for row, value in values.items())}."
     worse = [label(row) for row, value in values.items() if own >= WORTH_WHILE * value]
     if worse:

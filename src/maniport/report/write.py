@@ -9,6 +9,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
 from maniport.pipeline import BothResult
 from maniport.pipeline import TransferResult as OneResult
+from maniport.pipeline.config import CONFIG
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
@@ -21,7 +22,7 @@ from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
 
-SUMMARIES = ("summary.md", SUMMARY, PAGE)
+SUMMARIES = ("summary.md", SUMMARY, PAGE, CONFIG)
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms", "motion")
 """Figures of results, which `maniport figures` adds to the folder."""
 
@@ -41,7 +42,7 @@ def write_results(
     *,
     overwrite: bool = False,
 ) -> Report:
-    """Write data, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
+    """Write data, ``run.yaml``, summaries and ``report.html`` to a folder, whole or not at all.
 
     The folder is made where it is missing. ``result.save(folder)`` writes the data alone, `write_figures` adds figures.
 
@@ -82,10 +83,12 @@ def write_results(
     arms = [] if isinstance(result, LearnedProfile) else [arm.name for arm in result.arms]
     own: tuple[str, ...] = LEARNED_FILES if isinstance(result, LearnedProfile) else (*result.data_files, *REPORT_FILES)
     require_free_for_arms(Path(folder), arms if len(arms) > 1 else (), own, overwrite)
-    step, report = Step(progress, "write the results"), facts_of(result)
+    step, report = Step(progress, "Write results"), facts_of(result)
     with folder_written_whole(folder, own, overwrite) as staging:
         write_run(result, report, formats, staging)
-    step.end(f"in {os.fspath(folder)}/")
+        if result.config is not None:
+            result.config.save(staging / CONFIG)
+    step.end()
     return report
 
 

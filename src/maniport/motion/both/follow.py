@@ -107,7 +107,7 @@ def track_arms(
         objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
         schedules.append(Schedule.checked(objectives[-1], profile, time, path, None, turned, postures[..., columns]))
     follower = Follower(objectives, settings, pair)
-    step = Step(progress, "move both arms")
+    step = Step(progress, "Track trajectory of both arms")
     whole = replace(schedules[0], postures=postures), replace(schedules[1], postures=None)
     sampled = tuple(
         one.sampled(objective, settings.rate, settings.interpolation)

@@ -14,7 +14,6 @@ from maniport.motion.both.planned_arms import PlannedArms
 from maniport.motion.both.planner import ArmsPlanner, as_arms, two
 from maniport.motion.both.together import PLACED, RELATIVE, BothTargets, floors_of, together
 from maniport.motion.follow.joint_motion import JointMotion
-from maniport.motion.follow.track_result import in_words
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping, Objective
 from maniport.motion.plan.home_motion import with_approach
@@ -94,7 +93,7 @@ def plan_arms(
     given = {"profiles": profiles, "paths": paths, "rotations": rotations, "pointwise_bests": pointwise_bests}
     requests = _requests(pair, settings, time, spec, damping, given)
     relative = _relative(tips, paths)
-    step = Step(progress, "plan the motion of both arms")
+    step = Step(progress, "Plan trajectory of both arms")
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = ArmsPlanner.of(settings.motion_limits, spec, settings.collisions, deepcopy(generator))
@@ -108,9 +107,9 @@ def plan_arms(
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
     step.end(requests[0].duration_text(timed))
-    step = Step(progress, "measure the motion of both arms")
+    step = Step(progress, "Evaluate trajectory of both arms")
     result = _judged(planner, requests, courses, timed, joined, relative)
-    step.end("; ".join(f"{side}: {in_words(one)}" for side, one in zip(("left", "right"), result.each, strict=True)))
+    step.end()
     return result
 
 

@@ -97,7 +97,7 @@ def track(
     asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
     begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
     follower = Follower((objective,), settings)
-    step, planned = Step(progress, "move the robot"), 0.0 if begin is not None else 0.5  # the share of the work
+    step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work
     if begin is None:
         begin = _planned_start(asked, objective, settings, bank, random_state)
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)

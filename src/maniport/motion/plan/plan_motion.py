@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
 from maniport.motion.effort import Effort, as_effort
-from maniport.motion.follow.track_result import TrackResult, in_words
+from maniport.motion.follow.track_result import TrackResult
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping, Objective, Targets
 from maniport.motion.plan.home_motion import with_approach
@@ -90,16 +90,16 @@ def plan_motion(
     objective = Objective.of(arm, spec, damping, EXACT_WEIGHT, positive=True)
     objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
     request = PlanRequest.of(settings, objective, profile, time, path, weights, rotations, pointwise_best)
-    step = Step(progress, "plan the motion")
+    step = Step(progress, "Plan trajectory")
     planner = settings.planner(arm, spec, generator) if planner is None else planner
     path_of_arm = request.planned(planner, generator, between(step, 0.2, 0.9))
     timed = path_of_arm.timed
     if settings.home is not None:
         timed = with_approach(timed, planner.limits, settings.home)
     step.end(request.duration_text(timed))
-    step = Step(progress, "measure the motion")
+    step = Step(progress, "Evaluate trajectory")
     result = evaluated(request, timed, planner.limits, planner.collisions, path_of_arm.pointwise)
-    step.end(in_words(result))
+    step.end()
     return result
 
 
@@ -168,7 +168,7 @@ class PlanRequest:
 
     def duration_text(self, timed: Timed) -> str:
         """Durations of the motion and the demonstration."""
-        return f"it takes {timed.time[-1]:.1f} s, the person took {np.ptp(self.asked.time):.1f} s"
+        return f"{timed.time[-1]:.1f} s (human {np.ptp(self.asked.time):.1f} s)"
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,7 @@ def panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     """Return the curves of demonstrations and of the profile that is learned from them."""
     time, deviations = learned.alignment.time, axis_deviations(learned.profile, learned.covariance)
     semi_axes, each = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
-    d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.odd
+    d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
 
     def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
         lines = [Line(name, one, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)

@@ -24,7 +24,7 @@ def planar(base=None):
 def planar_error(n, seed, search=DEFAULTS):
     """Undivided RMSE on held-out ellipsoids of the planar pair, known base orientation, independent Sobol samples."""
     teacher, student = mp.sample_domain(planar(), n, seed), mp.sample_domain(planar(FRAME), n, seed + 100)
-    adapter = mp.RiemannianICP(damping=0.01, base_rotation=FRAME, n_resamples=0, search=search).fit(teacher, student)
+    adapter = mp.RiemannianICP(damping=0.01, base_rotation=FRAME, search=search).fit(teacher, student)
     new = mp.sample_domain(planar(), 300, seed + 200)
     return np.sqrt(np.mean(adapter.errors(new, FRAME @ new @ FRAME.T) ** 2)), adapter
 
@@ -48,9 +48,7 @@ def test_identity_test_of_the_panda(panda_draws):
     """Panda to Panda: the defaults change an ellipsoid by at most 0.15 where nothing should change."""
     for first, second in panda_draws:
         for frame in (None, np.eye(3)):
-            adapter = mp.RiemannianICP(damping=0.01, base_rotation=frame, n_resamples=0, random_state=0).fit(
-                first, second
-            )
+            adapter = mp.RiemannianICP(damping=0.01, base_rotation=frame, random_state=0).fit(first, second)
             assert np.sqrt(np.mean(adapter.errors(first, first) ** 2)) <= 0.15
             assert adapter.start_kept_
 
@@ -59,7 +57,7 @@ def test_a_wrong_start_does_not_win(panda_draws):
     """Where the student is turned by 30° about a determined axis, the rotation found is taken."""
     turn = Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     first, second = panda_draws[0]
-    adapter = mp.RiemannianICP(damping=0.01, n_resamples=0).fit(first, turn @ second @ turn.T)
+    adapter = mp.RiemannianICP(damping=0.01).fit(first, turn @ second @ turn.T)
     assert not adapter.start_kept_
     assert np.rad2deg(rotation_angle(adapter.rotation_, turn)) < 15.0
 
@@ -80,14 +78,3 @@ def test_fit_is_silent_where_the_mounting_or_pairs_are_known():
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
     mp.RiemannianICP(damping=0.01, base_rotation=FRAME).fit(teacher, student)
     mp.RiemannianICP(damping=0.01).fit(teacher, student, pairs=(teacher[:3], FRAME @ teacher[:3] @ FRAME.T))
-
-
-def test_resampling_tells_the_spread():
-    """`n_resamples` rotations are kept; they spread little about a kept start, much about a flat optimum."""
-    teacher, student = mp.sample_domain(planar(), 128, 0), mp.sample_domain(planar(FRAME), 128, 1)
-    known = mp.RiemannianICP(damping=0.01, base_rotation=FRAME, n_resamples=3, random_state=0).fit(teacher, student)
-    assert known.identifiability_.resampled.shape == (3, 3, 3)
-    free = mp.RiemannianICP(damping=0.01, n_resamples=3, random_state=0).fit(teacher, student)
-    assert free.identifiability_.spread_deg > known.identifiability_.spread_deg
-    parallel = mp.RiemannianICP(damping=0.01, n_resamples=3, random_state=0).fit(teacher, student)
-    np.testing.assert_array_equal(parallel.identifiability_.resampled, free.identifiability_.resampled)
