@@ -19,7 +19,7 @@ import maniport as mp
 from maniport.arms.human import human_arm
 from maniport.batch.pair import ADAPTERS, PAIR
 from maniport.batch.table import COMPUTING, PAGE, TABLES
-from maniport.mocap import synthetic_recording, shipped_recording
+from maniport.mocap import shipped_recording, synthetic_recording
 
 from .measure import BATCH_PLOT, ROOT, Row, duration, failed, fresh_process
 from .scale import growth

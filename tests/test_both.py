@@ -45,7 +45,7 @@ def still(recording):
 
 def test_the_left_arm_goes_to_the_left_and_the_right_to_the_right(moved, arms):
     """Each arm of the person becomes the robot's of its side; the demonstrated ellipsoids are its own."""
-    for side, one, arm in zip(SIDES, moved.each, arms.each, strict=True):
+    for side, one, arm in zip(SIDES, moved.each, arms.arms, strict=True):
         assert one.fit.arm.side == side
         assert one.robot is arm
         np.testing.assert_allclose(one.demonstrated_profile, one.fit.arm.manipulability(one.fit.joint_angles))
@@ -67,13 +67,13 @@ def test_one_motion_moves_both(moved, arms):
     """The joints of both are those of each, at the same times, within all limits; nothing collides."""
     motion = moved.motion
     q = arms.joined(*(one.execution.motion.joint_positions for one in moved.each))
-    np.testing.assert_allclose(motion.joint_positions, q, atol=1e-12)
+    np.testing.assert_allclose(motion.trajectory.joint_positions, q, atol=1e-12)
     for one in moved.each:
-        np.testing.assert_array_equal(one.execution.motion.time, motion.time)
+        np.testing.assert_array_equal(one.execution.motion.time, motion.trajectory.time)
         assert np.percentile(one.execution.motion.position_error, 95) < 12e-3
     assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
-    assert motion.room.known
-    assert motion.room.share == 0.0
+    assert motion.clearance.known
+    assert motion.clearance.share == 0.0
 
 
 def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
@@ -82,8 +82,8 @@ def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
         recording, robot=arms, planning_effort="quick", tips="relative", orientation="constant", **GIVEN
     )
     hands = np.linalg.norm(found.fits.hands[1] - found.fits.hands[0], axis=1)
-    np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.way, axis=1) / hands), 0.0, atol=1e-9)
-    assert np.percentile(found.motion.beside_way, 95) < 5e-3
+    np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
+    assert np.percentile(found.motion.relative_error, 95) < 5e-3
     for one in found.each:
         runs = one.execution.motion, one.execution.free
         turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
@@ -130,7 +130,7 @@ def test_a_folder_holds_both_and_each(moved, tmp_path):
     header = (folder / "joints.csv").read_text().split("\n", 1)[0]
     assert all(f"{name}_rad," in header for name in moved.robot.joint_names)
     with np.load(folder / "joints.npz") as arrays:
-        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.joint_positions)
+        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.trajectory.joint_positions)
     for side in SIDES:
         assert {"person.csv", "target_profile.npz", "adapter.npz", "joints.csv"} <= {
             file.name for file in (folder / side).iterdir()

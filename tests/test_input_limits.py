@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from maniport.cli.recorded import Recorded
 
 from maniport.arms import load_arm
 from maniport.arms.meshes.mesh_files import load_mesh
-from maniport.cli.recorded import Recorded
 from maniport.errors import FileFormatError, ManiportError
 from maniport.learning import ProfileGMM
 from maniport.mocap import read_recording

@@ -8,7 +8,7 @@ import maniport as mp
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
-from maniport.mocap import synthetic_recording, shipped_recording
+from maniport.mocap import shipped_recording, synthetic_recording
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import files_of
 from maniport.report.write import LEARNED_FILES

@@ -45,7 +45,7 @@ def changed():
     def change(result, arm=None, **motion):
         own = replace(result.arm, **(arm or {}))
         own = replace(own, motion=replace(own.motion, **motion)) if motion else own
-        return replace(result, arms=(own,), motion=own.motion)
+        return replace(result, arms=(own,), motion=replace(result.motion, arms=(own.motion,), trajectory=own.motion))
 
     return change
 
@@ -57,13 +57,11 @@ def several(result):
     def make(count):
         names = ("left", "right", "middle")[:count]
         motion, arm = result.motion, result.arm
-        joints = [f"{name}_{joint}" for name in names for joint in motion.joint_names]
+        joints = [f"{name}_{joint}" for name in names for joint in arm.motion.joint_names]
         columns = np.split(np.arange(len(joints)), count)
         robot = SimpleNamespace(name="robot", joint_names=joints, shared=(), columns=columns)
-        values = {
-            name: getattr(motion, name) for name in ("time", "limits", "control_time", "control_positions", "room")
-        }
-        whole = SimpleNamespace(**values, pointwise_ratio=1.5, beside_way=np.full(len(motion.time), 1e-3))
+        error = np.full((len(arm.motion.time), count - 1), 1e-3)
+        whole = replace(motion, arms=count * motion.arms, relative_error=error) if count > 1 else motion
         return replace(result, robot=robot, arms=tuple(replace(arm, name=name) for name in names), motion=whole)
 
     return make

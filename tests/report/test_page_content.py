@@ -27,17 +27,17 @@ def test_transfer_has_stages_of_person_and_robot(result, shown):
     (person,), (robot,) = (stage.bodies for stage in shown.stages)
     np.testing.assert_array_equal(shown.time, result.time)
     np.testing.assert_array_equal(person.ellipsoids["person"], result.arm.demonstrated_profile)
-    np.testing.assert_array_equal(robot.ellipsoids["target"], result.motion.target)
-    np.testing.assert_array_equal(robot.ellipsoids["achieved"], result.motion.achieved)
-    positions = result.arm.robot.forward(result.motion.joint_positions)[:, :3, 3]
+    np.testing.assert_array_equal(robot.ellipsoids["target"], result.arm.motion.target)
+    np.testing.assert_array_equal(robot.ellipsoids["achieved"], result.arm.motion.achieved)
+    positions = result.arm.robot.forward(result.arm.motion.joint_positions)[:, :3, 3]
     np.testing.assert_allclose(robot.skeleton[:, -1], positions, atol=1e-12)
-    np.testing.assert_array_equal(robot.path, result.motion.path)
-    np.testing.assert_array_equal(shown.clocks["robot"], result.motion.time)
+    np.testing.assert_array_equal(robot.path, result.arm.motion.path)
+    np.testing.assert_array_equal(shown.clocks["robot"], result.arm.motion.time)
 
 
 def test_transfer_has_all_curves(result, shown):
     """Distances with the best pointwise ones, the position error, the ellipsoids and every joint in degrees."""
-    panels, motion = shown.panels, result.motion
+    panels, motion = shown.panels, result.arm.motion
     distance, position = panels["Distance and position error"]
     np.testing.assert_array_equal(distance.lines[0].values, motion.distance)
     np.testing.assert_array_equal(distance.lines[1].values, motion.pointwise_best)
@@ -61,7 +61,9 @@ def test_the_map_has_one_frame(result, shown):
     assert len(person.torso) > 3
     back, chart = robot.rotation.T, shown.map
     np.testing.assert_allclose(
-        chart.profiles[1].ellipsoids, result.arm.adapter.student_side(back @ result.motion.target @ back.T), atol=1e-9
+        chart.profiles[1].ellipsoids,
+        result.arm.adapter.student_side(back @ result.arm.motion.target @ back.T),
+        atol=1e-9,
     )
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rotated = regularized(result.arm, result.spec, quarter)[1]["person"]
@@ -98,7 +100,7 @@ def test_surfaces_have_the_poses_of_forward_kinematics(result, shown):
     (person,), (robot,) = (stage.bodies for stage in shown.stages)
     assert person.parts == ()
     arm = result.arm.robot
-    surfaces, poses = arm.surfaces(), arm.link_poses(result.motion.joint_positions)
+    surfaces, poses = arm.surfaces(), arm.link_poses(result.arm.motion.joint_positions)
     assert len(robot.parts) == len(surfaces) > 1
     for part, surface in zip(robot.parts, surfaces, strict=True):
         np.testing.assert_array_equal(part.poses, poses[:, surface.joint])

@@ -50,7 +50,7 @@ def test_warnings_are_the_same_everywhere(warned):
 
 def test_numbers_of_a_run(result):
     """JSON has maxima with their times and units in the names; nothing in it is infinite."""
-    report, motion = facts_of(result), result.motion
+    report, motion = facts_of(result), result.arm.motion
     numbers = as_numbers(report)
     assert numbers["motion"]["distance"]["max"] == motion.distance.max()
     assert numbers["motion"]["distance"]["max_at_s"] == result.time[np.argmax(motion.distance)]
@@ -63,8 +63,8 @@ def test_numbers_of_a_run(result):
 def test_a_large_position_error_is_a_warning(alone, changed):
     """An error of more than three times the tolerance at any time is a warning, however good the median is."""
     for factor, warned in ((3.1, True), (2.9, False)):
-        error = np.zeros(len(alone.motion.time))
-        error[3] = factor * alone.motion.position_tolerance
+        error = np.zeros(len(alone.arm.motion.time))
+        error[3] = factor * alone.arm.motion.position_tolerance
         assert ("position-error" in facts_of(changed(alone, position_error=error)).warning_keys) == warned
 
 

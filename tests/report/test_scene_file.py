@@ -63,5 +63,5 @@ def test_every_curve_of_the_page_is_there(scene, alone):
     curves = {path: rows for path, rows in moving.items() if path.startswith("/curves/")}
     assert len(curves) == lines
     found = next(rows for path, rows in curves.items() if "panda_joint3" in path)
-    positions = alone.motion.joint_positions[:, 2]
+    positions = alone.arm.motion.joint_positions[:, 2]
     assert_allclose(np.array(found["Scalars:scalars"])[:, 0], np.degrees(positions), atol=1e-12)

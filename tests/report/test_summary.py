@@ -12,7 +12,7 @@ import pytest
 import maniport as mp
 from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_html, as_markdown, as_numbers, facts_of
@@ -40,15 +40,15 @@ def test_green_requires_that_there_is_no_warning(complete, changed):
     assert report.summary.advice.startswith("Run it")
     assert report.summary.title.startswith("Position tracked; ellipsoids tracked")
     assert not report.summary.command
-    motion, n = complete.motion, len(complete.time)
+    motion, n = complete.arm.motion, len(complete.time)
     names = motion.joint_names
     assumed = replace(motion.limits, assumed={**motion.limits.assumed, "acceleration": names[:2]})
     axes = np.diag([1.0, 2.0, 4.0]), np.diag([4.0, 2.0, 1.0])
     outlier = np.where(np.arange(n) == 0, 3.1 * motion.position_tolerance, 0.0)
     for key, changes in {
         "assumed-acceleration-limits": {"limits": assumed},
-        "unchecked-collisions": {"room": Room()},
-        "missing-meshes": {"room": replace(motion.room, stand_ins=("panda_link3",))},
+        "unchecked-collisions": {"clearance": Clearance()},
+        "missing-meshes": {"clearance": replace(motion.clearance, stand_ins=("panda_link3",))},
         "position-error": {"position_error": outlier},
         "longest-axis": {"target": np.tile(axes[0], (n, 1, 1)), "achieved": np.tile(axes[1], (n, 1, 1))},
         "targets-missed": {"status": ("ellipsoid missed",) * n},
@@ -86,11 +86,11 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
 
 def test_a_dangerous_motion_is_red(complete, changed):
     """A motion beyond its limits, in a collision or held is red, and the advice is not to run it."""
-    motion = complete.motion
+    motion = complete.arm.motion
     held = np.arange(len(motion.held)) == 0
     for key, changes in {
         "limits-exceeded": {"control_time": 0.5 * motion.control_time},
-        "collision": {"room": Room(True, "", 0.25, -0.01, 0.0, ("a", "b"))},
+        "collision": {"clearance": Clearance(True, "", 0.25, -0.01, 0.0, ("a", "b"))},
         "held": {"held": held},
     }.items():
         report = facts_of(changed(complete, **changes))
@@ -175,7 +175,7 @@ def test_parts_of_the_mean_distance_add_up(result):
     """The printed parts add up to the printed sum, which is the mean distance."""
     text = facts_of(result).metric("mean_distance").text
     mean, *parts = [round(1000 * float(number)) for number in re.findall(r"-?\d+\.\d+", text)]
-    assert mean == sum(parts) == round(1000 * result.motion.distance.mean())
+    assert mean == sum(parts) == round(1000 * result.arm.motion.distance.mean())
     for values in ([0.0024, 0.3334, 0.0444], [0.0005, 0.0005, 0.0005], [0.2, -0.0104, 0.1206]):
         total, printed = rounded_sum(values)
         assert float(total) == pytest.approx(sum(map(float, printed)))

@@ -46,7 +46,7 @@ def _joints(config: Config) -> dict[str, Joint]:
     both: Any = replace(options, lock=None).load(both=True)
     return {
         name: (unit, low, high)
-        for arm in (*both.each, both)  # a name that both robots have is that of both joints
+        for arm in (*both.arms, both)  # a name that both robots have is that of both joints
         for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
     }
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from maniport.arms import ArmGroup
 from maniport.mocap import HumanMotion, Recording
-from maniport.motion import PlannedArms
+from maniport.motion import RobotMotion
 from maniport.pipeline.config import Config
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
@@ -27,7 +27,7 @@ class BothResult(SavedResult):
     robot : ArmGroup
     left, right : TransferResult
         What became of each arm: its ellipsoids, adapter, evaluation, and its part of the motion.
-    motion : PlannedArms or None
+    motion : RobotMotion or None
         The motion of both, with one time; None where the robot was not moved.
     warnings : tuple of str
         What the steps warned of that concern both.
@@ -39,7 +39,7 @@ class BothResult(SavedResult):
     robot: ArmGroup
     left: TransferResult
     right: TransferResult
-    motion: PlannedArms | None
+    motion: RobotMotion | None
     warnings: tuple[str, ...]
     config: Config | None = None  # How the transfer was requested
 
@@ -68,5 +68,5 @@ class BothResult(SavedResult):
     def write_data(self, folder: Path) -> None:
         """Write the joint positions of both arms into an existing folder, if the robot was moved."""
         if self.motion is not None:
-            self.motion.save_joints_csv(folder / JOINT_FILES[0])
+            self.motion.trajectory.save_joints_csv(folder / JOINT_FILES[0])
             self.motion.save_joints(folder / JOINT_FILES[1])

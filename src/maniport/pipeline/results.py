@@ -16,7 +16,7 @@ from maniport.arms.collisions.carried import lowest_points
 from maniport.errors import InvalidInputError
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
-from maniport.motion import Placement, PlannedArms, PlannedMotion
+from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
@@ -24,9 +24,6 @@ from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import ShownInNotebooks
 from maniport.util.validation import Array
-
-ArmMotion = PlannedMotion
-RobotMotion = PlannedMotion | PlannedArms
 
 JOINT_FILES = "joints.csv", "joints.npz"
 MOTION_FILES = (*PLACED_FILES, *JOINT_FILES)
@@ -118,6 +115,7 @@ class ArmResult(ShownInNotebooks):
     def mean_distance(self) -> "MeanDistance":
         """Mean distance of target and achieved ellipsoids, as a sum of three parts."""
         assert self.motion is not None and self.gap is not None
+        assert self.motion.pointwise_best is not None
         values = self.motion.distance, self.motion.pointwise_best, self.gap
         mean, pointwise, gap = (float(np.mean(value)) for value in values)
         return MeanDistance(gap, pointwise - gap, mean - pointwise)
@@ -243,7 +241,7 @@ class RobotResult(SavedResult, Generic[A]):
             (folder / arm.name).mkdir(exist_ok=True)
             arm.write_data(folder / arm.name)
         if self.motion is not None:
-            self.motion.save_joints_csv(folder / JOINT_FILES[0])
+            self.motion.trajectory.save_joints_csv(folder / JOINT_FILES[0])
             self.motion.save_joints(folder / JOINT_FILES[1])
 
     def __repr__(self) -> str:

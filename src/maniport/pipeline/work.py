@@ -22,6 +22,7 @@ from maniport.mocap import ArmFit, Recording, fit_arm, read_recording
 from maniport.motion import PlanControl, Planner, SeedBank
 from maniport.motion.arm_model import why_not_trackable
 from maniport.motion.objective import Damping
+from maniport.motion.plan.planner import ArmPlanner
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.follow import controls, follow
 from maniport.pipeline.learned import LearnedProfile
@@ -176,12 +177,14 @@ class Job:
             return None
         self.tell("Sample robot", 0.0)
         planner = PlanControl(**controls(self.control)[0]).planner(self.robot, self.spec.velocity, generator)
-        self.tell("Sample robot", 1.0, f"{len(planner.reachability_map)} postures")
+        self.tell("Sample robot", 1.0, f"{len(planner.arms[0].reachability_map)} postures")
         return planner
 
-    def bank(self, planner: Planner | None) -> SeedBank | None:
+    def bank(self, planner: Planner | ArmPlanner | None) -> SeedBank | None:
         """The planner's samples of the robot where they are of these ellipsoids."""
-        return planner.bank if planner is not None and self.spec.kind == "velocity" else None
+        if planner is None or self.spec.kind != "velocity":
+            return None
+        return planner.bank if isinstance(planner, ArmPlanner) else planner.arms[0].bank
 
     def teacher(self, person: Arm) -> Array:
         """The domain of the person's arm."""
@@ -224,7 +227,7 @@ class Job:
             **self.turned(shown.fit),
             spec=self.spec.velocity,
             damping=damping,
-            planner=known.planner,
+            planner=known.planner if isinstance(known.planner, Planner) else None,
             random_state=copy.deepcopy(known.random),
             progress=self.tell,
             **self.control,

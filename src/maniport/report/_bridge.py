@@ -1,9 +1,10 @@
 """Convert results of one arm and of both arms to results of several arms, until the pipeline returns these."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
-from maniport.motion.follow.track_result import TrackResult
+from maniport.arms import as_group
+from maniport.motion import RobotMotion
 from maniport.pipeline import BothResult
 from maniport.pipeline import TransferResult as OneResult
 from maniport.pipeline.execution import Execution
@@ -15,12 +16,12 @@ def as_result(result: Any) -> Any:
     if isinstance(result, Execution):
         arm = ArmResult(name=result.robot.name, **_moved(result))
         return MotionResult(
-            robot=result.robot, arms=(arm,), motion=arm.motion, random_state=result.random_state or 0,
-            config=result.config, sources=result.sources,
+            robot=result.robot, arms=(arm,), motion=_of_one(result.robot, arm.motion),
+            random_state=result.random_state or 0, config=result.config, sources=result.sources,
         )  # fmt: skip
     if isinstance(result, OneResult):
         arm = _transfer(result, str(result.fit.arm.side or "right"))
-        return _whole(result, (arm,), result.robot, arm.motion, result.warnings, result.config)
+        return _whole(result, (arm,), result.robot, _of_one(result.robot, arm.motion), result.warnings, result.config)
     if isinstance(result, BothResult):
         arms = tuple(_transfer(one, side) for side, one in zip(("left", "right"), result.each, strict=True))
         warnings = (*result.warnings, *(text for one in result.each for text in one.warnings))
@@ -43,7 +44,16 @@ def _transfer(one: OneResult, name: str) -> ArmTransfer:
 
 
 def _moved(execution: Execution) -> dict[str, Any]:
-    own = {field.name: getattr(execution.motion, field.name) for field in fields(TrackResult)}
-    motion = replace(execution.plan, **own, room=execution.room)
+    plan = execution.plan
+    motion = replace(
+        execution.motion, demonstrated_time=plan.demonstrated_time, limits=plan.limits,
+        pointwise_best=plan.pointwise_best, clearance=execution.room,
+    )  # fmt: skip
     names = ("robot", "placement", "free", "gap", "collisions")
     return {"motion": motion, **{name: getattr(execution, name) for name in names}}
+
+
+def _of_one(robot: Any, motion: Any) -> RobotMotion | None:
+    if motion is None:
+        return None
+    return RobotMotion(as_group(robot), motion, (motion,), limits=motion.limits, clearance=motion.clearance)

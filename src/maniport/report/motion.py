@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.collisions import Collisions
-from maniport.motion import PlannedArms, TrackResult
+from maniport.motion import ArmMotion, RobotMotion
+from maniport.motion.arm_motion import rms_ratio
 from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, STATUSES
-from maniport.motion.plan.planned_motion import PlannedMotion, Room
+from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.report.metrics import WARNINGS, Value, as_metric, describe, listed, measured, metric, warning, warnings_of
 from maniport.report.motion_warnings import Run, collision_texts, collision_warnings, missed_points
 from maniport.report.robot import assumed_limits
@@ -17,18 +19,20 @@ from maniport.util.validation import Array
 
 
 @describe.register
-def track_report(motion: TrackResult) -> Report:
-    """Describe a joint trajectory."""
-    lead = f"{len(motion.time)} target ellipsoids in {motion.time[-1] - motion.time[0]:.2f} s."
-    return Report(f"{motion.arm} at {motion.frame}", lead, (motion_section(Run(motion, motion.time)),))
+def motion_report(motion: ArmMotion | RobotMotion) -> Report:
+    """Describe the motion of one or several arms."""
+    arms = motion.arms if isinstance(motion, RobotMotion) else (motion,)
+    lead = f"{len(arms[0].time)} target ellipsoids in {np.ptp(arms[0].time):.2f} s."
+    sections = tuple(motion_section(Run(arm, arm.time)) for arm in arms)
+    return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, sections)
 
 
 def motion_section(run: Run) -> Section:
     """Describe a motion by all registered metrics and warnings."""
     plan, collisions = run.plan, None if run.result is None else run.result.collisions
     warned = [warning(key, text) for key, (_, function) in WARNINGS.items() for text in function(run)]
-    if plan is not None:
-        warned += [*assumed_limits(plan.limits), *collision_warnings(plan.room, collisions)]
+    if plan is not None and plan.limits is not None:
+        warned += [*assumed_limits(plan.limits), *collision_warnings(plan.clearance, collisions)]
     return Section("Robot motion", (*warned, *measured(run, run.time)), key="motion")
 
 
@@ -49,17 +53,19 @@ def _orientation_error(run: Run) -> Value:
 
 @metric("duration", "Duration", "s", "Time-scaled to satisfy the limits; other times are demonstrated.", main=True)
 def _duration(run: Run) -> Value:
-    return None if run.plan is None else duration_value(run.plan, run.plan.demonstrated_time)
+    times = run.motion.demonstrated_time
+    return None if times is None else duration_value(run.motion, times)
 
 
 @metric("limits", "Limits", "", "Largest value relative to the limit.", main=True)
 def _limits(run: Run) -> Value:
-    return None if run.plan is None else limits_value(run.plan, run.time)
+    limits = run.motion.limits
+    return None if limits is None else limits_value(limits, run.motion, run.time)
 
 
 @metric("collisions", "Collisions", "", "Between convex hulls of links, table and obstacles.", main=True)
 def _collisions(run: Run) -> Value:
-    return None if run.plan is None else collision_value(run.plan.room, run.at(run.plan.room.time))
+    return None if run.plan is None else collision_value(run.plan.clearance, run.at(run.plan.clearance.time))
 
 
 @metric(
@@ -93,9 +99,11 @@ def _pointwise_best(run: Run) -> Value:
 
 @metric("pointwise_ratio", "Ratio to the best pointwise distances found", "", "Of root mean squares.")
 def _pointwise_ratio(run: Run) -> Value:
-    if run.plan is None or np.median(run.plan.pointwise_best) <= 0.01:  # the ratio has no meaning
+    best = None if run.plan is None else run.plan.pointwise_best
+    if best is None or np.median(best) <= 0.01:  # the ratio has no meaning
         return None
-    return f"{run.plan.pointwise_ratio:.2f}", run.plan.pointwise_ratio
+    ratio = rms_ratio(run.motion.distance, best)
+    return f"{ratio:.2f}", ratio
 
 
 @metric("feasibility_gap", "Distance to the feasible set", "", "Of the target; an upper bound.")
@@ -174,45 +182,48 @@ def _points(run: Run) -> Value:
     return "", {"count": len(run.motion.time), "missed": missed_points(run.motion)}
 
 
-def collision_value(room: Room, at: float) -> tuple[str, dict[str, Any]]:
-    """Return the text and the value of the metric of collisions."""
-    checked = room.known and np.isfinite(room.clearance)
-    value = {"checked": room.known, "share": room.share, "at_s": at, "pair": room.pair,
-             "clearance_mm": 1e3 * room.clearance if checked else None}  # fmt: skip
+def collision_value(clearance: Clearance, at: float) -> tuple[str, dict[str, Any]]:
+    """Return the text and the value of the metric of collisions; `at`: time of the smallest clearance [s]."""
+    checked = clearance.known and np.isfinite(clearance.distance)
+    value = {"checked": clearance.known, "share": clearance.share, "at_s": at, "pair": clearance.pair,
+             "clearance_mm": 1e3 * clearance.distance if checked else None}  # fmt: skip
     if not checked:
-        return "none possible" if room.known else "not checked", value
-    share = f"in {room.share:.1%} of the time" if room.share else "none"
-    return f"{share}; clearance {1e3 * room.clearance:.0f} mm ({' and '.join(room.pair)} {at_time(at)})", value
+        return "none possible" if clearance.known else "not checked", value
+    share = f"in {clearance.share:.1%} of the time" if clearance.share else "none"
+    between = f"{' and '.join(clearance.pair)} {at_time(at)}"
+    return f"{share}; clearance {1e3 * clearance.distance:.0f} mm ({between})", value
 
 
-def duration_value(motion: PlannedMotion | PlannedArms, demonstrated: Array) -> tuple[str, dict[str, float]]:
+def duration_value(motion: Trajectory, demonstrated: Array) -> tuple[str, dict[str, float]]:
     """Return the text and the value of the duration; `demonstrated`: times of the waypoints in the recording [s]."""
     robot, human = float(np.ptp(motion.control_time)), float(np.ptp(demonstrated))
     return f"{robot:.1f} s (human {human:.1f} s)", {"robot": robot, "person": human}
 
 
-def limits_value(motion: PlannedMotion | PlannedArms, time: Array) -> tuple[str, dict[str, Any]]:
+def limits_value(limits: MotionLimits, motion: Trajectory, time: Array) -> tuple[str, dict[str, Any]]:
     """Return the text and the value of the metric of limits; `time`: reported times of the waypoints [s]."""
     used = {
         name: {"joint": joint, "share": share, "at_s": float(np.interp(at, motion.time, time))}
-        for name, (joint, share, at) in motion.limits.use(motion.control_time, motion.control_positions).largest.items()
+        for name, (joint, share, at) in limits.use(motion.control_time, motion.control_positions).largest.items()
     }
     text = listed([f"{name} {one['share']:.0%}" for name, one in used.items()])
-    return text, {"used": used, "sources": motion.limits.sources}
+    return text, {"used": used, "sources": limits.sources}
 
 
-def group_section(motion: PlannedArms, time: Array, collisions: Collisions | None) -> Section:
+def group_section(motion: RobotMotion, time: Array, collisions: Collisions | None) -> Section:
     """Describe what concerns several arms together; `time`: reported times of the waypoints [s]."""
-    at = float(np.interp(motion.room.time, motion.time, time))
+    clearance, trajectory = motion.clearance, motion.trajectory
+    at = float(np.interp(clearance.time, trajectory.time, time))
     values: dict[str, Any] = {
-        "duration": duration_value(motion, time),
-        "limits": limits_value(motion, time),
-        "collisions": collision_value(motion.room, at),
+        "duration": duration_value(trajectory, time),
+        "collisions": collision_value(clearance, at),
         "pointwise_ratio": (f"{motion.pointwise_ratio:.2f}", motion.pointwise_ratio),
     }
-    if motion.beside_way is not None:
-        values["relative_position_error"] = 1e3 * motion.beside_way
-    warned = [*warnings_of("collision", collision_texts(motion.room, at)), *collision_warnings(motion.room, collisions)]
+    if motion.limits is not None:
+        values["limits"] = limits_value(motion.limits, trajectory, time)
+    if motion.relative_error is not None:
+        values["relative_position_error"] = 1e3 * motion.relative_error.max(axis=1)
+    warned = [*warnings_of("collision", collision_texts(clearance, at)), *collision_warnings(clearance, collisions)]
     return Section("All arms", (*warned, *(as_metric(key, value, time) for key, value in values.items())), key="arms")
 
 

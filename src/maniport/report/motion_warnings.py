@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from maniport.arms.collisions import Collisions
 from maniport.errors import argument
-from maniport.motion import TrackResult
+from maniport.motion import ArmMotion
 from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
-from maniport.motion.plan.planned_motion import PlannedMotion, Room
-from maniport.motion.plan.planner import FAR
+from maniport.motion.plan.relaxation import FAR
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.results import ArmResult
 from maniport.report.metrics import listed, warning, warns
 from maniport.report.robot import missing_meshes, unchecked_links
@@ -24,34 +24,34 @@ from maniport.util.validation import Array
 class Run:
     """A motion, the times of its waypoints in the report [s], and the result that it belongs to."""
 
-    motion: TrackResult
+    motion: ArmMotion
     time: Array
     result: ArmResult | None = None
 
     @property
-    def plan(self) -> PlannedMotion | None:
+    def plan(self) -> ArmMotion | None:
         """The motion, if it was planned."""
-        return self.motion if isinstance(self.motion, PlannedMotion) else None
+        return None if self.motion.limits is None else self.motion
 
     def at(self, time: float) -> float:
         """Return the reported time at a time of the robot [s]."""
         return float(np.interp(time, self.motion.time, self.time))
 
 
-def missed_points(motion: TrackResult) -> int:
+def missed_points(motion: ArmMotion) -> int:
     """Count the waypoints that are neither followed nor nearly followed."""
     return sum(status not in REACHED for status in motion.status)
 
 
-def far_points(motion: TrackResult) -> NDArray[np.bool_]:
+def far_points(motion: ArmMotion) -> NDArray[np.bool_]:
     """Return at which waypoints the position error is more than `FAR` times the tolerance."""
     error = np.zeros(len(motion.time)) if motion.position_error is None else motion.position_error
     return np.asarray(error > FAR * motion.position_tolerance)
 
 
-def exceeded_limits(plan: PlannedMotion, excess: float = 1e-3) -> dict[str, tuple[str, float]]:
+def exceeded_limits(plan: ArmMotion, excess: float = 1e-3) -> dict[str, tuple[str, float]]:
     """Return the limits that are exceeded by a relative excess: joint, and the value as a multiple of the limit."""
-    used = plan.limits.use(plan.control_time, plan.control_positions).largest
+    used = {} if plan.limits is None else plan.limits.use(plan.control_time, plan.control_positions).largest
     return {name: (joint, share) for name, (joint, share, _) in used.items() if share > 1.0 + excess}
 
 
@@ -137,17 +137,17 @@ def infeasible_targets(median: float) -> Iterator[str]:
 
 @warns("collision", RED)
 def _collision(run: Run) -> Iterator[str]:
-    return iter(()) if run.plan is None else collision_texts(run.plan.room, run.at(run.plan.room.time))
+    return iter(()) if run.plan is None else collision_texts(run.plan.clearance, run.at(run.plan.clearance.time))
 
 
-def collision_texts(room: Room, at: float) -> Iterator[str]:
+def collision_texts(clearance: Clearance, at: float) -> Iterator[str]:
     """Warn of a collision; `at`: time of the smallest clearance [s]."""
-    if room.known and room.share:
-        yield f"the robot collides in {room.share:.1%} of the time: {' and '.join(room.pair)} {at_time(at)}"
+    if clearance.known and clearance.share:
+        yield f"the robot collides in {clearance.share:.1%} of the time: {' and '.join(clearance.pair)} {at_time(at)}"
 
 
-def collision_warnings(room: Room, collisions: Collisions | None) -> list[Metric]:
+def collision_warnings(clearance: Clearance, collisions: Collisions | None) -> list[Metric]:
     """Warn of what was not checked for collisions."""
-    if not room.known:
-        return [warning("unchecked-collisions", f"collisions are not checked: {room.why}")]
-    return [*missing_meshes(room.stand_ins), *unchecked_links([] if collisions is None else collisions.unchecked)]
+    if not clearance.known:
+        return [warning("unchecked-collisions", f"collisions are not checked: {clearance.why}")]
+    return [*missing_meshes(clearance.stand_ins), *unchecked_links([] if collisions is None else collisions.unchecked)]

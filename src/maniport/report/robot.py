@@ -49,7 +49,7 @@ def pair_report(arms: ArmGroup) -> Report:
         Metric("Degrees of freedom", str(arms.dof), key="degrees_of_freedom", value=arms.dof),
         Metric("Shared", listed(arms.shared), "Joints that move both arms.", "shared", list(arms.shared)),
     )
-    each = zip(("left", "right"), arms.each, strict=True)
+    each = zip(arms.names, arms.arms, strict=True)
     sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side) for side, arm in each]
     return Report(arms.name, "", (Section("", metrics), *sections))
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.motion import PlannedMotion
 from maniport.pipeline import BothResult
 from maniport.pipeline import TransferResult as OneResult
 from maniport.pipeline.execution import Execution
@@ -66,8 +65,8 @@ def transfer_report(result: TransferResult) -> Report:
 def motion_report(result: MotionResult) -> Report:
     """Report a robot's motion along target ellipsoids."""
     assert result.motion is not None
-    robot, duration = result.robot.name, np.ptp(result.motion.control_time)
-    lead = f"{len(result.motion.time)} target ellipsoids, followed by {robot} in {duration:.1f} s."
+    robot, trajectory = result.robot.name, result.motion.trajectory
+    lead = f"{len(trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(trajectory.control_time):.1f} s."
     title = f"{Path(result.sources[0]).stem} → {robot}" if result.sources else f"The motion of {robot}"
     sections = [
         *_group_sections(result),
@@ -129,9 +128,9 @@ def _named(result: TransferResult | MotionResult, arm: ArmResult, sections: Sequ
 
 def _group_sections(result: TransferResult | MotionResult) -> list[Section]:
     """Describe what concerns several arms together."""
-    if result.motion is None or isinstance(result.motion, PlannedMotion):
+    if result.motion is None or len(result.arms) == 1:
         return []
-    time = result.time if isinstance(result, TransferResult) else result.motion.time
+    time = result.time if isinstance(result, TransferResult) else result.motion.trajectory.time
     return [group_section(result.motion, time, result.arms[0].collisions)]
 
 

@@ -1,7 +1,6 @@
 """Maps of the live view: every method of transfer, fitted again when the base orientation changes."""
 
 import threading
-import time as clock
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,8 +25,6 @@ class LiveMap:
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
     turn: Array  # rotation of ellipsoids and of the hand's path, shape (3, 3)
-    seconds: float = 0.0  # Of the fit; zero where nothing was fitted
-    ending: str = ""  # Why the fit stopped
     notes: tuple[str, ...] = ()  # Warnings of the fit
 
 
@@ -57,16 +54,14 @@ class Methods:
         as_choice(name, "method", self.names)
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
-            ending = "it keeps the base orientation of its fit"
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=ending)
+            notes = ("it keeps the base orientation of its fit",)
+            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, notes)
         adapter = knowing(method_of(name, **self._options, base_rotation=rotation), *self._robot)
-        started = clock.perf_counter()
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             adapter.fit(self._teacher, self._student)
-        seconds = clock.perf_counter() - started
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, seconds, adapter.stop_reason_, notes)
+        return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, notes)
 
 
 def require_drawable(adapter: DomainAdapter) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import Arm, ArmGroup, load_arm, load_arms
+from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
@@ -97,7 +97,7 @@ def _loaded(robot: Any, both: bool) -> Arm | ArmGroup:
 
 
 def _each(robot: Arm | ArmGroup) -> tuple[Arm, ...]:
-    return robot.each if isinstance(robot, ArmGroup) else (robot,)
+    return as_group(robot).arms
 
 
 def _person(

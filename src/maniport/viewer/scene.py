@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup, Surface
+from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.arms.human import middle_of
-from maniport.mocap.arm_ik import GROUP
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array
 from maniport.viewer.shapes import RobotBody, Shell, Skeleton, quaternion
@@ -73,7 +72,7 @@ class Scene:
             "/robot", axes_length=0.15, axes_radius=0.006, position=ROBOT_AT + aside,
             wxyz=quaternion(frames[0].base_rotation.T),
         )  # fmt: skip
-        arms = robot.each if isinstance(robot, ArmGroup) else (robot,)
+        arms = as_group(robot).arms
         _stands(scene, arms, ROBOT_AT + aside)
         above = ROBOT_AT + aside + [0.0, 0.0, 1.25]
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")

@@ -73,7 +73,7 @@ def load_arms(
     arms = [arm.restricted(joints=moving, lock=fixed) for arm, (moving, fixed) in zip(arms, held, strict=True)]
     if places is not None:
         arms = [Arm(standing(arm.chain, where)) for arm, where in zip(arms, places, strict=True)]
-    return ArmGroup(*arms)
+    return ArmGroup(*arms, names=_ORDER)
 
 
 def _robots(robot: Any, bases: Any) -> tuple[tuple[Robot, Robot], bool]:

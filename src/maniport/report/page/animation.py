@@ -26,7 +26,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     result = as_result(result)
     if isinstance(result, LearnedProfile):
         return Animation(result.alignment.time, (), panels_of_learned(result), unit=result.spec.unit)
-    transfer, motion = result if isinstance(result, TransferResult) else None, result.motion
+    transfer = result if isinstance(result, TransferResult) else None
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     time = transfer.time if transfer is not None else moved[0].time
     spec = transfer.spec if transfer is not None else moved[0].spec
@@ -50,7 +50,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         {group: alternated(panels, [arm.name for arm in result.arms]) for group, panels in groups.items()},
         chart,
         unit=spec.velocity.unit,
-        clocks={"robot": motion.time} if transfer is not None and motion is not None else {},
+        clocks={"robot": moved[0].time} if transfer is not None and moved else {},
         legend={role: ROLES[role].about for role in profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(one.status for one in moved), strict=True)),

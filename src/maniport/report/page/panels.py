@@ -94,8 +94,10 @@ def _errors(arm: ArmResult) -> list[Panel]:
     """Return panels of the distance, with the best pointwise one, and of the position error."""
     motion, distance, error = arm.motion, METRICS["distance"], METRICS["position_error"]
     assert motion is not None
-    best = Line(METRICS["pointwise_best"].label.lower(), motion.pointwise_best, REFERENCE.name, 1)
-    panels = [Panel(distance.label, "", (Line("achieved", motion.distance), best), distance.description)]
+    lines = [Line("achieved", motion.distance)]
+    if motion.pointwise_best is not None:
+        lines.append(Line(METRICS["pointwise_best"].label.lower(), motion.pointwise_best, REFERENCE.name, 1))
+    panels = [Panel(distance.label, "", tuple(lines), distance.description)]
     if motion.position_error is not None:
         line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic
         panels.append(Panel(error.label, error.unit, (line,), error.description, logarithmic=True))

@@ -1,16 +1,19 @@
-"""What became of a target motion: the joint trajectory, how near it comes, and where and why it does not."""
+"""The motion of one arm, and how well it follows its targets."""
 
 import os
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.motion.follow.joint_motion import JointMotion
 from maniport.motion.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
+from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import speed_limits
+from maniport.motion.trajectory import Clearance, Trajectory
+from maniport.spd.affine_invariant import distance
 from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
@@ -18,24 +21,23 @@ from maniport.util.files import save_arrays
 from maniport.util.validation import Array
 
 
-@dataclass(frozen=True)
-class TrackResult(JointMotion):
-    """A joint trajectory and how well it follows target ellipsoids and a target path.
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmMotion(Trajectory):
+    """The trajectory of one arm, and how well it follows target ellipsoids and a path.
 
-    Make one with `maniport.motion.track`, or `TrackResult.of_motion` for a trajectory from elsewhere.
+    `plan_motion` and `track` make it; `ArmMotion.of_motion` evaluates a trajectory from elsewhere.
 
     Attributes
     ----------
     joint_names, joint_units, time, joint_positions, control_*
-        As in `JointMotion`; the times are those of the target ellipsoids.
+        As in `Trajectory`, of this arm's joints; the waypoints are those of the target ellipsoids.
     arm, frame : str
         Names of the arm and of its end effector.
     joint_velocities : ndarray, shape (n, dof)
-        At the times of the target ellipsoids [rad/s] or [m/s].
+        At the waypoints [rad/s] or [m/s].
     target, achieved : ndarray, shape (n, d, d)
         Target and achieved ellipsoids, both without damping.
     spec : EllipsoidSpec
-        Which ellipsoids.
     damping : Regularization
         Its ε is added to the eigenvalues of both before they are compared.
     distance : ndarray, shape (n,)
@@ -45,17 +47,26 @@ class TrackResult(JointMotion):
     position_error : ndarray, shape (n,), or None
         Distances from them [m].
     orientation_error : ndarray, shape (n,), or None
-        Largest angle between an axis of the end effector that counts and its target [rad].
+        Largest angle between a constrained axis of the end effector and its target [rad].
     position_tolerance : float
-        Position error up to which a point counts as on the path [m].
+        Largest position error of a waypoint that counts as on the path [m].
     status : tuple of str
-        For each time the worst since the time before, one of `maniport.motion.follow.status.STATUSES`.
+        The worst since the previous waypoint, one of `maniport.motion.follow.status.STATUSES`.
     held : ndarray, shape (m,)
-        At which control steps the quadratic program failed and the arm was brought to rest, bool.
+        Control steps at which the quadratic program failed and the arm was brought to rest, bool.
     velocity_limits : ndarray, shape (dof,)
-        Infinite where none is known.
+        Infinite where none is available.
     position_limit_hits, velocity_limit_hits : dict of str to int
         Number of control steps at a limit, by joint; joints without hits are left out.
+    demonstrated_time : ndarray, shape (n,), or None
+        Demonstrated times of the waypoints [s], of a planned motion; ``time`` are those of the robot.
+    limits : MotionLimits or None
+        Limits of this arm, of a planned motion.
+    pointwise_best : ndarray, shape (n,), or None
+        Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
+        end effector on the path (at most 250 waypoints; its square is linear between them).
+    clearance : Clearance
+        Collisions and clearance of a planned motion, together with those of all other arms.
     """
 
     arm: str
@@ -75,6 +86,10 @@ class TrackResult(JointMotion):
     velocity_limits: Array
     position_limit_hits: dict[str, int]
     velocity_limit_hits: dict[str, int]
+    demonstrated_time: Array | None = None
+    limits: MotionLimits | None = None
+    pointwise_best: Array | None = None
+    clearance: Clearance = Clearance()
 
     @classmethod
     def of_motion(
@@ -93,7 +108,7 @@ class TrackResult(JointMotion):
         control_velocities: Array | None = None,
         control_accelerations: Array | None = None,
         position_tolerance: float = ENOUGH_METRES,
-    ) -> "TrackResult":
+    ) -> "ArmMotion":
         """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
 
         Velocities and accelerations are differences of the positions by default, velocity limits those of the arm.
@@ -142,10 +157,10 @@ class TrackResult(JointMotion):
 
     def __repr__(self) -> str:
         error = self.position_error
-        beside = "" if error is None else f", tip {1e3 * np.median(error):.2f} mm off"
+        position = "" if error is None else f", position error {1e3 * np.median(error):.2f} mm"
         return (
-            f"{type(self).__name__}({self.arm!r}, {len(self.time)} points in {self.time[-1] - self.time[0]:.2f} s at a "
-            f"distance of {np.median(self.distance):.3f}{beside} (medians))"
+            f"{type(self).__name__}({self.arm!r}, {len(self.time)} waypoints in {self.time[-1] - self.time[0]:.2f} s, "
+            f"distance {np.median(self.distance):.3f}{position} (medians))"
         )
 
     @property
@@ -163,6 +178,37 @@ class TrackResult(JointMotion):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(lengths(self.achieved) / lengths(self.target))
 
+    @property
+    def limit_use(self) -> LimitUse:
+        """Largest shares of the limits of this arm."""
+        assert self.limits is not None
+        return self.limits.use(self.control_time, self.control_positions)
+
+    @property
+    def pointwise_ratio(self) -> float:
+        """Ratio of the root mean square distance to that of the best pointwise solutions found."""
+        assert self.pointwise_best is not None
+        return rms_ratio(self.distance, self.pointwise_best)
+
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Waypoints next to a jump of the demonstration, in its path or its ellipsoids, shape (n,).
+
+        A jump is a step of more than 0.02 m or a distance of 0.2 that is also four times as fast as the median of the
+        steps around it: most are errors of the recording or of its fit.
+        """
+        assert self.demonstrated_time is not None
+        pace = 1.0 / np.diff(self.demonstrated_time)
+        damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
+        steps = [(distance(damped[1:], damped[:-1]), 0.2)]
+        if self.path is not None:
+            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), 0.02))
+        found = np.zeros(len(pace) + 2, bool)
+        for size, least in steps:
+            usual = median_filter(size * pace, min(9, len(pace)), mode="nearest")
+            found[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
+        return np.asarray(found[1:] | found[:-1])
+
     def save_joints(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file without pickled objects.
 
@@ -177,28 +223,32 @@ class TrackResult(JointMotion):
         OutputError
             When the file cannot be written.
         """
+        arrays = self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
+        save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
+
+    def error_arrays(self) -> dict[str, Array]:
+        """Return the arrays of the ellipsoids and errors that files contain, by name."""
         arrays = {
-            **self.joint_arrays(),
-            "joint_velocities": self.joint_velocities,
             "manipulability": self.achieved,
             "distance": self.distance,
             "damping": np.array(self.damping.epsilon),
             "status": np.array(self.status),
         }
-        if self.position_error is not None:
-            arrays["position_error"] = self.position_error
-        save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
+        return arrays if self.position_error is None else arrays | {"position_error": self.position_error}
+
+    def error_text(self) -> str:
+        """Describe the errors in one line."""
+        text = f"distance {np.median(self.distance):.2f} (median), {self.distance.max():.2f} (max)"
+        if self.position_error is None:
+            return text
+        error = 1e3 * self.position_error
+        return f"{text}; position error {np.percentile(error, 95):.2f} mm (95th percentile), {error.max():.2f} mm (max)"
 
 
-def in_words(motion: TrackResult) -> str:
-    """How near an arm came, in a line: the largest beside what most points have."""
-    found = (
-        f"distance of the ellipsoids {np.median(motion.distance):.2f} (median), {motion.distance.max():.2f} (largest)"
-    )
-    if motion.position_error is None:
-        return found
-    error = 1e3 * motion.position_error
-    return f"{found}, tip {np.percentile(error, 95):.2f} mm beside its path (95 %), {error.max():.2f} mm (largest)"
+def rms_ratio(distance: Array, best: Array) -> float:
+    """Return the ratio of two root mean squares; infinite where the second is zero."""
+    norm = float(np.linalg.norm(best))
+    return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
 
 
 def _at(time: Array, control_time: Array, values: Array) -> Array:
@@ -207,7 +257,7 @@ def _at(time: Array, control_time: Array, values: Array) -> Array:
 
 
 def _second_differences(time: Array, values: Array) -> Array:
-    """Second derivative at each time, shape (m, dof); at the ends as beside them, zero for fewer than three times."""
+    """Second derivatives (m, dof); at the ends those of the neighbors, zero for fewer than three times."""
     if len(time) < 3:
         return np.zeros_like(values)
     slopes = np.diff(values, axis=0) / np.diff(time)[:, None]

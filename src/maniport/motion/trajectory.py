@@ -1,4 +1,4 @@
-"""A motion of joints, of one arm or of several: where they are at the points of a path and at every control step."""
+"""Joint trajectories, and how near they come to a collision."""
 
 import csv
 import os
@@ -6,30 +6,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from maniport.arms.collisions import Collisions
 from maniport.util.atomic_io import written_whole
 from maniport.util.notebook import ShownInNotebooks
+from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What a cell of a spreadsheet begins with that is calculated instead of shown."""
+"""First characters of cells that a spreadsheet evaluates instead of showing them."""
 
 
-@dataclass(frozen=True)
-class JointMotion(ShownInNotebooks):
-    """A joint trajectory.
+@dataclass(frozen=True, eq=False)
+class Trajectory(ShownInNotebooks):
+    """A joint trajectory, of one arm or of a group.
 
     Attributes
     ----------
     joint_names, joint_units : tuple of str
-        Names, and ``"rad"`` or ``"m"``, of the degrees of freedom.
+        Names of the degrees of freedom, and ``"rad"`` or ``"m"``.
     time : ndarray, shape (n,)
-        When the points of a path are passed [s].
+        Times at which the waypoints are passed [s].
     joint_positions : ndarray, shape (n, dof)
-        [rad] or [m].
+        Configurations at the waypoints [rad] or [m].
     control_time : ndarray, shape (m,)
-        The times of the whole trajectory, as often as it was controlled [s].
+        Times of the control steps [s].
     control_positions, control_velocities, control_accelerations : ndarray, shape (m, dof)
-        The whole trajectory [rad] or [m], and those for each second and second².
+        At the control steps [rad] or [m], per second and per second².
     """
 
     joint_names: tuple[str, ...]
@@ -61,10 +63,10 @@ class JointMotion(ShownInNotebooks):
         return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
 
     def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the control steps as text: a header, then a line for each, with seconds from 0.
+        """Write the control steps as a table with a header; the first column is the time from 0 [s].
 
-        After the time come the positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``)
-        and their accelerations (``NAME_rad/s2``). Names that a spreadsheet would take for a formula get an apostrophe.
+        The other columns are positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``)
+        and accelerations (``NAME_rad/s2``). An apostrophe precedes names that a spreadsheet would evaluate.
 
         Raises
         ------
@@ -82,7 +84,7 @@ class JointMotion(ShownInNotebooks):
             stream.write("".join([line % tuple(row) for row in np.column_stack(columns).tolist()]))
 
     def joint_arrays(self) -> dict[str, Array]:
-        """What files hold of the joints, by name; times are counted from the first control step."""
+        """Return the arrays that files contain, by name; times are from the first control step."""
         return {
             "joint_names": np.array(self.joint_names),
             "joint_units": np.array(self.joint_units),
@@ -94,3 +96,33 @@ class JointMotion(ShownInNotebooks):
             "control_velocities": self.control_velocities,
             "control_accelerations": self.control_accelerations,
         }
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Collisions of a motion, and its smallest distance from one."""
+
+    known: bool = False  # whether anything could be checked
+    why: str = "collision checking was not requested"  # reason where nothing was checked
+    share: float = 0.0  # share of the control steps that collide
+    distance: float = np.inf  # smallest distance at and around the closest waypoints [m]; negative in a collision
+    time: float = 0.0  # time of the smallest distance [s]
+    pair: tuple[str, str] = ("", "")  # names of the closest pair
+    stand_ins: tuple[str, ...] = ()  # links checked by their collision shapes, since visual ones are missing
+
+    @classmethod
+    def of(cls, collisions: Collisions | None, motion: Trajectory) -> "Clearance":
+        """Check all control steps; measure distances at the waypoints and at control steps next to the closest."""
+        if collisions is None or not collisions.known:
+            return cls(why=cls.why if collisions is None else collisions.why)
+        share = float(collisions.collides(motion.control_positions).mean())
+        distance = collisions.clearance(motion.joint_positions)
+        close = distance <= distance.min() + 0.01
+        steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
+        steps = steps[evenly_spaced(len(steps), 1000)]
+        configurations = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
+        time = np.append(motion.time[close], motion.control_time[steps])
+        nearest = collisions.nearest(configurations)
+        i = int(np.argmin(nearest.distance))
+        pair = (str(nearest.first[i]), str(nearest.second[i]))
+        return cls(True, "", share, float(nearest.distance[i]), float(time[i]), pair, collisions.stand_ins)
