@@ -102,7 +102,7 @@ def test_leaps_of_the_recording_are_named(planned):
     assert np.flatnonzero(leaping.jumps).tolist() == [3, 4, 8, 9]
     told = as_numbers(facts_of(leaping))["motion"]["jumps"]
     assert told["points"] == 4
-    assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.arms[0].position_error[[3, 4, 8, 9]].max())
+    assert told["there"]["position_error_mm"] == pytest.approx(1e3 * planned.arms[0].position_error[[3, 4, 8, 9]].max())
 
 
 def test_room_is_measured_between_the_points(planned, planner):
@@ -135,7 +135,7 @@ def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
     ratio = np.sqrt(np.mean(planned.arms[0].distance ** 2) / np.mean(planned.arms[0].pointwise_best ** 2))
     assert planned.pointwise_ratio == pytest.approx(ratio)
     assert ratio < 1.2
-    assert as_numbers(facts_of(planned))["motion"]["over_node_floor"] == pytest.approx(ratio)
+    assert as_numbers(facts_of(planned))["motion"]["pointwise_ratio"] == pytest.approx(ratio)
 
 
 def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planned):

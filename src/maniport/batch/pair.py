@@ -23,7 +23,7 @@ from maniport.pipeline import stages
 from maniport.pipeline.transfer import recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import facts_of
-from maniport.report.write import RUN_FILES, write_run, write_run_page
+from maniport.report.write import RUN_FILES, write_run
 from maniport.transfer import DomainAdapter, load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
 
@@ -188,9 +188,7 @@ def _pair(
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
-        write_run(result, facts, order.exports, staging)
-        if order.pages:
-            write_run_page(result, facts, order.exports, staging)
+        write_run(result, facts, order.exports, staging, order.pages)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")

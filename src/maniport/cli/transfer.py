@@ -10,7 +10,7 @@ from maniport.cli.application import RECORDING, Output, Overwrite, command
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import Report
+from maniport.report.values import Report
 from maniport.util.defaults import BOTH
 from maniport.util.progress import Progress
 

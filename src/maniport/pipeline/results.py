@@ -2,15 +2,15 @@
 
 import csv
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Generic, NamedTuple, Self, TypeVar
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.carried import lowest_points
 from maniport.errors import InvalidInputError
@@ -144,7 +144,7 @@ class ArmTransfer(ArmResult):
     fit : ArmFit
         Human arm scaled to the person, and its joint angles.
     person_base : ndarray, shape (3,)
-        Origin of the person's arm in the common frame of both arms [m], see `maniport.mocap.HumanMotion`; zero for one arm.
+        Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`.
     method : str
         Name of the transfer method.
     adapter : DomainAdapter
@@ -229,21 +229,6 @@ class RobotResult(SavedResult, Generic[A]):
             names = ", ".join(repr(arm.name) for arm in self.arms)
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
         return self.arms[0]
-
-    @property
-    def per_arm(self) -> tuple[Self, ...]:
-        """Results of each arm by itself, in their order."""
-        if len(self.arms) == 1:
-            return (self,)
-        return tuple(
-            replace(
-                self,
-                robot=as_group(arm.robot),
-                arms=(arm,),
-                motion=None if arm.motion is None else motion_of_arm(as_group(arm.robot), arm.motion),
-            )
-            for arm in self.arms
-        )
 
     @property
     def data_files(self) -> tuple[str, ...]:

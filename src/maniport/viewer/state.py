@@ -21,7 +21,7 @@ from maniport.transfer.rotation_group import orthonormal
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_number, require_shape
 from maniport.viewer.maps import LiveMap, Refitting
-from maniport.viewer.recording import Playback
+from maniport.viewer.playback import Playback
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 
 from maniport.arms import Arm
 from maniport.report import figures
-from maniport.report.page import Line, Motion, Panel
-from maniport.report.page.motions import body_of, ellipsoid_panels
+from maniport.report.page import Animation, Line, Panel, Stage
+from maniport.report.page.animation import body_of
+from maniport.report.page.panels import ellipsoid_panels
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.spd import distance, powm, whiten
 from maniport.spd.matrix_functions import congruence
@@ -125,13 +126,13 @@ DRAWN = {"toy": toy_figures, "two-dof": two_dof_figures, "human-robot": human_ro
 """Who draws the figures of an experiment."""
 
 
-def two_dof_motion(seed: int = 0) -> Motion:
+def two_dof_motion(seed: int = 0) -> Animation:
     """Both two-joint arms along M-Eval-1, where the truth is the student at the same joint angles."""
     note = "M-Eval-1. The adapted ellipsoids should be the vertical arm's own."
     return _motion(*_two_dof_pair(), _two_dof_adapter(seed), 0.4, note)
 
 
-def human_robot_motion(seed: int = 0) -> Motion:
+def human_robot_motion(seed: int = 0) -> Animation:
     """The human arm and the Panda along H-Eval-4; no truth is known there."""
     note = f"{SHOWN}. The Panda follows the hand path only: nothing makes its own ellipsoids the adapted ones."
     return _motion(*_human_robot_pair(), _human_robot_adapter(seed), 0.25, note)
@@ -140,7 +141,7 @@ def human_robot_motion(seed: int = 0) -> Motion:
 MOVED = {"two-dof": two_dof_motion, "human-robot": human_robot_motion}  # Who shows an experiment in motion
 
 
-def _motion(teacher: Moved, student: Moved, adapter: DomainAdapter, size: float, note: str) -> Motion:
+def _motion(teacher: Moved, student: Moved, adapter: DomainAdapter, size: float, note: str) -> Animation:
     own = {"teacher": teacher[0].manipulability(teacher[1]), "student": student[0].manipulability(student[1])}
     adapted = adapter.transform(own["teacher"])
     lift = adapter.released_damping_ * np.eye(3)
@@ -150,12 +151,13 @@ def _motion(teacher: Moved, student: Moved, adapter: DomainAdapter, size: float,
     from_own = Panel("Distance from adapted to own", "", lines, "With the damping of the adapter.", span=span)
     names = {PERSON.name: teacher[0].name, TARGET.name: "target", ACHIEVED.name: student[0].name}
     shells = {PERSON.name: own["teacher"], TARGET.name: adapted, ACHIEVED.name: own["student"]}
-    person, person_note = body_of(*teacher, {PERSON.name: own["teacher"]})
-    robot, robot_note = body_of(*student, {TARGET.name: adapted, ACHIEVED.name: own["student"]})
+    notes = [note] if note else []
+    person = body_of(*teacher, {PERSON.name: own["teacher"]}, notes=notes)
+    robot = body_of(*student, {TARGET.name: adapted, ACHIEVED.name: own["student"]}, notes=notes)
     scale = f"Shown at {RATE:g} configurations a second; a semi-axis of 1 {UNIT} is drawn {size:g} m long."
-    return Motion(
+    return Animation(
         np.arange(len(teacher[1])) / RATE,
-        (person, robot),
+        (Stage(person.name, (person,)), Stage(robot.name, (robot,))),
         {"Ellipsoids": (from_own, *ellipsoid_panels(shells, names, UNIT))},
         unit=UNIT,
         size=size,
@@ -164,5 +166,5 @@ def _motion(teacher: Moved, student: Moved, adapter: DomainAdapter, size: float,
             TARGET.name: "target (shell)",
             ACHIEVED.name: f"{student[0].name}'s own",
         },
-        note=" ".join(filter(None, (note, scale, person_note, robot_note))),
+        note=" ".join([*notes, scale]),
     )

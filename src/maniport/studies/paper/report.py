@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from maniport.errors import ConvergenceWarning, IdentifiabilityWarning
-from maniport.report.metrics import Metric, Report, Section, Table, describe, warning
+from maniport.report.metrics import describe, warning
 from maniport.report.runs import software
+from maniport.report.values import Metric, Report, Section, Table
 from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.comparison import COMPARED, HEADS, comparison_sections
 from maniport.studies.paper.outcome import Experiment

@@ -79,13 +79,13 @@ def _warm_up() -> None:
 
 def _write_report(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables, the arms in motion and the figures that were written before."""
-    from maniport.report.page import Motion, Picture, write_page
+    from maniport.report.page import Animation, Image, write_page
     from maniport.studies.paper.figures import MOVED
 
-    shown: dict[str, list[Motion | Picture]] = {}
+    shown: dict[str, list[Animation | Image]] = {}
     for name in (one.name for one in reproduction.experiments):
         shown[name] = [MOVED[name](reproduction.seed)] if name in MOVED else []
-        shown[name] += [Picture((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
+        shown[name] += [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
     write_page(folder / REPORT, facts_of(reproduction), shown)
 
 
