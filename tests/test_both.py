@@ -89,7 +89,7 @@ def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
         turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
         assert turned < freely
         assert one.execution.placement is None
-    assert facts_of(found).metric("beside_way").unit == "mm"
+    assert facts_of(found).metric("relative_position_error").unit == "mm"
 
 
 def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
@@ -106,7 +106,7 @@ def test_both_are_told_together_and_apart(moved):
     """One section of the pair with a row for each arm, and of each arm the sections of a run of one, by side."""
     facts = facts_of(moved)
     keys = [section.key for section in facts.sections]
-    assert keys[0] == "pair"
+    assert keys[0] == "arms"
     for side in SIDES:
         assert {f"{side}_motion", f"{side}_placement", f"{side}_adapter", f"{side}_person"} <= set(keys)
     assert keys.count("recording") == 1
@@ -143,17 +143,15 @@ def test_a_folder_holds_both_and_each(moved, tmp_path):
 
 
 def test_what_is_shown_of_both_is_in_their_folder(moved, tmp_path):
-    """Page and scene of both beside the folders of each; figures have both arms in a picture, and a column each."""
+    """Page and scene of both are next to the folders of each; figures have both arms in a picture, and a column each."""
     mp.write_results(moved, tmp_path / "both", exports="rerun")
     found = {file.name for file in (tmp_path / "both").iterdir()}
     assert {"report.html", "motion.rrd", "summary.json", "left", "right"} <= found
-    assert '"beside":' in (tmp_path / "both" / "report.html").read_text()
     for side in SIDES:
-        assert '"beside":' not in (tmp_path / "both" / side / "report.html").read_text()
-        assert (tmp_path / "both" / side / "summary.json").exists()
+        assert (tmp_path / "both" / side / "target_profile.npz").exists()
     files = mp.write_figures(tmp_path / "both")
-    assert {file.name for file in files} == {"arms.png", "arms.svg", "motions.png", "motions.svg"}
-    words = (tmp_path / "both" / "motions.svg").read_text()
+    assert {file.name for file in files} == {"arms.png", "arms.svg", "motion.png", "motion.svg"}
+    words = (tmp_path / "both" / "motion.svg").read_text()
     assert "Left: ellipsoid distance" in words
     assert "right_panda_joint1 [°]" in words
     mp.write_results(moved, tmp_path / "both", overwrite=True)

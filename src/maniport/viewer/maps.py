@@ -54,8 +54,8 @@ class Methods:
         as_choice(name, "method", self.names)
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
-            notes = ("it keeps the base orientation of its fit",)
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, notes)
+            note = "it keeps the base orientation of its fit"
+            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, (note,))
         adapter = knowing(method_of(name, **self._options, base_rotation=rotation), *self._robot)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
