@@ -107,7 +107,7 @@ def _transfer_sections(arm: ArmTransfer) -> list[Section]:
 
 
 def _named(result: TransferResult | MotionResult, arm: ArmResult, sections: Sequence[Section]) -> list[Section]:
-    """Name the arm in titles, keys, main metrics, warnings and notes, if there are several arms, and fold the sections."""
+    """Name the arm in all texts of its sections, and fold these, if there are several arms."""
     if len(result.arms) == 1:
         return list(sections)
     name = arm.name.capitalize()
