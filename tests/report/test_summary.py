@@ -149,7 +149,7 @@ def test_a_summary_in_markdown_is_short(result, several, count):
     """At most 60 lines for one arm, and no table wider than 100 characters; everything else is in JSON."""
     report = facts_of(several(count) if count > 1 else result)
     lines = as_markdown(report).splitlines()
-    assert len(lines) <= 30 + 30 * count
+    assert len(lines) <= 60
     assert max(len(line) for line in lines if line.startswith("|")) <= 100
 
 

@@ -10,7 +10,7 @@ from maniport.arms.chain import Chain
 from maniport.arms.denavit_hartenberg import chain_from_dh
 from maniport.arms.joint_space import Manipulable
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Look, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import unknown_name
@@ -169,18 +169,22 @@ class Arm(Manipulable):
         return poses.reshape(*shape, 4, 4), *self._differentials(of_joints, shape, spec)
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give."""
+        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian`."""
         positions, shape = self._positions(q)
         return self._differentials(self._kinematics.jacobian(positions), shape, spec)
 
     def _differentials(
         self, of_joints: Array, shape: tuple[int, ...], spec: EllipsoidSpec
     ) -> tuple[Array, Array, Array]:
-        from maniport.arms.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
+        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
 
-        meant, jacobian = self.resolved(spec), self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
-        changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
-        return jacobian, manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
+        jacobian = self._kinematics.coupled(of_joints)
+        ellipsoids, changes = with_derivatives(jacobian, [(1.0, of_joints, self.chain.coupling)], self.resolved(spec))
+        return (
+            jacobian.reshape(*shape, 6, self.dof),
+            ellipsoids.reshape(*shape, *ellipsoids.shape[1:]),
+            changes.reshape(*shape, *changes.shape[1:]),
+        )
 
     def motion(self, q: ArrayLike) -> tuple[Array, Array]:
         """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints), for all n of `q`."""

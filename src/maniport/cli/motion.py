@@ -8,7 +8,8 @@ import typer
 
 from maniport.cli.application import Output, Overwrite, command
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import FREE, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import FREE
 from maniport.report.console import Console
 from maniport.util.options import Option
 
@@ -96,12 +97,9 @@ def track(
 
 def _direction(config: Config) -> Any:
     """Return the target direction of the end effector's z axis; a profile has no hand to follow."""
-    from maniport.pipeline.targets import facing
-
     orientation = config.motion.orientation
     if orientation == FREE:
         return None
     if isinstance(orientation, str):
         raise InvalidInputError(f"--orientation must be {FREE} or a vector without a person; found {orientation!r}")
-    facing(orientation, config.motion.orientation_axes)
     return orientation

@@ -59,8 +59,9 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     asked = damping if isinstance(damping, Regularization) else Regularization(damping)
     if asked.eigenvalue_floor is not None:
         raise InvalidInputError(
-            f"damping must be a number, None or a Regularization by damping; found a floor of {asked.eigenvalue_floor:g}, which "
-            "has no derivative where it sets in. Regularization.absolute(...) adds a fixed amount"
+            "damping must be a number, None or a Regularization by damping; found a floor of "
+            f"{asked.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds a "
+            "fixed amount"
         )
     if asked.damping is not None and asked.epsilon == 0.0:
         return asked.fitted(ellipsoids(), "ellipsoids")
@@ -183,27 +184,35 @@ class Targets:
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
-        values, vectors, frames, singular, changes, jacobian, tips = self.differentials(q)
-        gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
+        values, vectors, singular, changes, jacobian, tips = self.differentials(q)
+        square, gradient, hessian = np.zeros(len(q)), np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
-            add_log_residual(values, frames, changes, gradient, hessian)
-            square = np.sum(np.log(values) ** 2, axis=1)
+            add_log_residual(values, vectors, self.whitening, changes, square, gradient, hessian)
         else:
-            turned = _log_changes(values, vectors, frames, changes)
-            rows, residual = to_vector(turned), to_vector(compose(np.log(values), vectors))
+            rows, residual = (
+                to_vector(self._log_changes(values, vectors, changes)),
+                to_vector(compose(np.log(values), vectors)),
+            )
             pull = (self.weights @ residual[..., None])[..., 0]
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
-            square = np.sum(residual * pull, axis=1)
-        for away, moves in self._tip_residuals(q, tips, jacobian):
+            square += np.sum(residual * pull, axis=1)
+        for away, moves in self.pose_residuals(q, tips, jacobian):
             add_residual(away, moves, gradient, hessian)
             square += np.sum(away**2, axis=1)
         return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
 
     def log_changes(self, q: Array) -> Array:
         """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        values, vectors, frames, _, changes, *_ = self.differentials(q)
-        return _log_changes(values, vectors, frames, changes)
+        values, vectors, _, changes, *_ = self.differentials(q)
+        return self._log_changes(values, vectors, changes)
+
+    def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
+        """Derivatives of log X in the base frame; as in `add_log_residual`."""
+        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
+        inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
+        turned = log_slopes(values)[:, None] * inner
+        return np.asarray(vectors[:, None] @ turned @ np.swapaxes(vectors, -1, -2)[:, None])
 
     def cost(self, q: Array) -> Array:
         """F at q (n, dof), shape (n,)."""
@@ -212,7 +221,7 @@ class Targets:
         else:
             residual = to_vector(self.logarithms(q))
             square = np.einsum("ni,nij,nj->n", residual, self.weights, residual)
-        for away, _ in self._tip_residuals(q):
+        for away, _ in self.pose_residuals(q):
             square = square + np.sum(away**2, axis=1)
         return np.asarray(square)
 
@@ -232,10 +241,10 @@ class Targets:
         assert self.positions is not None
         return np.asarray(self.objective.arm.forward(q)[:, :3, 3] - self.positions)
 
-    def _tip_residuals(
+    def pose_residuals(
         self, q: Array, tips: Array | None = None, jacobian: Array | None = None
     ) -> Iterator[tuple[Array, Array]]:
-        """Weighted residuals (n, 3) of the tip's place and axes; with Jacobians (n, 6, dof) their derivatives, too."""
+        """Weighted residuals (n, 3) of position and axes; with Jacobians (n, 6, dof) also their derivatives."""
         if self.positions is None and self.rotations is None:
             return
         tips = self.objective.arm.forward(q) if tips is None else tips
@@ -262,8 +271,8 @@ class Targets:
         """Distance of the tip from its target [m], shape (n,); None without one."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
-    def differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array | None]:
-        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
+    def differentials(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_], Array, Array, Array | None]:
+        """Eigenvalues, -vectors, singularity of X; derivatives of M; Jacobians and poses of the end effector."""
         arm, spec, tips = self.objective.arm, self.objective.spec.velocity, None
         if self.positions is None and self.rotations is None:
             jacobian, velocity, changes = arm.differentials(q, spec)
@@ -272,7 +281,7 @@ class Targets:
         values, vectors, inverse, singular = self._spectrum(velocity)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]
-        return values, vectors, np.swapaxes(vectors, -1, -2) @ self.whitening, singular, changes, jacobian, tips
+        return values, vectors, singular, changes, jacobian, tips
 
     def _spectrum(self, velocity: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
         """Eigenvalues, ones where M is singular, and -vectors of X; M⁻¹ of the velocity for a force."""
@@ -286,9 +295,3 @@ class Targets:
         singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
         values[singular] = 1.0
         return values, vectors, inverse, singular
-
-
-def _log_changes(values: Array, vectors: Array, frames: Array, changes: Array) -> Array:
-    """Derivatives of log X in the base frame; as in `add_log_residual`, whose T are the `frames` here."""
-    inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
-    return np.asarray(vectors[:, None] @ (log_slopes(values)[:, None] * inner) @ np.swapaxes(vectors, -1, -2)[:, None])

@@ -22,7 +22,7 @@ from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
@@ -32,7 +32,7 @@ TRANSFER_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz"
 """Files of the transfer to one arm."""
 
 
-class SavedResult(ShownInNotebooks):
+class SavedResult(NotebookDisplay):
     """Base of results that are saved as a folder of data files."""
 
     @property
@@ -57,7 +57,7 @@ class SavedResult(ShownInNotebooks):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ArmResult(ShownInNotebooks):
+class ArmResult(NotebookDisplay):
     """One arm of a robot and its motion along target ellipsoids.
 
     Attributes

@@ -70,7 +70,7 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings) -> M
         human.hands,
         settings.spec.velocity,
         strongest if strongest.epsilon > 0.0 and not force else DAMPING,
-        _common_rotation([each.adapter.turn_ for each in maps]),
+        _common_rotation([each.adapter.map_rotation_ for each in maps]),
     )
     if not isinstance(settings.orientation, str):
         return replace(targets, direction=settings.orientation)

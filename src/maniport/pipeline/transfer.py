@@ -35,7 +35,7 @@ from maniport.util.defaults import (
     STUDENT_SAMPLES,
     TEACHER_SAMPLES,
 )
-from maniport.util.progress import Progress, untold
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count, as_finite, as_generator, as_rotation, as_times
 
 T = TypeVar("T")
@@ -235,7 +235,7 @@ def checked(
         orientation=orientation if isinstance(orientation, str) else as_finite(orientation, "orientation"),
         motion=motion if move else None,
         random_state=seed,
-        progress=progress or untold,
+        progress=progress or no_progress,
     )
 
 
@@ -264,7 +264,7 @@ def motion_settings(
         facing(orientation, plan.orientation_axes)
     if as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE and plan.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with tips='relative'")
-    return MotionSettings(robot, plan.resolved(robot) if resolve else plan, progress or untold, tracking, tips)
+    return MotionSettings(robot, plan.resolved(robot) if resolve else plan, progress or no_progress, tracking, tips)
 
 
 def recorded(work: Callable[[], T]) -> tuple[T, tuple[str, ...]]:

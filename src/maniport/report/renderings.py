@@ -57,6 +57,9 @@ def as_markdown(report: Report, details: bool = False) -> str:
         lines += [f"## {escaped(summary.title)}", "", *(line for text in texts if text for line in (text, ""))]
     if report.warnings:
         lines += ["## Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
+    if summary is not None and not details:
+        visible = [metric for section in report.sections if not section.folded for metric in section.metrics]
+        lines += _section(Section("Arms", tuple(metric for metric in summary.metrics if metric not in visible)))
     for section in report.sections:
         lines += _section(section) if details or not section.folded else []
     if summary is not None and not details:

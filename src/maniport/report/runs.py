@@ -21,6 +21,10 @@ from maniport.transfer.rigid_adapter import RigidAdapter, transport_rotation
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.version import __version__
 
+OF_ALL_ARMS = frozenset({"duration", "collisions"})
+WARNINGS_OF_ALL_ARMS = frozenset({"collision", "unchecked-collisions", "missing-meshes", "unchecked-links"})
+"""Keys of metrics and of warnings that concern all arms together."""
+
 STEP = "step"  # Key of warnings that a stage of the run gave
 
 
@@ -92,7 +96,7 @@ def _transfer_sections(arm: ArmTransfer) -> list[Section]:
 
 
 def _named(result: TransferResult | MotionResult, arm: ArmResult, sections: Sequence[Section]) -> list[Section]:
-    """Name the arm in titles, keys, main metrics, warnings and notes, if there are several arms."""
+    """Name the arm in all texts of its sections, and fold these, if there are several arms."""
     if len(result.arms) == 1:
         return list(sections)
     name = arm.name.capitalize()
@@ -100,16 +104,17 @@ def _named(result: TransferResult | MotionResult, arm: ArmResult, sections: Sequ
     def named(metric: Metric) -> Metric:
         if metric.severity != INFO and metric.text:
             return replace(metric, text=f"{name} arm: {metric.text}")
-        label = f"{name}: {metric.label[:1].lower()}{metric.label[1:]}"
-        own = metric.is_statistics or metric.key == "mean_distance"  # others concern all arms
-        return replace(metric, label=label, main=own) if metric.main else metric
+        if metric.key in OF_ALL_ARMS:
+            return replace(metric, text="", main=False)
+        return replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}") if metric.main else metric
 
     return [
         replace(
             section,
             title=f"{name} arm: {section.title[:1].lower()}{section.title[1:]}",
             key=f"{arm.name}_{section.key}",
-            metrics=tuple(map(named, section.metrics)),
+            metrics=tuple(named(metric) for metric in section.metrics if metric.key not in WARNINGS_OF_ALL_ARMS),
+            folded=True,
         )
         for section in sections
     ]

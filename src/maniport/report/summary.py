@@ -3,7 +3,8 @@
 import numpy as np
 
 from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
-from maniport.pipeline.config import CONFIG, FREE, OPTIONS
+from maniport.pipeline.config import CONFIG, OPTIONS
+from maniport.pipeline.options import FREE
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import in_axes, sentence, status_of
 from maniport.report.motion_warnings import exceeded_limits, far_points, missed_points
@@ -124,7 +125,7 @@ def _next_of_arm(result: TransferResult | MotionResult, arm: ArmResult) -> tuple
 def _infeasible(result: TransferResult | MotionResult, arm: ArmResult) -> tuple[str, str]:
     better, config = "", result.config
     if isinstance(arm, ArmTransfer) and arm.evaluation is not None and arm.choice is None:
-        better = arm.evaluation.verdict.recommended
+        better = arm.evaluation.summary.recommended
     if better and isinstance(arm, ArmTransfer) and better != arm.method:
         text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
         command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"

@@ -8,7 +8,7 @@ import numpy as np
 from maniport.evaluation.baselines import IDENTITY
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
-from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict
+from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
 from maniport.report.metrics import describe, listed, notes, numbers, sentence, warnings_of
 from maniport.report.values import NOTE, WARNING, Metric, Report, Section, Table, at_time
 from maniport.transfer import DomainAdapter
@@ -44,7 +44,7 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
         Metric("Base rotation", "none" if base_rotation is None else rotation_text(base_rotation),
                "From the teacher's base frame to the student's.", "base_rotation",
                None if base_rotation is None else base_rotation.round(6).tolist()),
-        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.turn_)} with "
+        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.map_rotation_)} with "
                "the base rotation", "", "rotation", np.asarray(adapter.rotation_).round(6).tolist()),
         Metric("Dispersion", f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
                "Root mean squared distance of the ellipsoids from their mean.", "dispersion_ratio", ratio),
@@ -135,8 +135,8 @@ COLUMNS = (
            "the same for further samples of the teacher: mean / 95 %."),
     Column("successive distance", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
            "relative to the teacher's: largest / median."),
-    Column("rank correlation", "structure", ("spearman",), "{:.3f}", "of pairwise distances."),
-    Column("axis rotation", "structure", ("major_turn",), "{:.1f}°", "median angle of longest axes to the teacher's."),
+    Column("rank correlation", "preservation", ("rank_correlation",), "{:.3f}", "of pairwise distances."),
+    Column("axis rotation", "preservation", ("major_axis_angle",), "{:.1f}°", "median angle of longest axes to the teacher's."),
 )  # fmt: skip
 """Columns of the comparison; JSON has every measure."""
 
@@ -158,14 +158,14 @@ def evaluation_section(
     evaluation: Evaluation, explained: bool = True, choice: Choice | None = None, time: Array | None = None
 ) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, verdict, first = [evaluation.student_noise, *evaluation.rows], evaluation.verdict, evaluation.rows[0]
+    rows, summary, first = [evaluation.student_noise, *evaluation.rows], evaluation.summary, evaluation.rows[0]
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
     cells = [(row.name, *(column.cell(row) or "–" for column in columns)) for row in rows]
     caption = " ".join(sentence(f"{column.head}: {column.about}") for column in columns) if explained else ""
     others = [f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text]
     metrics = [
-        *(comparison_metrics(verdict) if choice is None else [_selection(choice), *_weaknesses(verdict)]),
-        *numbers(verdict=verdict.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *(comparison_metrics(summary) if choice is None else [_selection(choice), *_weaknesses(summary)]),
+        *numbers(summary=summary.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
         *warnings_of("evaluation", [f"{first.name}: {text}" for text in first.warnings]),
         *notes(others),
     ]
@@ -196,23 +196,23 @@ def _values(row: Row) -> dict[str, Any]:
     return values
 
 
-def comparison_metrics(verdict: Verdict) -> list[Metric]:
+def comparison_metrics(summary: Summary) -> list[Metric]:
     """Report a comparison, as a warning unless the method is better than the baselines, and weaknesses."""
-    text, better = _comparison(verdict)
-    improvable = verdict.value is not None and verdict.value != verdict.best_value
-    advice = f" Take {verdict.recommended}." if verdict.recommended and improvable and not better else ""
+    text, better = _comparison(summary)
+    improvable = summary.value is not None and summary.value != summary.best_value
+    advice = f" Take {summary.recommended}." if summary.recommended and improvable and not better else ""
     key, severity = ("", NOTE) if better else ("not-better", WARNING)
-    return [Metric("", text + advice, key=key, severity=severity), *_weaknesses(verdict)]
+    return [Metric("", text + advice, key=key, severity=severity), *_weaknesses(summary)]
 
 
 def _selection(choice: Choice) -> Metric:
     """Report the selected method, the reason, and its gap next to that of the best baseline."""
-    verdict = choice.evaluation.verdict
-    others = {row: value for row, value in verdict.values.items() if row != choice.method}
+    summary = choice.evaluation.summary
+    others = {row: value for row, value in summary.values.items() if row != choice.method}
     nearest = min(others, key=lambda row: others[row], default="")
     against = f" ({label(nearest)}: {others[nearest]:.3f})" if nearest else ""
     why = f"the length field was rejected: {'; '.join(choice.failures)}" if choice.failures else "it passes its checks"
-    text = f"Selected {label(choice.method)}: {why}. Mean feasibility gap {verdict.value or 0.0:.3f}{against}."
+    text = f"Selected {label(choice.method)}: {why}. Mean feasibility gap {summary.value or 0.0:.3f}{against}."
     value = {"method": choice.method, "failures": list(choice.failures)}
     return Metric("", text, key="choice", value=value, severity=NOTE)
 
@@ -222,36 +222,36 @@ def label(name: str) -> str:
     return name.replace("-", " ")
 
 
-def _comparison(verdict: Verdict) -> tuple[str, bool]:
+def _comparison(summary: Summary) -> tuple[str, bool]:
     """Compare the method with the baselines; also return whether it is better."""
-    name, own, identity = sentence(label(verdict.name))[:-1], verdict.value, verdict.identity
+    name, own, identity = sentence(label(summary.name))[:-1], summary.value, summary.identity
     if own is None or identity is None:
         return f"{name} is not compared: neither the truth nor the robot is available.", True
-    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
-    others = {row: value for row, value in verdict.values.items() if row not in (verdict.name, *verdict.same_as)}
+    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[summary.measure]
+    others = {row: value for row, value in summary.values.items() if row not in (summary.name, *summary.same_as)}
     best = min(others, key=lambda other: others[other], default="")
     if IDENTITY not in others:
-        return f"{name} equals the identity baseline ({measure} {own:.3f}).", verdict.name == IDENTITY
+        return f"{name} equals the identity baseline ({measure} {own:.3f}).", summary.name == IDENTITY
     values = {IDENTITY: identity, best: others[best]}
     text = f"{measure} {own:.3f}; {', '.join(f'{label(row)} {value:.3f}' for row, value in values.items())}."
-    worse = [label(row) for row, value in values.items() if own >= WORTH_WHILE * value]
+    worse = [label(row) for row, value in values.items() if own >= RELEVANT_RATIO * value]
     if worse:
         return f"{name} is not clearly better than {' or '.join(worse)}: {text}", False
     return f"{name} is better than all baselines: {text}", True
 
 
-def _weaknesses(verdict: Verdict) -> list[Metric]:
+def _weaknesses(summary: Summary) -> list[Metric]:
     """Report weaknesses of the method; a lost order of distances is a warning."""
     texts = {
-        "rough": "largest successive distance {:.1f} times the teacher's",
-        "staircase": "at least half of the successive distances are zero where the teacher moves",
-        "shuffled": "rank correlation of distances {:.2f}",
+        "large_step": "largest successive distance {:.1f} times the teacher's",
+        "plateau": "at least half of the successive distances are zero where the teacher moves",
+        "rank_correlation": "rank correlation of distances {:.2f}",
         "turned": "longest axes rotated by {:.0f}° (median)",
-        "restless": "changes the student's own ellipsoids by {:.3f}",
-        "unsteady": "rotation differs by {:.0f}° (root mean square) between samples of the same domains",
+        "identity_test": "changes the student's own ellipsoids by {:.3f}",
+        "unstable": "rotation differs by {:.0f}° (root mean square) between samples of the same domains",
     }
     return [
-        Metric("", f"{sentence(label(verdict.name))[:-1]}: {texts[one.code].format(one.value)}.",
-               severity=WARNING if one.code == "shuffled" else NOTE)
-        for one in verdict.weaknesses
+        Metric("", f"{sentence(label(summary.name))[:-1]}: {texts[one.code].format(one.value)}.",
+               severity=WARNING if one.code == "rank_correlation" else NOTE)
+        for one in summary.weaknesses
     ]  # fmt: skip

@@ -54,14 +54,14 @@ class Methods:
         as_choice(name, "method", self.names)
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
-            notes: tuple[str, ...] = ("it keeps the base orientation of its fit",)
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, notes)
+            note = "it keeps the base orientation of its fit"
+            return LiveMap(name, rotation, self._given.compiled(), self._given.map_rotation_, (note,))
         adapter = knowing(method_of(name, **self._options, base_rotation=rotation), *self._robot)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             adapter.fit(self._teacher, self._student)
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, notes)
+        return LiveMap(name, rotation, adapter.compiled(), adapter.map_rotation_, notes)
 
 
 def require_drawable(adapter: DomainAdapter) -> None:

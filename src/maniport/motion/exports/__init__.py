@@ -106,7 +106,7 @@ def export_motion(
         )
     if found.robot == NEEDED and not isinstance(motion, ArmMotion):
         raise InvalidInputError(
-            f"motion must be of one arm for the format {format!r}, such as motion.arms[0]; found {type(motion).__name__}"
+            f"motion must be of one arm for the format {format!r}, such as motion.arms[0]; found {motion!r}"
         )
     if robot is None and found.robot != NEEDED:
         found.write(path, motion)

@@ -103,7 +103,7 @@ def track(
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)
     joints, held = follower.follow(begin, (schedule,), between(step, planned, 1.0))
     result = evaluated(objective, asked, schedule.time, joints, held, follower.velocity_limits)
-    step.end(result.error_text())
+    step.end()
     return result
 
 

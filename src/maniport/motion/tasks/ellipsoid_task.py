@@ -134,11 +134,11 @@ class ManipulabilityEllipsoidTask(CheckedTask):
         columns, weights = self._moving(configuration)
         d, dof = self.spec.size, columns.shape[1]
         rows = columns[self.spec.rows] if weights is None else columns[self.spec.rows] * weights
-        changes = np.empty((1, dof, d, d))
+        achieved, changes = np.empty((1, d, d)), np.empty((1, dof, d, d))
         chain = self._chain
         assert chain is not None
         linear = self.spec.part != "rotation"
-        _derivatives(columns[None], rows[None], chain.coupling, chain.weighted, linear, changes)
+        _derivatives(columns[None], rows[None], chain.coupling, chain.weighted, linear, achieved, changes)
         error, jacobian = np.empty(self.size), np.empty((self.size, dof))
         turned = self.weights is not None
         if not fill_terms(rows, changes[0], self._epsilon, self._damped, self._root, turned, error, jacobian):
