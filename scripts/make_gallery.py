@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import maniport as mp
-from maniport.motion import PlannedMotion
+from maniport.motion import ArmMotion
 from maniport.report.figures.curves import TEXT, column_figure, laid_out
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
 
@@ -44,7 +44,7 @@ def with_and_without(folder: Path) -> Figure:
     return laid_out(figure)
 
 
-def path_and_floor(motion: PlannedMotion) -> Figure:
+def path_and_floor(motion: ArmMotion) -> Figure:
     """The tip's path with the ellipsoids, and how far they are off, above what each point could reach (example 06)."""
     figure, (side, axes) = panels(2, 3.6)
     error, floor = motion.distance, motion.pointwise_best
@@ -124,7 +124,7 @@ def while_it_moves(folder: Path) -> Figure:
 def from_above(result: Any) -> Figure:
     """The paths of both tips and where they were to be, seen from above, between the bases (example 11)."""
     figure, (axes,) = panels(1, 1.6)
-    for side, arm in zip(result.each, result.robot.each, strict=True):
+    for side, arm in zip(result.each, result.robot.arms, strict=True):
         motion = side.execution.motion
         tips = arm.forward(motion.joint_positions)[:, :3, 3]
         axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="path")

@@ -40,7 +40,7 @@ def limb(side):
 def pair(request):
     """One robot with a trunk, or two robots; and what they collide with."""
     if request.param == "crane":
-        arms = mp.ArmGroup(limb("left"), limb("right"))
+        arms = mp.ArmGroup(limb("left"), limb("right"), names=("left", "right"))
     else:
         arms = mp.load_arms("panda", ("panda_link8", "panda_link8"), bases=((0, 0.25, 0), (0.1, -0.25, 0, 0.4)))
     return arms, mp.Collisions.of(arms)
@@ -50,7 +50,7 @@ def test_a_pair_has_the_pairs_of_its_arms_and_those_between(pair):
     """Each arm's distances are those of the arm alone; less lies between the arms; shared links come once."""
     arms, collisions = pair
     q = arms.sample(256, 3)
-    alone = [mp.Collisions.of(arm).clearance(part) for arm, part in zip(arms.each, arms.split(q), strict=True)]
+    alone = [mp.Collisions.of(arm).clearance(part) for arm, part in zip(arms.arms, arms.split(q), strict=True)]
     nearest = collisions.nearest(q)
     assert np.all(nearest.distance <= np.minimum(*alone) + 1e-9)
     between = nearest.distance < np.minimum(*alone) - 1e-9
@@ -65,8 +65,8 @@ def test_distances_between_arms_are_those_of_their_hulls(pair):
     """Coal's distance of the hulls where the links of the single arms are, for every pair that is checked."""
     arms, collisions = pair
     q = arms.sample(8, 1)
-    left, right = (arm.link_poses(part) for arm, part in zip(arms.each, arms.split(q), strict=True))
-    hulls, trunk, ours = collisions._solids.hulls, arms.trunk, len(arms.left.chain.joints)
+    left, right = (arm.link_poses(part) for arm, part in zip(arms.arms, arms.split(q), strict=True))
+    hulls, trunk, ours = collisions._solids.hulls, arms.common[0, 1], len(arms.arms[0].chain.joints)
 
     def placed(hull, row):
         own = hull.joint > ours

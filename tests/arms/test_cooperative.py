@@ -34,12 +34,10 @@ def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
     q = pandas.sample(64, 0)
     for part in ("translation", "rotation", "full"):
         together = pandas.manipulability(q, part=part).sum(axis=1)
-        np.testing.assert_allclose(pandas.manipulability(q, part=part, of="relative"), together, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(pandas.manipulability(q, part=part, of="absolute"), together / 4, rtol=0, atol=1e-12)
-    force = pandas.manipulability(q, "force", of="absolute")
-    np.testing.assert_allclose(
-        force @ pandas.manipulability(q, of="absolute"), np.tile(np.eye(3), (64, 1, 1)), atol=1e-9
-    )
+        np.testing.assert_allclose(pandas.relative.manipulability(q, part=part), together, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(pandas.absolute.manipulability(q, part=part), together / 4, rtol=0, atol=1e-12)
+    force = pandas.absolute.manipulability(q, "force")
+    np.testing.assert_allclose(force @ pandas.absolute.manipulability(q), np.tile(np.eye(3), (64, 1, 1)), atol=1e-9)
 
 
 def test_shared_joints_count_once(talos):
@@ -51,9 +49,9 @@ def test_shared_joints_count_once(talos):
     for kind, factors in (("relative", (-1.0, 1.0)), ("absolute", (0.5, 0.5))):
         torso = factors[0] * jacobian[:, 0, :, :count] + factors[1] * jacobian[:, 1, :, :count]
         expected = torso @ np.swapaxes(torso, -1, -2) + arms * factors[1] ** 2
-        np.testing.assert_allclose(talos.manipulability(q, of=kind), expected, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(getattr(talos, kind).manipulability(q), expected, rtol=0, atol=1e-12)
     twice = talos.manipulability(q).sum(axis=1)
-    assert np.linalg.norm(talos.manipulability(q, of="relative") - twice, axis=(1, 2)).min() > 0.01
+    assert np.linalg.norm(talos.relative.manipulability(q) - twice, axis=(1, 2)).min() > 0.01
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -83,7 +81,7 @@ def test_jacobians_of_a_humanoid_are_those_of_mujoco(talos):
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         tips = []
-        for arm in talos.each:
+        for arm in talos.arms:
             body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, arm.frame)
             linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
             mujoco.mj_jac(model, data, linear, angular, data.xpos[body], body)

@@ -11,7 +11,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.transfer import EllipsoidCorrespondence, Search
-from maniport.transfer.icp.starts import rotations_of_pairs
+from maniport.transfer.icp.initialization import rotations_of_pairs
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 
 # how the search ends is tested here, not what becomes of its result
@@ -23,7 +23,7 @@ DEFAULTS = Search()
 
 def icp(search=DEFAULTS, **options):
     """Make an adapter that keeps what its search finds."""
-    return mp.RiemannianICP(search=replace(search, compete=False), **{"n_resamples": 0, **options})
+    return mp.RiemannianICP(search=replace(search, require_improvement=False), **options)
 
 
 def about_z(angle):
@@ -96,7 +96,7 @@ def test_pairs_have_half_of_the_weight(unequal):
 
 
 @pytest.mark.parametrize(("remedy", "size"), [({"damping": 0.01}, 3.0), ({"eigenvalue_floor": 1e-3}, 1.0)], ids=str)
-def test_pairs_get_the_regularisation_of_their_domains(remedy, size, random_singular):
+def test_pairs_get_the_regularization_of_their_domains(remedy, size, random_singular):
     """Singular ellipsoids may be shown, and are damped as much as their domains."""
     rng = np.random.default_rng(0)
     domain, turn = random_singular(rng, 40, 3), about_z(0.6)

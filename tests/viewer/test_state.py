@@ -46,8 +46,8 @@ def test_every_method_can_be_chosen(make_state):
         assert state.robot.within_limits(frame.student_joints)
         assert np.isfinite(frame.distance)
         assert frame.position_error is None
-    assert targets["raw-copy"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
-    names = ("raw-copy", METHOD, "nearest-neighbor")
+    assert targets["identity"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
+    names = ("identity", METHOD, "nearest-neighbor")
     for one, other in zip(names, names[1:] + names[:1], strict=True):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
@@ -59,9 +59,9 @@ def test_every_method_can_be_chosen(make_state):
 def test_the_robot_comes_nearer_within_its_speed(make_state):
     """Without jumps, even after a long stop; the best configuration found is no worse."""
     state = make_state()
-    before = advance(state, "raw-copy", seconds=0.0).student_joints
+    before = advance(state, "identity", seconds=0.0).student_joints
     for seconds in (FRAME, 10.0):
-        after = advance(state, "raw-copy", POSE + 0.4, seconds=seconds).student_joints
+        after = advance(state, "identity", POSE + 0.4, seconds=seconds).student_joints
         assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
         before = after
     distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]
@@ -176,7 +176,7 @@ def pandas():
 
 def sides_of(robot):
     """The person's arms and a robot's, on small domains."""
-    for side, arm, base in zip(("left", "right"), robot.each, BASES, strict=True):
+    for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
         person = human_arm("rhuman", side)
         methods = Methods(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
         yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), SeedBank.build(arm, 512, 0), base=base)
@@ -216,9 +216,9 @@ def test_a_shared_torso_is_in_one_place():
     assert sum(frame.distance for frame in later) < sum(frame.distance for frame in first)
     (left, right), reason = find_surfaces(humanoid)
     if not reason:
-        assert 0 < len(right) < len(humanoid.right.surfaces())
+        assert 0 < len(right) < len(humanoid.arms[1].surfaces())
         assert min(surface.joint for surface in right) >= humanoid.trunk
-        assert len(left) == len(humanoid.left.surfaces())
+        assert len(left) == len(humanoid.arms[0].surfaces())
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """A body and its ellipsoids: human and robot arms, their kinematics, limits and manipulability."""
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup
+from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.human import PERSONS, myoarm, rhuman
 from maniport.arms.loaders import READERS, load_arm
 from maniport.arms.loaders.pairs import load_arms
@@ -9,6 +9,7 @@ from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Look, Surface
 
 __all__ = [
-    "PERSONS", "READERS", "VELOCITY", "Arm", "ArmGroup", "EllipsoidSpec", "Look", "Surface", "load_arm", "load_arms",
+    "PERSONS", "READERS", "VELOCITY", "Arm", "ArmGroup", "EllipsoidSpec", "Look", "Surface", "as_group", "load_arm",
+    "load_arms",
     "myoarm", "rhuman",
 ]  # fmt: skip

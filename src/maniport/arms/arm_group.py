@@ -1,7 +1,8 @@
-"""A pair of arms: two chains in one frame, of one robot or of two, over the union of their joints."""
+"""A group of arms: chains in one frame, of one robot or of several, over the union of their joints."""
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from functools import cached_property, partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -9,119 +10,141 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import LEFT, RIGHT, Chain
+from maniport.arms.chain import Chain
 from maniport.arms.joint_space import JointSpace, Manipulable
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_finite, as_numbers
 
-EACH = "each"
-
 FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}
-"""What of the left and of the right arm's Jacobian is in that of each."""
+"""Factors of the Jacobians of the first and of the second arm of a pair."""
 
 
 class ArmGroup(JointSpace):
-    """Two arms as one body, left first everywhere. Make one with `maniport.load_arms`.
+    """One or more arms over the union of their joints. Make one with `maniport.load_arms` or from arms.
 
-    Configurations `q` have shape (..., dof): the left arm's joints in their order, then those of the right one that
-    it does not share with the left. Positions and directions are expressed in one frame, which both arms answer in.
+    Configurations `q` have shape (..., dof): the joints of the first arm in their order, then those of each further arm
+    that it does not share with an earlier one. Positions and directions are expressed in the common base frame.
 
     Parameters
     ----------
-    left, right : Arm
-        Joints with which both chains begin, such as those of a torso, are shared.
+    *arms : Arm
+        Joints with which several chains begin, such as those of a torso, are shared.
+    names : sequence of str, optional
+        Names of the arms, such as ``("left", "right")``; ``("arm1", "arm2", …)`` by default.
 
     Attributes
     ----------
-    each : (Arm, Arm)
-        Both arms. Attributes not listed here are as those of `maniport.arms.Arm`; where joints of two robots have
-        the same name, all are called ``left_…`` and ``right_…``.
+    arms : tuple of Arm
+    names : tuple of str
+    columns : tuple of ndarray of int
+        Indices of each arm's joints in `q`.
     shared : tuple of str
-        Names of the joints that move both arms.
-    trunk : int
-        With so many joints, held ones included, both chains begin.
-    columns : (ndarray of int, ndarray of int)
-        Which entries of `q` are those of the left arm, and which those of the right one.
+        Names of the joints that move more than one arm.
+    common : ndarray of int, shape (n_arms, n_arms)
+        Number of joints, locked ones included, with which two chains begin in common.
+    joint_names
+        Names of all joints; where joints of two robots have the same name, all have the name of their arm as a prefix.
+        The other attributes are those of `maniport.arms.Arm`.
 
     Raises
     ------
     InvalidInputError
-        When the arms do not answer in one frame, one lies on the other, or they do not agree on what they share.
+        When the base frames differ, one arm is a part of another, or shared joints differ in limits or locked
+        positions.
     """
 
-    def __init__(self, left: Arm, right: Arm):
-        for side, arm in ((LEFT, left), (RIGHT, right)):
+    def __init__(self, *arms: Arm, names: Sequence[str] | None = None):
+        for i, arm in enumerate(arms):
             if not isinstance(arm, Arm):
-                raise InvalidInputError(f"{side} must be an arm, as load_arm makes it; found {type(arm).__name__}")
-        self.left, self.right = self.each = left, right
-        self.trunk, self.shared = _shared(left.chain, right.chain)
-        self.frames = tuple(dict.fromkeys((*left.frames, *right.frames)))
-        own = [name for name in right.joint_names if name not in self.shared]
-        prefixed = not set(own).isdisjoint(left.joint_names)
-        before = [f"{side}_" * prefixed for side in (LEFT, RIGHT)]
-        names = [before[0] + name for name in left.joint_names] + [before[1] + name for name in own]
-        self.locked = {before[i] + name: at for i, arm in enumerate(self.each) for name, at in arm.locked.items()}
-        new = [right.joint_names.index(name) for name in own]
-        behind = iter(range(left.dof, left.dof + right.dof))
-        self.columns: tuple[NDArray[np.intp], NDArray[np.intp]] = (
-            np.arange(left.dof),
-            np.array([left.joint_names.index(n) if n in self.shared else next(behind) for n in right.joint_names]),
-        )
-        speeds = [np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits for arm in self.each]
+                raise InvalidInputError(f"arms[{i}] must be an Arm, as load_arm makes it; found {type(arm).__name__}")
+        self.arms = arms
+        self.names = tuple(f"arm{i + 1}" for i in range(len(arms))) if names is None else tuple(names)
+        if not arms or len(set(self.names)) != len(arms):
+            raise InvalidInputError(
+                f"names must be one for each of {len(arms)} arms, all different; found {self.names}"
+            )
+        self.common, shared = _shared(arms, self.names)
+        self.shared = tuple(dict.fromkeys(name for _, _, moving in shared for name in moving))
+        self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
+        own: list[tuple[int, int]] = []  # arm and joint of each column
+        columns: list[NDArray[np.intp]] = []
+        for i, arm in enumerate(arms):
+            earlier = {name: (k, arms[k].joint_names.index(name)) for k, j, same in shared if j == i for name in same}
+            at = [earlier.get(name, (i, k)) for k, name in enumerate(arm.joint_names)]
+            columns.append(np.empty(arm.dof, dtype=np.intp))
+            for k, (owner, joint) in enumerate(at):
+                if owner == i:
+                    own.append((i, joint))
+                columns[-1][k] = len(own) - 1 if owner == i else columns[owner][joint]
+        self.columns = tuple(columns)
+        joints = [arms[i].joint_names[k] for i, k in own]
+        self.prefixes = tuple(f"{name}_" * (len(set(joints)) < len(joints)) for name in self.names)
+        self.locked = {self.prefixes[i] + name: at for i, arm in enumerate(arms) for name, at in arm.locked.items()}
+        speeds = [np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits for arm in arms]
         super().__init__(
-            left.name if left.name == right.name else f"{left.name}+{right.name}",
-            tuple(names),
-            np.append(left.lower, right.lower[new]),
-            np.append(left.upper, right.upper[new]),
-            None if np.all(np.isinf(np.concatenate(speeds))) else np.append(speeds[0], speeds[1][new]),
-            (*left.joint_units, *(right.joint_units[i] for i in new)),
+            "+".join(dict.fromkeys(arm.name for arm in arms)),
+            tuple(self.prefixes[i] + joint for (i, _), joint in zip(own, joints, strict=True)),
+            np.array([arms[i].lower[k] for i, k in own]),
+            np.array([arms[i].upper[k] for i, k in own]),
+            None if np.all(np.isinf(np.concatenate(speeds))) else np.array([speeds[i][k] for i, k in own]),
+            tuple(arms[i].joint_units[k] for i, k in own),
         )
 
     def __repr__(self) -> str:
-        told = f"frames=({self.left.frame!r}, {self.right.frame!r}), shared={list(self.shared)}"
-        return f"ArmGroup({self.name!r}, dof={self.dof}, {told})"
+        frames = {name: arm.frame for name, arm in zip(self.names, self.arms, strict=True)}
+        return f"ArmGroup({self.name!r}, dof={self.dof}, frames={frames}, shared={list(self.shared)})"
 
-    def __reduce__(self) -> tuple[type["ArmGroup"], tuple[Arm, Arm]]:
-        return type(self), self.each
+    def __len__(self) -> int:
+        return len(self.arms)
 
-    def split(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Configurations of the left and of the right arm, shapes (..., left.dof) and (..., right.dof)."""
+    def __reduce__(self) -> tuple[Any, tuple[Arm, ...]]:
+        return partial(type(self), names=self.names), self.arms
+
+    def split(self, q: ArrayLike) -> tuple[Array, ...]:
+        """Return the configurations of each arm, shapes (..., arm.dof)."""
         array = self.configurations(q)
-        return array[..., self.columns[0]], array[..., self.columns[1]]
+        return tuple(array[..., columns] for columns in self.columns)
 
-    def joined(self, q_left: ArrayLike, q_right: ArrayLike) -> Array:
-        """Configurations of the pair, shape (..., dof), from those of its arms, which agree on shared joints."""
-        of_left, of_right = self.left.configurations(q_left, "q_left"), self.right.configurations(q_right, "q_right")
-        if of_left.shape[:-1] != of_right.shape[:-1]:
-            found = f"{of_left.shape} and {of_right.shape}"
-            raise InvalidInputError(f"q_left and q_right must have the same leading shape; found {found}")
-        q = np.empty((*of_left.shape[:-1], self.dof))
-        q[..., self.columns[1]], q[..., self.columns[0]] = of_right, of_left
-        apart = np.abs(q[..., self.columns[1]] - of_right)
-        if np.any(apart > 1e-9):
-            worst = np.unravel_index(apart.argmax(), apart.shape)
-            name = self.joint_names[self.columns[1][worst[-1]]]
-            raise InvalidInputError(
-                f"q_left and q_right must agree on the shared joint {name!r}; found {of_right[worst]:.6g} on the "
-                f"right where the left has {q[..., self.columns[1]][worst]:.6g}"
-            )
+    def joined(self, *parts: ArrayLike) -> Array:
+        """Return configurations of the group, shape (..., dof), from those of its arms (equal on shared joints)."""
+        if len(parts) != len(self.arms):
+            raise InvalidInputError(f"configurations must be of {len(self.arms)} arms; found {len(parts)}")
+        arrays = [
+            arm.configurations(part, f"configurations of {name}")
+            for arm, part, name in zip(self.arms, parts, self.names, strict=True)
+        ]
+        shapes = {array.shape[:-1] for array in arrays}
+        if len(shapes) > 1:
+            raise InvalidInputError(f"configurations of all arms must have the same leading shape; found {shapes}")
+        q = np.empty((*shapes.pop(), self.dof))
+        for array, columns in reversed(list(zip(arrays, self.columns, strict=True))):
+            q[..., columns] = array
+        for array, columns, name in zip(arrays, self.columns, self.names, strict=True):
+            difference = np.abs(q[..., columns] - array)
+            if np.any(difference > 1e-9):
+                worst = np.unravel_index(difference.argmax(), difference.shape)
+                raise InvalidInputError(
+                    f"the arms must agree on the shared joint {self.joint_names[columns[worst[-1]]]!r}; found "
+                    f"{array[worst]:.6g} for {name}, {q[..., columns][worst]:.6g} for an earlier arm"
+                )
         return q
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "ArmGroup":
-        """The same pair with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
+        """Return the group with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
-        return ArmGroup(*(arm.narrowed(low[c], high[c]) for arm, c in zip(self.each, self.columns, strict=True)))
+        arms = (arm.narrowed(low[c], high[c]) for arm, c in zip(self.arms, self.columns, strict=True))
+        return ArmGroup(*arms, names=self.names)
 
     def forward(self, q: ArrayLike) -> Array:
-        """Poses of both tips, left first, shape (..., 2, 4, 4) [m]."""
-        return np.stack([arm.forward(part) for arm, part in zip(self.each, self.split(q), strict=True)], axis=-3)
+        """Compute the poses of all end effectors, shape (..., n_arms, 4, 4) [m]."""
+        return np.stack([arm.forward(part) for arm, part in zip(self.arms, self.split(q), strict=True)], axis=-3)
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Geometric Jacobians of both tips in all joints of the pair, shape (..., 2, 6, dof), linear rows first."""
+        """Compute the geometric Jacobians in all joints, shape (..., n_arms, 6, dof), linear rows first."""
         parts = self.split(q)
-        jacobians = np.zeros((*parts[0].shape[:-1], 2, 6, self.dof))
-        for i, (arm, part, columns) in enumerate(zip(self.each, parts, self.columns, strict=True)):
+        jacobians = np.zeros((*parts[0].shape[:-1], len(self.arms), 6, self.dof))
+        for i, (arm, part, columns) in enumerate(zip(self.arms, parts, self.columns, strict=True)):
             jacobians[..., i, :, columns] = np.moveaxis(arm.jacobian(part), -1, 0)
         return jacobians
 
@@ -131,174 +154,201 @@ class ArmGroup(JointSpace):
         kind: str = "velocity",
         part: str = "translation",
         joint_weights: ArrayLike | str | None = None,
-        of: str = EACH,
     ) -> Array:
-        """Manipulability matrices of the pair, shape (..., 2, d, d), left first, or, of both as one, (..., d, d).
+        """Compute the manipulability matrices of all arms, shape (..., n_arms, d, d).
 
         Parameters
         ----------
         q : array_like, shape (..., dof)
         kind, part, joint_weights
-            Which ellipsoids, as in `maniport.arms.EllipsoidSpec`; weights for all joints of the pair.
-        of : {"each", "relative", "absolute"}
-            Each arm's own, or those of both as one; see `CooperativeArm`.
+            Which ellipsoids, as in `maniport.arms.EllipsoidSpec`; weights for all joints of the group.
         """
-        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights), of)
+        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
-    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY, of: str = EACH) -> Array:
-        """Manipulability matrices as a specification asks for; see `manipulability`."""
-        if as_choice(of, "of", (EACH, *FACTORS)) != EACH:
-            return CooperativeArm(self, of).ellipsoids(q, spec)
-        own = zip(self.each, self.split(q), self.specs(spec), strict=True)
-        return np.stack([arm.ellipsoids(part, meant) for arm, part, meant in own], axis=-3)
+    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Compute the manipulability matrices that a specification describes; see `manipulability`."""
+        parts = zip(self.arms, self.split(q), self.specs(spec), strict=True)
+        return np.stack([arm.ellipsoids(part, own) for arm, part, own in parts], axis=-3)
 
-    def specs(self, spec: EllipsoidSpec) -> tuple[EllipsoidSpec, EllipsoidSpec]:
-        """The same ellipsoids for each arm: of joint weights, one for each joint of the pair, each has its own."""
-        meant = self.resolved(spec)
-        if meant.joint_weights is None:
-            return meant, meant
-        weights = as_finite(meant.joint_weights, "joint_weights")
-        left, right = (EllipsoidSpec(meant.kind, meant.part, weights[columns]) for columns in self.columns)
-        return left, right
+    def specs(self, spec: EllipsoidSpec) -> tuple[EllipsoidSpec, ...]:
+        """Return the specification of each arm: joint weights of the group are split."""
+        resolved = self.resolved(spec)
+        if resolved.joint_weights is None:
+            return (resolved,) * len(self.arms)
+        weights = as_finite(resolved.joint_weights, "joint_weights")
+        return tuple(EllipsoidSpec(resolved.kind, resolved.part, weights[columns]) for columns in self.columns)
 
     @cached_property
     def relative(self) -> "CooperativeArm":
-        """How the right tip moves against the left one, as an arm."""
+        """Motion of the second end effector relative to the first, of a group of two arms."""
         return CooperativeArm(self, "relative")
 
     @cached_property
     def absolute(self) -> "CooperativeArm":
-        """How what both tips hold would move, as an arm."""
+        """Mean motion of both end effectors, of a group of two arms."""
         return CooperativeArm(self, "absolute")
 
 
+def as_group(arm: Arm | ArmGroup) -> ArmGroup:
+    """Return a group as it is and a single arm as a group of one, which has its joint names."""
+    return arm if isinstance(arm, ArmGroup) else ArmGroup(arm)
+
+
 class CooperativeArm(Manipulable):
-    """The relative or the absolute motion of a pair's tips, over all joints of the pair.
+    """The relative or the absolute motion of two end effectors, over all joints of their group.
 
-    With v_i and ω_i the velocities of the two tips, all along the axes of the common frame,
+    With v_i and ω_i the velocities of the two end effectors, all along the axes of the common frame,
 
-        relative   v_r = v_right − v_left,         ω_r = ω_right − ω_left,         J_r = J_right − J_left
-        absolute   v_a = ½ (v_left + v_right),     ω_a = ½ (ω_left + ω_right),     J_a = ½ (J_left + J_right)
+        relative   v_r = v_2 − v_1,         ω_r = ω_2 − ω_1,         J_r = J_2 − J_1
+        absolute   v_a = ½ (v_1 + v_2),     ω_a = ½ (ω_1 + ω_2),     J_a = ½ (J_1 + J_2)
 
     (the cooperative task space: Uchiyama & Dauchez, ICRA 1988; Chiacchio, Chiaverini & Siciliano, J. Dyn. Syst. Meas.
-    Control 118, 1996). Where no joint is shared, M_r = M_left + M_right and M_a = ¼ M_r.
+    Control 118, 1996). Where no joint is shared, M_r = M_1 + M_2 and M_a = ¼ M_r. It has the methods of an arm.
 
-    It is taken where an arm is. Get one as `maniport.arms.ArmGroup.relative` or `maniport.arms.ArmGroup.absolute`.
+    Parameters
+    ----------
+    group : ArmGroup
+    kind : {"relative", "absolute"}
+    pair : (int, int), optional
+        Indices of the two arms; by default those of a group of two.
     """
 
-    def __init__(self, arms: ArmGroup, of: str):
-        super().__init__(arms.name, arms.joint_names, arms.lower, arms.upper, arms.velocity_limits, arms.joint_units)
-        self.arms, self.of = arms, as_choice(of, "of", FACTORS)
-        self.frame = f"{of}: {arms.left.frame}, {arms.right.frame}"
-        self.base, self.locked = arms.left.base, arms.locked
+    def __init__(self, group: ArmGroup, kind: str, pair: tuple[int, int] | None = None):
+        super().__init__(
+            group.name, group.joint_names, group.lower, group.upper, group.velocity_limits, group.joint_units
+        )
+        if pair is None and len(group) != 2:
+            raise InvalidInputError(f"pair must name two arms by index, since the group has {len(group)}; found None")
+        self.arms, self.kind, self.pair = group, as_choice(kind, "kind", FACTORS), pair or (0, 1)
+        if len(set(self.pair)) != 2 or not set(self.pair) <= set(range(len(group))):
+            raise InvalidInputError(f"pair must be two different indices below {len(group)}; found {self.pair}")
+        self._parts = [(group.arms[i], group.columns[i]) for i in self.pair]
+        self.frame = f"{kind}: {', '.join(arm.frame for arm, _ in self._parts)}"
+        self.base, self.locked = group.arms[0].base, group.locked
         self._couplings = []
-        for arm, columns in zip(arms.each, arms.columns, strict=True):
-            coupling = np.zeros((len(arm.chain.joints), arms.dof))
+        for arm, columns in self._parts:
+            coupling = np.zeros((len(arm.chain.joints), group.dof))
             coupling[:, columns] = arm.chain.coupling
             self._couplings.append(coupling)
 
     def __repr__(self) -> str:
-        return f"{self.arms!r}.{self.of}"
+        return f"CooperativeArm({self.arms!r}, {self.kind!r}, {self.pair})"
 
-    def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str]]:
-        return type(self), (self.arms, self.of)
+    def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str, tuple[int, int]]]:
+        return type(self), (self.arms, self.kind, self.pair)
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "CooperativeArm":
-        """The same with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        return CooperativeArm(self.arms.narrowed(lower, upper), self.of)
+        """Return it with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
+        return CooperativeArm(self.arms.narrowed(lower, upper), self.kind, self.pair)
 
     def forward(self, q: ArrayLike) -> Array:
-        """Relative or absolute poses [m], shape (..., 4, 4).
+        """Compute relative or absolute poses [m], shape (..., 4, 4).
 
-        Relative: the vector from the left tip to the right one, along the axes of the common frame, and the right tip's
-        rotation seen from the left one. Absolute: the point half-way between the tips, and the rotation half-way from
-        the left one's to the right one's, which is not determined where they are 180° apart.
+        Relative: the vector from the first end effector to the second, along the axes of the common frame, and the
+        rotation of the second in the frame of the first. Absolute: the midpoint of the end effectors, and the rotation
+        halfway between theirs, which is undefined where they are 180° apart.
         """
-        return self._pose(self.arms.forward(q))
+        return self._pose(self.arms.forward(q)[..., list(self.pair), :, :])
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """J_r or J_a in all joints of the pair, shape (..., 6, dof), linear rows first, along the common axes."""
-        jacobians, (left, right) = self.arms.jacobian(q), FACTORS[self.of]
-        return np.asarray(left * jacobians[..., 0, :, :] + right * jacobians[..., 1, :, :])
+        """Compute J_r or J_a in all joints, shape (..., 6, dof), linear rows first, along the common axes."""
+        jacobians, (first, second) = self.arms.jacobian(q), FACTORS[self.kind]
+        i, j = self.pair
+        return np.asarray(first * jacobians[..., i, :, :] + second * jacobians[..., j, :, :])
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """What `forward` gives, and then what `differentials` does."""
+        """Return the results of `forward` and `differentials`."""
         from maniport.arms.manipulability_jacobian import derivatives  # here: Numba takes its time
 
-        parts, meant = self.arms.split(q), self.resolved(spec)
-        shape = parts[0].shape[:-1]
-        motions = [arm.motion(part) for arm, part in zip(self.arms.each, parts, strict=True)]
+        array, resolved = self.configurations(q), self.resolved(spec)
+        shape = array.shape[:-1]
+        motions = [arm.motion(array[..., columns]) for arm, columns in self._parts]
         chains = [
             (factor, of_joints, coupling)
-            for factor, (_, of_joints), coupling in zip(FACTORS[self.of], motions, self._couplings, strict=True)
+            for factor, (_, of_joints), coupling in zip(FACTORS[self.kind], motions, self._couplings, strict=True)
         ]
         jacobian = np.asarray(sum(factor * (of_joints @ coupling) for factor, of_joints, coupling in chains))
-        changes = derivatives(chains, meant)
+        changes = derivatives(chains, resolved)
         poses = self._pose(np.stack([poses for poses, _ in motions], axis=-3))
         jacobian = jacobian.reshape(*shape, 6, self.dof)
-        together = manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
-        return poses.reshape(*shape, 4, 4), jacobian, *together
+        ellipsoids = manipulability(jacobian, resolved)
+        return poses.reshape(*shape, 4, 4), jacobian, ellipsoids, changes.reshape(*shape, *changes.shape[1:])
 
-    def _pose(self, tips: Array) -> Array:
-        """Relative or absolute poses, shape (..., 4, 4), of those of both tips, shape (..., 2, 4, 4)."""
-        left, right = tips[..., 0, :, :], tips[..., 1, :, :]
-        factors, between = FACTORS[self.of], np.swapaxes(left[..., :3, :3], -1, -2) @ right[..., :3, :3]
-        poses = np.zeros(left.shape)
-        poses[..., :3, 3], poses[..., 3, 3] = factors[0] * left[..., :3, 3] + factors[1] * right[..., :3, 3], 1.0
-        if self.of == "absolute" and between.size:
-            half = Rotation.from_rotvec(0.5 * Rotation.from_matrix(between.reshape(-1, 3, 3)).as_rotvec())
-            between = left[..., :3, :3] @ half.as_matrix().reshape(between.shape)
-        poses[..., :3, :3] = between
-        return poses
+    def _pose(self, poses: Array) -> Array:
+        """Relative or absolute poses, shape (..., 4, 4), of two poses, shape (..., 2, 4, 4)."""
+        first, second = poses[..., 0, :, :], poses[..., 1, :, :]
+        factors, rotation = FACTORS[self.kind], np.swapaxes(first[..., :3, :3], -1, -2) @ second[..., :3, :3]
+        result = np.zeros(first.shape)
+        result[..., :3, 3], result[..., 3, 3] = factors[0] * first[..., :3, 3] + factors[1] * second[..., :3, 3], 1.0
+        if self.kind == "absolute" and rotation.size:
+            half = Rotation.from_rotvec(0.5 * Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec())
+            rotation = first[..., :3, :3] @ half.as_matrix().reshape(rotation.shape)
+        result[..., :3, :3] = rotation
+        return result
 
 
-def _shared(left: Chain, right: Chain) -> tuple[int, tuple[str, ...]]:
-    """With how many joints both chains begin, and the names of the coordinates that move them."""
-    if left.base != right.base:
-        ends = (repr(chain.base or "the robot's base") for chain in (left, right))
-        raise InvalidInputError("both arms must answer in one frame; found {} for left, {} for right".format(*ends))
+def _shared(
+    arms: Sequence[Arm], names: Sequence[str]
+) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
+    """Numbers of common joints (n_arms, n_arms); names of the coordinates that move them, for each pair of arms."""
+    common = np.diag([len(arm.chain.joints) for arm in arms]).astype(np.intp)
+    shared = []
+    for i, j in combinations(range(len(arms)), 2):
+        chains, pair = (arms[i].chain, arms[j].chain), (names[i], names[j])
+        common[i, j] = common[j, i] = count = _common_joints(chains)
+        shared.append((i, j, _require_agreement(chains, pair, count)))
+    return common, shared
+
+
+def _common_joints(chains: tuple[Chain, Chain]) -> int:
+    """Number of joints with which two chains begin in common; raise where one chain is a part of the other."""
+    first, second = chains
+    if first.base != second.base:
+        ends = " and ".join(repr(chain.base or "the robot's base") for chain in chains)
+        raise InvalidInputError(f"all arms must have the same base frame; found {ends}")
     count = 0
-    for ours, theirs in zip(left.joints, right.joints, strict=False):
-        same = (ours.name, ours.kind) == (theirs.name, theirs.kind)
-        if not same or np.any(ours.axis != theirs.axis) or np.any(ours.placement != theirs.placement):
+    for a, b in zip(first.joints, second.joints, strict=False):
+        same = (a.name, a.kind) == (b.name, b.kind)
+        if not same or np.any(a.axis != b.axis) or np.any(a.placement != b.placement):
             break
         count += 1
-    if count in (len(left.joints), len(right.joints)):
-        where = f", which stand in one place; place them with {two_bases()}" if left.stand is not None else ""
+    if count in (len(first.joints), len(second.joints)):
+        where = f", which stand in one place; place them with {two_bases()}" if first.stand is not None else ""
         raise InvalidInputError(
-            f"frames: {left.frame!r} and {right.frame!r} must end two limbs; found both on one chain of "
-            f"{left.name!r}{where}"
+            f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
+            f"{first.name!r}{where}"
         )
-    return count, _agreed(left, right, count)
+    return count
 
 
-def _agreed(left: Chain, right: Chain, count: int) -> tuple[str, ...]:
-    """Names of the coordinates that move the joints with which both chains begin; raise unless they do so alike."""
+def _require_agreement(chains: tuple[Chain, Chain], names: tuple[str, str], count: int) -> tuple[str, ...]:
+    """Names of the coordinates that move the common joints; raise unless both chains have the same limits for them."""
     moving: list[dict[str, Any]] = [
         {name: (low, high, column[:count].tolist())
          for name, low, high, column in zip(chain.coordinates, chain.lower, chain.upper, chain.coupling.T, strict=True)
          if np.any(column[:count])}
-        for chain in (left, right)
+        for chain in chains
     ]  # fmt: skip
     for name in moving[0] | moving[1]:
         if moving[0].get(name) != moving[1].get(name):
-            told = [
-                "{:g} to {:g}".format(*own[name][:2]) if name in own else f"held at {chain.locked.get(name, 0.0):g}"
-                for own, chain in zip(moving, (left, right), strict=True)
+            ranges = [
+                "{:g} to {:g}".format(*own[name][:2]) if name in own else f"locked at {chain.locked.get(name, 0.0):g}"
+                for own, chain in zip(moving, chains, strict=True)
             ]
             raise InvalidInputError(
-                f"the joint {name!r} carries both arms and must be held for both, or move alike in one range; found "
-                f"{told[0]} on the left, {told[1]} on the right"
+                f"the joint {name!r} carries two arms and must be locked for both, or have the same limits; found "
+                f"{ranges[0]} for {names[0]}, {ranges[1]} for {names[1]}"
             )
-    for i in np.flatnonzero(left.offset[:count] != right.offset[:count]).tolist():
+    first, second = chains
+    for i in np.flatnonzero(first.offset[:count] != second.offset[:count]).tolist():
         raise InvalidInputError(
-            f"the joint {left.joints[i].name!r} carries both arms and must be held in one place; found "
-            f"{left.offset[i]:g} on the left, {right.offset[i]:g} on the right"
+            f"the joint {first.joints[i].name!r} carries two arms and must be locked at one position; found "
+            f"{first.offset[i]:g} for {names[0]}, {second.offset[i]:g} for {names[1]}"
         )
     return tuple(moving[0])
 
 
 def two_bases() -> str:
-    """How two robots are placed, for messages."""
-    given = "--base-left and --base-right, such as 0 0.3 0 0 and 0 -0.3 0 0"
+    """Describe the options that place two robots, for messages."""
+    given = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
     return given if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

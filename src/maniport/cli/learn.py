@@ -1,132 +1,108 @@
-"""The command that learns one profile from several demonstrations; a robot may follow it."""
+"""The command that learns a profile from several demonstrations; a robot may follow it."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, Overwrite, app, prints
-from maniport.cli.motion import Motion, moves
-from maniport.cli.recorded import Recorded, takes_recording, transfers
-from maniport.cli.robots import Chain, takes_chain
+from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, command, optional_robot
+from maniport.cli.transfer import job_of
 from maniport.errors import InvalidInputError
+from maniport.pipeline.config import Config
 from maniport.report.console import Console
+from maniport.report.metrics import Report
 from maniport.util.defaults import AUTO
+from maniport.util.progress import Progress
 
 
-@app.command(
-    epilog="Example: maniport learn jumps.bvh --segments auto -o learned;  maniport learn anna.c3d ben.bvh -o learned"
-)
-@moves
-@takes_chain
-@takes_recording
-@transfers
-@prints
+@command(
+    "human", "robot", "transfer", "motion", "learning", "seed", without=("tips", "pose", "move"), defaults=NO_ROBOT,
+    example="maniport learn jumps.bvh --segments auto -o learned;  maniport learn anna.c3d ben.bvh -o learned",
+)  # fmt: skip
 def learn(
-    motion: Motion,
-    chain: Chain,
-    recorded: Recorded,
-    job: dict[str, Any],
+    config: Config,
     console: Console,
-    recordings: Annotated[list[Path], typer.Argument(help=f"{RECORDING} One or several.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
-    segments: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--segments",
-            help="Demonstrations of a recording [s], or auto for each motion of the hand out and back; once for all "
-            "recordings, or once for each.",
-            metavar="auto|START:STOP,…",
-        ),
-    ] = None,
-    components: Annotated[
-        str, typer.Option("--components", help="Number of Gaussians; auto minimizes the BIC.")
-    ] = AUTO,
-    lengths: Annotated[
-        str, typer.Option("--lengths", help="Segment lengths: mean of all persons, or own of each.")
-    ] = "mean",
-    robot: Annotated[
-        str | None,
-        typer.Option("--robot", help="Robot that follows the learned profile; its results go to OUTPUT-robot."),
-    ] = None,
+    output: Output,
+    recordings: Annotated[list[Path] | None, typer.Argument(help=RECORDING)] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Learn a profile and its dispersion from several demonstrations of a motion."""
-    from maniport.pipeline import learn, transfer_recording
+    """Learn a profile from several demonstrations of a motion.
+
+    With --robot the robot follows the profile; these results are in OUTPUT-robot.
+    """
     from maniport.report.renderings import as_numbers
-    from maniport.report.write import LEARNED_FILES, RUN_FILES, write_results
+    from maniport.report.write import LEARNED_FILES
     from maniport.util.atomic_io import require_free
 
     require_free(output, LEARNED_FILES, overwrite)
-    followed = None if robot is None else _followed(robot, job, chain, motion)
+    config = config.changed(recording=recordings) if recordings else config
     follows = Path(f"{output}-robot")
-    if followed is not None:
-        require_free(follows, RUN_FILES, overwrite)
-    elif motion.export:
-        raise InvalidInputError("--export writes a robot's motion; give --robot")
-    taught = {name: value for name, value in job.items() if name not in ("method", "base_rotation")}
-    taught |= {"markers": recorded.roles(), "lengths": lengths, "components": _count(components)}
-    parts = None if segments is None else _segments(segments, len(recordings))
-    with console.progress() as tell:
-        given = [recorded.read(file) for file in recordings]
-        for file, recording in zip(recordings, given, strict=True):
-            for doubt in recording.quality_warnings:  # before the long work, and in the result once more
-                console.say(f"! {file.name}: {doubt}")
-        learned = learn(given, parts, progress=tell, **taught)
-        facts = write_results(learned, output, tell, overwrite=overwrite)
-        if followed is not None:
-            result = transfer_recording(learned, progress=tell, **followed)
-            moved = write_results(result, follows, tell, motion.export, overwrite=overwrite)
+    job = _job(config, follows, overwrite)
+    with console.progress() as progress:
+        learned, report = _learned(config, output, overwrite, progress)
+        followed = None if job is None else _followed(learned, job, config, follows, progress, overwrite)
     if followed is None:
-        console.tell(facts, output=str(output))
+        console.tell(report, output=str(output))
         return
-    console.tell(facts, output=str(output), robot={**as_numbers(moved), "output": str(follows)})
+    console.tell(report, output=str(output), robot={**as_numbers(followed), "output": str(follows)})
     if not console.as_json:
-        console.tell(moved, output=str(follows))
+        console.tell(followed, output=str(follows))
 
 
-def _followed(robot: str, job: dict[str, Any], chain: Chain, motion: Motion) -> dict[str, Any]:
-    """Return the options of the transfer to a robot, checked before the long work."""
-    from maniport.pipeline.job import checked_control
-    from maniport.transfer import method_of
+def _job(config: Config, folder: Path, overwrite: bool) -> dict[str, Any] | None:
+    """Return the arguments of the transfer to a robot if there is one, checked before the long work."""
+    from maniport.report.write import RUN_FILES, export_files
+    from maniport.util.atomic_io import require_free
 
-    motion.require_exports()
-    if job["method"] != AUTO:
-        method_of(job["method"])
-    arm = chain.load(robot)
-    control = checked_control(arm, motion.control(arm), motion.orientation, True)
-    known = {
-        name: job[name] for name in ("method", "base_rotation", "spec", "damping", "eigenvalue_floor", "random_state")
-    }
-    return {**known, "robot": arm, "orientation": motion.orientation, **control}
-
-
-def _count(text: str) -> int | None:
-    if text == AUTO:
+    arm = optional_robot(config)
+    if arm is None:
+        if config.motion.export:
+            raise InvalidInputError("--export needs --robot")
         return None
-    try:
-        return int(text)
-    except ValueError:
-        raise InvalidInputError(f"--components must be {AUTO} or a whole number; found {text!r}") from None
+    require_free(folder, RUN_FILES, overwrite)
+    export_files(config.motion.export)
+    options = {name: value for name, value in job_of(config, arm).items() if name not in config.human.fit_options}
+    return {"robot": arm, **options}
 
 
-def _segments(texts: list[str], recordings: int) -> list[str | list[tuple[float, float]]]:
+def _learned(config: Config, folder: Path, overwrite: bool, progress: Progress) -> tuple[Any, Report]:
+    """Learn the profile, and write the results."""
+    from maniport.pipeline import learn
+    from maniport.report.write import write_results
+
+    parts = _segments(config.learning.segments, len(config.recording))
+    options = {**config.human.fit_options, "spec": config.transfer.spec, **config.transfer.regularization}
+    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
+    data = [config.human.read(file) for file in config.recording]
+    learned = replace(learn(data, parts, random_state=config.seed, progress=progress, **options), config=config)
+    return learned, write_results(learned, folder, progress, overwrite=overwrite)
+
+
+def _followed(
+    learned: Any, options: dict[str, Any], config: Config, folder: Path, progress: Progress, overwrite: bool
+) -> Report:
+    """Transfer the learned profile to a robot, and write the results."""
+    from maniport.pipeline import transfer_recording
+    from maniport.report.write import write_results
+
+    result = replace(transfer_recording(learned, progress=progress, **options), config=config)
+    return write_results(result, folder, progress, config.motion.export, overwrite=overwrite)
+
+
+def _segments(texts: tuple[str, ...], recordings: int) -> list[str | list[tuple[float, float]]] | None:
     """Convert texts such as 2:4,4:5.6 to times of each recording; auto stays."""
-    texts = texts * recordings if texts == [AUTO] else texts
+    if not texts:
+        return None
+    texts = texts * recordings if texts == (AUTO,) else texts
     if len(texts) != recordings:
-        raise InvalidInputError(
-            f"--segments must be given once for each of the {recordings} recordings; found {len(texts)}"
-        )
-    found: list[str | list[tuple[float, float]]] = []
-    for text in texts:
-        if text == AUTO:
-            found.append(AUTO)
-            continue
-        try:
-            ends = [tuple(float(end) for end in part.split(":")) for part in text.split(",")]
-            found.append([(start, stop) for start, stop in ends])
-        except ValueError:
-            raise InvalidInputError(
-                f"--segments must be {AUTO}, or times such as 2:4,4:5.6 from start to stop [s]; found {text!r}"
-            ) from None
-    return found
+        raise InvalidInputError(f"--segments is needed for each of the {recordings} recordings; found {len(texts)}")
+    return [AUTO if text == AUTO else [_interval(part) for part in text.split(",")] for text in texts]
+
+
+def _interval(text: str) -> tuple[float, float]:
+    try:
+        start, stop = map(float, text.split(":"))
+    except ValueError:
+        raise InvalidInputError(f"--segments must be {AUTO}, or times such as 2:4,4:5.6 [s]; found {text!r}") from None
+    return start, stop

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
-from maniport.arms.chain import LEFT, PRISMATIC, RIGHT, Joint
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms.chain import PRISMATIC, Joint
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import Array
 
@@ -20,11 +20,11 @@ ONE_TURN_OR_SLIDE = {
 
 
 def robot_model(arm: Arm | ArmGroup) -> pin.Model:
-    """Make a Pinocchio model of an arm, or one of two arms.
+    """Make a Pinocchio model of an arm or a group of arms.
 
     Its configuration vector and limits are those of the arm; velocity limits are infinite where none is known. Frames
-    keep their names, and locked joints are fixed. Shared joints of a pair exist once; frames of two robots have the
-    prefixes of the pair's joints.
+    keep their names, and locked joints are fixed. Shared joints of a group exist once; frames of several robots
+    have the prefixes of the group's joints.
 
     Parameters
     ----------
@@ -49,12 +49,11 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     """
     model = pin.Model()
     model.name = arm.name
-    if isinstance(arm, ArmGroup):
-        left, right = prefixes(arm)
-        trunk = _grown(model, arm.left, left)[: arm.trunk + 1]
-        _grown(model, arm.right, right, trunk)
-    else:
-        _grown(model, arm)
+    group, places = as_group(arm), list[list[Place]]()
+    for i, (member, prefix) in enumerate(zip(group.arms, model_prefixes(group), strict=True)):
+        before = group.common[i, :i]
+        shared = places[int(before.argmax())][: int(before.max()) + 1] if i else ()
+        places.append(_add_arm(model, member, prefix, shared))
     model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
     speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
     model.velocityLimit = speeds
@@ -64,9 +63,9 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
 Place = tuple[int, pin.SE3]  # A joint of a model, and a pose in its frame
 
 
-def _grown(model: pin.Model, arm: Arm, prefix: str = "", trunk: Sequence[Place] = ()) -> list[Place]:
-    """Let a model have the joints and frames of an arm beyond its trunk; where it is after each joint of the chain."""
-    chain, parents = arm.chain, list(trunk) or [(0, pin.SE3.Identity())]
+def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -> list[Place]:
+    """Add the joints and frames of an arm beyond the shared ones; return the place after each joint of its chain."""
+    chain, parents = arm.chain, list(shared) or [(0, pin.SE3.Identity())]
     begun = len(parents) - 1
     factors = _own_coordinates(arm)
     for joint, factor, offset in list(zip(chain.joints, factors, chain.offset, strict=True))[begun:]:
@@ -86,17 +85,16 @@ def _grown(model: pin.Model, arm: Arm, prefix: str = "", trunk: Sequence[Place] 
     return parents
 
 
-def prefixes(arms: ArmGroup) -> tuple[str, str]:
-    """What names of each arm's joints and frames begin with in the pair: nothing where all are different."""
-    same = arms.joint_names[0] != arms.left.joint_names[0] or arms.left.frame == arms.right.frame
-    return (f"{LEFT}_", f"{RIGHT}_") if same else ("", "")
+def model_prefixes(group: ArmGroup) -> tuple[str, ...]:
+    """Return the prefixes of each arm's joints and frames: none where all names are different."""
+    same = any(group.prefixes) or len({arm.frame for arm in group.arms}) < len(group)
+    return tuple(f"{name}_" * same for name in group.names)
 
 
 def tip_frames(arm: Arm | ArmGroup) -> tuple[str, ...]:
-    """Names of the tips in `robot_model`."""
-    if isinstance(arm, Arm):
-        return (arm.frame,)
-    return tuple(prefix + one.frame for prefix, one in zip(prefixes(arm), arm.each, strict=True))
+    """Return the names of the end-effector frames in `robot_model`."""
+    group = as_group(arm)
+    return tuple(prefix + member.frame for prefix, member in zip(model_prefixes(group), group.arms, strict=True))
 
 
 def _own_coordinates(arm: Arm) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms import Arm, ArmGroup
+from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
@@ -225,7 +225,8 @@ def _numbers(content: Any, keys: tuple[str, ...], where: str) -> dict[str, float
 def _own_names(arm: Arm | ArmGroup) -> list[str]:
     """What the joints are called in the descriptions of their robots."""
     names = list(arm.joint_names)
-    for one, columns in zip(arm.each, arm.columns, strict=True) if isinstance(arm, ArmGroup) else ():
+    group = as_group(arm)
+    for one, columns in zip(group.arms, group.columns, strict=True):
         for column, name in zip(columns, one.joint_names, strict=True):
             names[column] = name
     return names
@@ -233,7 +234,7 @@ def _own_names(arm: Arm | ArmGroup) -> list[str]:
 
 def _unlimited(arm: Arm | ArmGroup) -> list[str]:
     """Names of the joints whose position the description does not limit."""
-    free = {name for one in (arm.each if isinstance(arm, ArmGroup) else (arm,)) for name in one.chain.unlimited}
+    free = {name for one in as_group(arm).arms for name in one.chain.unlimited}
     return [name for name, own in zip(arm.joint_names, _own_names(arm), strict=True) if own in free]
 
 

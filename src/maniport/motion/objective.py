@@ -59,8 +59,9 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     asked = damping if isinstance(damping, Regularization) else Regularization(damping)
     if asked.eigenvalue_floor is not None:
         raise InvalidInputError(
-            f"damping must be a number, None or a Regularization by damping; found a floor of {asked.eigenvalue_floor:g}, which "
-            "has no derivative where it sets in. Regularization.absolute(...) adds a fixed amount"
+            "damping must be a number, None or a Regularization by damping; found a floor of "
+            f"{asked.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds a "
+            "fixed amount"
         )
     if asked.damping is not None and asked.epsilon == 0.0:
         return asked.fitted(ellipsoids(), "ellipsoids")
@@ -196,7 +197,7 @@ class Targets:
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
             square += np.sum(residual * pull, axis=1)
-        for away, moves in self._tip_residuals(q, tips, jacobian):
+        for away, moves in self.pose_residuals(q, tips, jacobian):
             add_residual(away, moves, gradient, hessian)
             square += np.sum(away**2, axis=1)
         return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
@@ -220,7 +221,7 @@ class Targets:
         else:
             residual = to_vector(self.logarithms(q))
             square = np.einsum("ni,nij,nj->n", residual, self.weights, residual)
-        for away, _ in self._tip_residuals(q):
+        for away, _ in self.pose_residuals(q):
             square = square + np.sum(away**2, axis=1)
         return np.asarray(square)
 
@@ -240,10 +241,10 @@ class Targets:
         assert self.positions is not None
         return np.asarray(self.objective.arm.forward(q)[:, :3, 3] - self.positions)
 
-    def _tip_residuals(
+    def pose_residuals(
         self, q: Array, tips: Array | None = None, jacobian: Array | None = None
     ) -> Iterator[tuple[Array, Array]]:
-        """Weighted residuals (n, 3) of the tip's place and axes; with Jacobians (n, 6, dof) their derivatives, too."""
+        """Weighted residuals (n, 3) of position and axes; with Jacobians (n, 6, dof) also their derivatives."""
         if self.positions is None and self.rotations is None:
             return
         tips = self.objective.arm.forward(q) if tips is None else tips

@@ -1,14 +1,13 @@
 """Fréchet mean of SPD matrices under the affine-invariant metric, dispersion about it, and whitening by it."""
 
 import warnings
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
-from maniport.spd.affine_invariant import distance_unchecked, recentred
+from maniport.spd.affine_invariant import distance_unchecked, recentered
 from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
 from maniport.spd.matrix_functions import apply, roots
 from maniport.util.validation import (
@@ -92,24 +91,6 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     return now.center
 
 
-def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> list[Array]:
-    """Fréchet means under several weights (n,) of points (n, d, d) whose plain mean is the identity."""
-    n, identity = len(points), np.eye(points.shape[-1])
-    sizes = np.linalg.norm(points, axis=(-2, -1))
-    hessian = _Iterate(identity, _Sample(points, np.full(n, 1.0 / n), sizes)).moments.hessian
-    means = []
-    for weight in weights:
-        now = _Iterate(identity, _Sample(points, weight, sizes), curved=False)
-        while now.norm > max(tol, now.rounding):
-            direction = _newton_direction(hessian, now.moments.gradient)  # of the plain mean, which is near
-            following = _Iterate(congruence(now.root, apply(direction, np.exp)), now.sample, curved=False)
-            if following.norm >= 0.5 * now.norm:
-                break
-            now = following
-        means.append(now.center if now.norm <= max(tol, now.rounding) else mean(points, weight))
-    return means
-
-
 def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:
     """How far the points lie from their mean.
 
@@ -137,7 +118,7 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
 
 
 def whiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
+    """Recenter points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
 
     Parameters
     ----------
@@ -158,7 +139,7 @@ def whiten(points: ArrayLike, center: ArrayLike) -> Array:
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return recentred(roots(middle)[1], data)
+    return recentered(roots(middle)[1], data)
 
 
 def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
@@ -178,7 +159,7 @@ def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return recentred(roots(middle)[0], data)
+    return recentered(roots(middle)[0], data)
 
 
 class _Sample(NamedTuple):

@@ -14,8 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
-from maniport.transfer.baselines import MeanTransport, NearestNeighbor, RawCopy
-from maniport.transfer.icp.algorithm import Search
+from maniport.transfer.baselines import IdentityMap, MeanTransport, NearestNeighbor
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
@@ -25,13 +24,14 @@ from maniport.transfer.icp.correspondence import (
     OneToOneCorrespondence,
     TransportCorrespondence,
 )
+from maniport.transfer.icp.search import Search
 from maniport.transfer.length_field_adapter import LengthField
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.riemannian_icp import RiemannianICP
 from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
-    "raw-copy": RawCopy,
+    "identity": IdentityMap,
     "mean-transport": MeanTransport,
     "parallel-transport": ParallelTransport,
     "nearest-neighbor": NearestNeighbor,
@@ -72,14 +72,14 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
             f"method must be one of {', '.join(map(repr, METHODS))} or a DomainAdapter; found {method!r}"
         )
     base_rotation = shared.get("base_rotation")
-    if base_rotation is not None and not _same_mounting(base_rotation, method.base_rotation):
+    if base_rotation is not None and not _same_base_rotation(base_rotation, method.base_rotation):
         raise InvalidInputError(
             f"give the base_rotation to the method itself, {type(method).__name__}(base_rotation=...); an adapter is taken as is"
         )
     return clone(method)
 
 
-def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:
+def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
     one, other = (np.asarray(np.eye(3) if turn is None else turn, dtype=np.float64)[:3, :3] for turn in (shared, own))
     return one.shape == other.shape and np.allclose(one, other, atol=1e-9)
 
@@ -125,6 +125,7 @@ __all__ = [
     "DomainAdapter",
     "EllipsoidCorrespondence",
     "GeodesicCorrespondence",
+    "IdentityMap",
     "LengthField",
     "LogEllipsoidCorrespondence",
     "Matches",
@@ -132,7 +133,6 @@ __all__ = [
     "NearestNeighbor",
     "OneToOneCorrespondence",
     "ParallelTransport",
-    "RawCopy",
     "RiemannianICP",
     "Search",
     "TransportCorrespondence",

@@ -1,17 +1,20 @@
 """The baselines: identity, matching the means, and a nearest-neighbor lookup."""
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.neighbors import NeighborIndex, nearest
 from maniport.transfer.adapter import RELEASED, DomainAdapter
+from maniport.transfer.adapter_file import Attribute, Schema
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_count
+from maniport.util.validation import Array, as_count, as_positive_semidefinite
 
 
-class RawCopy(DomainAdapter):
+class IdentityMap(DomainAdapter):
     """Return the teacher's ellipsoids in the student's frame, S = R_b T R_bᵀ.
 
     Parameters
@@ -23,7 +26,7 @@ class RawCopy(DomainAdapter):
     def _fit(self, teacher: Array, student: Array) -> None:
         self._describe(teacher, student)
         self.released_damping_ = RELEASED * self.student_damping_
-        self._found_at_once("nothing to fit")
+        self._set_closed_form("nothing to fit")
 
     def _map(self, points: Array) -> tuple[Array, float]:
         return self._exchanged(points, 1.0), self.released_damping_
@@ -49,7 +52,7 @@ class MeanTransport(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         self.rotation_ = np.eye(teacher.shape[-1])
-        self._found_at_once("closed form")
+        self._set_closed_form("closed form")
 
 
 class NearestNeighbor(DomainAdapter):
@@ -78,6 +81,11 @@ class NearestNeighbor(DomainAdapter):
     manifold-aware ICP, IROS 2022.
     """
 
+    schema: ClassVar[Schema] = DomainAdapter.schema | {
+        "keys_": Attribute(("n", "d", "d"), as_positive_semidefinite),
+        "values_": Attribute(("n", "d", "d"), as_positive_semidefinite),
+    }
+
     _index: NeighborIndex | None = None
 
     def __init__(
@@ -96,7 +104,7 @@ class NearestNeighbor(DomainAdapter):
         index, gap = nearest(keys, values)
         self.keys_, self.values_ = keys, values[index]
         self._describe(teacher, student)
-        self._found_at_once("lookup table", float(np.sqrt(np.mean(gap**2))))
+        self._set_closed_form("lookup table", float(np.sqrt(np.mean(gap**2))))
         self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
 
     def _map(self, points: Array) -> tuple[Array, float]:

@@ -1,10 +1,9 @@
 """The rigid map between two domains, and what the methods that fit one share."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from maniport.spd.kernels import eigh, power_congruence
 from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, congruence, roots
 from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.cloud_pair import resampled_means
+from maniport.transfer.identifiability import Identifiability
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.validation import Array, as_choice, as_flag
 
@@ -78,19 +77,21 @@ def kantorovich(condition: float, power: float) -> float:
     return float(gap / (h - 1.0) * ((h**p - 1.0) / (p * gap)) ** p)
 
 
-def recentre(points: Array, mean: Array, ratio: float = 1.0) -> Array:
+def recenter(points: Array, mean: Array, ratio: float = 1.0) -> Array:
     """Return (P^-½ X P^-½)^s, the points about the identity, dilated by `ratio`."""
     whitened = congruence(roots(mean)[1], points)
     return whitened if ratio == 1.0 else apply(whitened, lambda values: values**ratio)
 
 
 def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:
-    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½."""
+    """Rotation of recentered ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½."""
     return orthonormal(roots(student_mean)[1] @ roots(teacher_mean)[0])
 
 
 class RigidAdapter(DomainAdapter):
     """Base of the adapters whose map is f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R."""
+
+    value_objects: ClassVar[dict[str, Any]] = {"identifiability_": Identifiability}
 
     scale: bool
     dispersion: str
@@ -98,11 +99,11 @@ class RigidAdapter(DomainAdapter):
     _kept: tuple[Any, RigidMap]
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        self._centre(teacher, student)
+        self._center(teacher, student)
         self._fit_rotation(teacher, student)
         self._settle()
 
-    def _centre(self, teacher: Array, student: Array) -> None:
+    def _center(self, teacher: Array, student: Array) -> None:
         """Set means, dispersions and their ratio, and `rotation_` to that of parallel transport."""
         as_choice(self.recenter, "recenter", ("training", "profile"))
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
@@ -120,17 +121,11 @@ class RigidAdapter(DomainAdapter):
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
 
-    def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
+    def _recentered(self, teacher: Array, student: Array) -> tuple[Array, Array]:
         """Both domains about the identity, the teacher dilated to the student's dispersion."""
-        return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
+        return recenter(teacher, self.teacher_mean_, self.dispersion_ratio_), recenter(student, self.student_mean_)
 
-    def _transported_again(self, teacher: Array, student: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
-        """Return the rotations of parallel transport between resampled domains."""
-        sides = (teacher, self.teacher_mean_), (student, self.student_mean_)
-        means = [resampled_means(points, center, randoms) for points, center in sides]
-        return [transport_rotation(t, s) for t, s in zip(*means, strict=True)]
-
-    def _turn(self) -> Array:
+    def _map_rotation(self) -> Array:
         """Polar factor of S̄^½ R T̄^-½."""
         return orthonormal(roots(self.student_mean_)[0] @ self.rotation_ @ roots(self.teacher_mean_)[1])
 

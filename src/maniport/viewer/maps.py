@@ -13,7 +13,7 @@ from maniport.arms import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank
-from maniport.transfer import METHODS, DomainAdapter, method_of
+from maniport.transfer import METHODS, DomainAdapter, Search, method_of
 from maniport.util.validation import Array, as_choice, as_rotation
 
 GIVEN = "adapter file"  # Name of an adapter that was given fitted
@@ -21,7 +21,7 @@ GIVEN = "adapter file"  # Name of an adapter that was given fitted
 AS_FOUND = "icp, as found"
 """The result of ICP, also where it is not clearly better than its start, which ``"icp"`` keeps then."""
 
-VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"compete": False})}
+VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"search": Search(require_improvement=False)})}
 """Methods with other settings than usual."""
 
 
@@ -53,7 +53,7 @@ class Methods:
     ):
         self._teacher, self._student = teacher, student
         self._robot = robot, VELOCITY, bank
-        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0, "n_resamples": 0}
+        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
         if given is not None:
             require_drawable(given)
         self._given = given
@@ -65,7 +65,7 @@ class Methods:
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
             ending = "it keeps the base_rotation that it was fitted with"
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=ending)
+            return LiveMap(name, rotation, self._given.compiled(), self._given.map_rotation_, ending=ending)
         method, variation = VARIANTS.get(name, (name, {}))
         adapter = knowing(method_of(method, **self._options | variation, base_rotation=rotation), *self._robot)
         started = clock.perf_counter()
@@ -74,7 +74,7 @@ class Methods:
             adapter.fit(self._teacher, self._student)
         seconds = clock.perf_counter() - started
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, seconds, adapter.stop_reason_, notes)
+        return LiveMap(name, rotation, adapter.compiled(), adapter.map_rotation_, seconds, adapter.stop_reason_, notes)
 
 
 def require_drawable(adapter: DomainAdapter) -> None:

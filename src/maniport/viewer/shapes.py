@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.arms import Arm, ArmGroup, Surface
+from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.errors import FileFormatError
 from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
@@ -102,7 +102,7 @@ class Skeleton:
 
 def find_surfaces(robot: Arm | ArmGroup) -> tuple[list[tuple[Surface, ...]], str]:
     """Surfaces of each arm, or none and the reason in one line; those of a shared trunk are the left arm's."""
-    arms = robot.each if isinstance(robot, ArmGroup) else (robot,)
+    arms = as_group(robot).arms
     none: list[tuple[Surface, ...]] = [() for _ in arms]
     try:
         found = [arm.surfaces() for arm in arms]
@@ -112,7 +112,7 @@ def find_surfaces(robot: Arm | ArmGroup) -> tuple[list[tuple[Surface, ...]], str
         if not surfaces:
             return none, f"the description of {arm.name} names no shapes"
     if isinstance(robot, ArmGroup):
-        shared = [surface for surface in found[0] if surface.joint <= robot.trunk]
+        shared = [surface for surface in found[0] if surface.joint <= robot.common[0, 1]]
         found[1] = tuple(surface for surface in found[1] if not any(_same(surface, other) for other in shared))
     return found, ""
 

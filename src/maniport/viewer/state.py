@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup
+from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
 from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path, place_paths
 from maniport.motion.follow.follower import Follower
@@ -177,7 +177,7 @@ class ViewState:
 
     def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: Playback | None = None):
         self.robot, self.sides, self.playback = robot, tuple(sides), playback
-        self._columns = robot.columns if isinstance(robot, ArmGroup) else (np.arange(robot.dof),)
+        self._columns = as_group(robot).columns
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self._jump = True
 
@@ -220,7 +220,7 @@ class ViewState:
         turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
         damping = banks[0].damping
         if isinstance(self.robot, ArmGroup):
-            places = place_paths(hands, targets, self.robot.each, turn=turn, yaw=0.0, damping=damping, banks=banks)
+            places = place_paths(hands, targets, self.robot.arms, turn=turn, yaw=0.0, damping=damping, banks=banks)
         else:
             places = (place_path(hands[0], targets[0], self.robot, turn=turn, yaw=0.0, damping=damping, bank=banks[0]),)
         for side, place in zip(self.sides, places, strict=True):

@@ -1,4 +1,4 @@
-"""The hulls that an arm or a pair of arms moves or stands on, and which of them can move against one another."""
+"""The convex hulls of an arm or a group of arms, and which of them can move relative to one another."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup
-from maniport.arms.chain import LEFT, RIGHT
+from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.collisions.hulls import Hull, Part, hulls_of, parts_of
 from maniport.arms.collisions.tree import LinkTree
 from maniport.errors import FileFormatError
@@ -18,65 +17,75 @@ from maniport.util.validation import Array
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Carried:
-    """Hulls of the parts of an arm or a pair; of a pair the left arm's first, then those of the right arm alone."""
+    """Hulls of the parts of a group of arms: all of the first arm, then those of each further arm alone."""
 
     hulls: tuple[Hull, ...]  # their joints are links of the tree; named by their arms too where robots share names
     links: tuple[str, ...]  # names of the links
     parts: tuple[Part, ...]  # the part that each hull encloses, or a piece of it
     joined: NDArray[np.bool_]  # (hulls, hulls): pairs joined by one joint, or that do not move against one another
     between: NDArray[np.intp]  # (hulls, hulls): number of coordinates that move one against the other
-    own: NDArray[np.intp]  # (hulls,): -1 moved by the left arm alone, 1 by the right one, 0 by both or the only arm
-    one: bool  # whether all is of one robot
+    owners: NDArray[np.bool_]  # (hulls, arms): arms that each hull is a part of; a base is one of all its robot's arms
+    robots: NDArray[np.intp]  # (hulls,): robot that each hull is a part of
     last: frozenset[int]  # the last links
 
     def across(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which pairs of hulls are of two arms; table and obstacles are of none."""
         links = (pairs >= 0) & (pairs < len(self.hulls))
-        own = np.where(links, np.append(self.own, 0)[np.where(links, pairs, -1)], 0)
-        return np.asarray(own.prod(axis=1) < 0)
+        owners = self.owners[np.where(links, pairs, 0)]
+        together = np.any(owners.all(axis=1), axis=1)
+        return np.asarray(links.all(axis=1) & ~together)
 
 
 def carried_by(arm: Arm | ArmGroup, tree: LinkTree, fine: Collection[str] = ()) -> Carried | None:
-    """Collect the hulls of an arm or a pair; None where the shapes of an arm are not known."""
-    arms = arm.each if isinstance(arm, ArmGroup) else (arm,)
-    sides = [list(parts_of(each)) for each in arms]
-    if not all(any(part.own for part in parts) for parts in sides):
+    """Collect the hulls of an arm or a group; None where the shapes of an arm are not known."""
+    group = as_group(arm)
+    listed = [list(parts_of(member)) for member in group.arms]
+    if not all(any(part.own for part in parts) for parts in listed):
         return None
-    one = not isinstance(arm, ArmGroup) or bool(_common(arm))
-    if isinstance(arm, ArmGroup) and one:
-        sides = _shared_once(sides, arm.trunk)
+    robots = _robots(group)
+    listed = _without_duplicates(listed, group.common, robots)
     hulls: list[Hull] = []
     parts: list[Part] = []
-    own: list[int] = []
-    for side, (each, listed) in enumerate(zip(arms, sides, strict=True)):
-        for part in listed:
+    owners: list[NDArray[np.bool_]] = []
+    sides: list[int] = []
+    for side, member in enumerate(group.arms):
+        for part in listed[side]:
             link = tree.of_chain[side][part.joint]
-            found = [replace(hull, joint=link) for hull in hulls_of(each, part, part.name in fine)]
-            shared = not isinstance(arm, ArmGroup) or (one and part.joint <= arm.trunk)
+            found = [replace(hull, joint=link) for hull in hulls_of(member, part, part.name in fine)]
             hulls += found
             parts += [part] * len(found)
-            own += [0 if shared else 2 * side - 1] * len(found)
+            owners += [(robots == robots[side]) & (group.common[side] >= part.joint)] * len(found)
+            sides += [side] * len(found)
     links = tuple(hull.name for hull in hulls)
-    if len(sides) > 1 and not {part.name for part in sides[0]}.isdisjoint(part.name for part in sides[1]):
-        names = [f"{LEFT if side < 0 else RIGHT}_{name}" for name, side in zip(links, own, strict=True)]
-        hulls = [replace(hull, name=name) for hull, name in zip(hulls, names, strict=True)]
+    names = [name for each in listed for name in {part.name for part in each}]
+    if len(set(names)) < len(names):
+        hulls = [
+            replace(hull, name=f"{group.names[side]}_{hull.name}") for hull, side in zip(hulls, sides, strict=True)
+        ]
     last = frozenset(
-        tree.of_chain[side][max(part.joint for part in listed if part.own)] for side, listed in enumerate(sides)
+        tree.of_chain[side][max(part.joint for part in each if part.own)] for side, each in enumerate(listed)
     )
-    owners = np.array(own, dtype=np.intp)
-    joined, between = _relations(arms, tree, hulls, np.array([part.own for part in parts]))
-    joined &= (owners[:, None] * owners >= 0) | one
-    return Carried(tuple(hulls), links, tuple(parts), joined, between, owners, one, last)
+    joined, between = _relations(group.arms, tree, hulls, np.array([part.own for part in parts]))
+    of_hulls = robots[sides]
+    joined &= of_hulls[:, None] == of_hulls
+    return Carried(tuple(hulls), links, tuple(parts), joined, between, np.array(owners), of_hulls, last)
 
 
-def _shared_once(sides: list[list[Part]], trunk: int) -> list[list[Part]]:
-    """Parts of two arms of one robot, each once: what an arm moves is no obstacle at rest to the other."""
-    left, right = sides
-    moving = [{part.name for part in parts if part.joint > trunk} for parts in sides]
-    left = [part for part in left if part.own or part.name not in moving[1]]
-    names = {part.name for part in left}
-    right = [part for part in right if part.joint > trunk or part.name not in names | moving[0]]
-    return [left, right]
+def _without_duplicates(
+    listed: list[list[Part]], common: NDArray[np.intp], robots: NDArray[np.intp]
+) -> list[list[Part]]:
+    """Parts of each arm without those of an earlier arm, and without those that another arm of its robot moves."""
+    kept: list[list[Part]] = []
+    for i, parts in enumerate(listed):
+        same = [k for k in np.flatnonzero(robots == robots[i]).tolist() if k != i]
+        before = {part.name for k in same if k < i for part in kept[k]}
+        moved = {part.name for k in same for part in listed[k] if part.joint > common[i, k]}
+        deepest = max((int(common[i, k]) for k in same), default=-1)
+        kept.append([
+            part for part in parts
+            if part.joint > deepest or (part.name not in before and (part.own or part.name not in moved))
+        ])  # fmt: skip
+    return kept
 
 
 def _relations(
@@ -96,14 +105,19 @@ def _relations(
     return joined | joined.T | (between == 0), between
 
 
-def _common(arms: ArmGroup) -> set[str]:
-    """Names of the frames that both arms have in one place: none where they are of two robots."""
-    ours, theirs = (arm.chain.frames for arm in arms.each)
-    return {
-        name for name, place in ours.items()
-        if place.joint <= arms.trunk and name in theirs and theirs[name].joint == place.joint
-        and np.array_equal(theirs[name].placement, place.placement)
-    }  # fmt: skip
+def _robots(group: ArmGroup) -> NDArray[np.intp]:
+    """Index of the robot of each arm: arms of one robot have a frame in the same place in common."""
+    robots = np.arange(len(group))
+    for k in range(len(group)):
+        for i in range(k):
+            ours, theirs = group.arms[i].chain.frames, group.arms[k].chain.frames
+            if any(
+                place.joint <= group.common[i, k] and name in theirs and theirs[name].joint == place.joint
+                and np.array_equal(theirs[name].placement, place.placement)
+                for name, place in ours.items()
+            ):  # fmt: skip
+                robots[robots == robots[k]] = robots[i]
+    return robots
 
 
 class Lowest(NamedTuple):

@@ -4,20 +4,20 @@ import os
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup, CooperativeArm
+from maniport.arms.arm_group import ArmGroup, CooperativeArm, as_group
 from maniport.arms.collisions.carried import carried_by
 from maniport.arms.collisions.obstacles import as_boxes, disabled_pairs
 from maniport.arms.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
 from maniport.arms.collisions.solids import Pairs, Solids, Watch
 from maniport.arms.collisions.tree import LinkTree
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_generator, as_number
 
 
@@ -29,8 +29,8 @@ class Nearest(NamedTuple):
     second: NDArray[np.str_]
 
 
-class Collisions(ShownInNotebooks):
-    """What an arm or a pair collides with: itself, a table, obstacles. Make one with `Collisions.of`.
+class Collisions(NotebookDisplay):
+    """Collisions of an arm or a group of arms with itself, a table and obstacles. Make one with `Collisions.of`.
 
     Every pair of bodies that no joint joins directly is checked: the links of the arm, its gripper, and the rest of the
     robot, such as a head, legs or the other arm, which stands at zero. Each finger is the hull of its positions from
@@ -39,7 +39,7 @@ class Collisions(ShownInNotebooks):
 
     Not checked are links that one joint joins, tools of which the description knows nothing, and `unchecked`.
 
-    Of a pair each arm is checked with itself and with the other; bodies of both, such as a torso, count once.
+    Each arm of a group is checked with itself and with the others; shared bodies, such as a torso, count once.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Collisions(ShownInNotebooks):
         another, collide within a quarter of it.
     pairs : tuple of (str, str)
         Names of what is checked against one another. Where the links of two robots have the same names all are called
-        ``left_…`` and ``right_…``.
+        ``left_…`` and ``right_…``, after the names of the arms.
     always, never : tuple of (str, str)
         Names of pairs that are not checked: their meshes meet in more than 90 % of 10 000 samples of the joint space
         and at rest, or the pair stays apart in all samples by more than 10 cm (5 mm with at most two coordinates
@@ -86,7 +86,7 @@ class Collisions(ShownInNotebooks):
         srdf: str | os.PathLike[str] | None = None,
         padding: float = 0.0,
     ) -> "Collisions":
-        """Choose the pairs of bodies of an arm or a pair of arms to check, with table and obstacles.
+        """Choose the pairs of bodies of an arm or a group of arms to check, with table and obstacles.
 
         Parameters
         ----------
@@ -141,16 +141,17 @@ class Collisions(ShownInNotebooks):
 
     @cached_property
     def between(self) -> "Collisions":
-        """Of a pair: what one arm collides with of the other, and nothing else."""
+        """Collisions between different arms of a group only."""
         every, across = self._found, self._across
         found = every._replace(pairs=every.pairs[across], share=every.share[across])
         return Collisions(self.arm, self._solids, found, self.padding, self.why)
 
     @cached_property
-    def each(self) -> tuple["Collisions", "Collisions"]:
-        """Of a pair: what each arm collides with but the other one, as `of` finds it for that arm alone."""
-        left, right = (Collisions.of(arm, **self._around) for arm in cast(ArmGroup, self.arm).each)
-        return left, right
+    def of_arms(self) -> tuple["Collisions", ...]:
+        """Collisions of each arm of a group with itself and its surroundings, as `of` chooses them."""
+        if not isinstance(self.arm, ArmGroup):
+            return (self,)
+        return tuple(Collisions.of(arm, **self._around) for arm in self.arm.arms)
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -158,7 +159,7 @@ class Collisions(ShownInNotebooks):
 
         A pair is not checked where convex hulls meet nearly always although the meshes do not.
         """
-        arms = self.arm.each if isinstance(self.arm, ArmGroup) else (self.arm,)
+        arms = as_group(self.arm).arms
         if self.known:
             missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
@@ -167,7 +168,7 @@ class Collisions(ShownInNotebooks):
     @property
     def stand_ins(self) -> tuple[str, ...]:
         """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
-        arms = self.arm.each if isinstance(self.arm, ArmGroup) else (self.arm,)
+        arms = as_group(self.arm).arms
         return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.look.stand_ins()))
 
     @property

@@ -82,7 +82,7 @@ def require_free_base(solids: Solids, carried: Carried, table: float | None) -> 
     for i, hull in enumerate(hulls[:links]):
         if not carried.parts[i].own:
             continue  # a leg or another arm may reach below a table in front of the robot
-        for k in np.flatnonzero(carried.own * carried.own[i] < 0).tolist() if hull.joint == 0 else ():
+        for k in np.flatnonzero(carried.robots != carried.robots[i]).tolist() if hull.joint == 0 else ():
             depth = -solids.at_rest(i, k) if hulls[k].joint == 0 else 0.0
             if depth > sunk:
                 raise InvalidInputError(
@@ -106,11 +106,11 @@ def require_free_base(solids: Solids, carried: Carried, table: float | None) -> 
 
 def candidates(carried: Carried, obstacles: int, table: bool, disabled: set[frozenset[str]] | None) -> Pairs:
     """All pairs that could be checked, as `Solids` takes them; obstacles come behind the hulls of links."""
-    hulls, links, own = carried.hulls, carried.links, carried.own
+    hulls, links, robots = carried.hulls, carried.links, carried.robots
     pairs = []
     for b in range(len(hulls)):
         for a in range(b + 1, len(hulls)):
-            strangers = not carried.one and own[a] != own[b]
+            strangers = robots[a] != robots[b]
             allowed = disabled is not None and frozenset((links[a], links[b])) in disabled and not strangers
             if not carried.joined[a, b] and not allowed:
                 pairs.append((a, b))

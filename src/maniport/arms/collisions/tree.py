@@ -1,29 +1,28 @@
-"""Where the links of an arm or a pair of arms are, for thousands of configurations at once."""
+"""Poses of the links of an arm or a group of arms, for thousands of configurations at once."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup
+from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.chain import PRISMATIC, Joint
 from maniport.arms.chain_kernels import fill_link_poses
 from maniport.util.validation import Array
 
 
 class LinkTree:
-    """The base, which is link 0, and the link after each joint of an arm or a pair."""
+    """The base, which is link 0, and the link after each joint of an arm or a group."""
 
     def __init__(self, arm: Arm | ArmGroup):
-        arms = arm.each if isinstance(arm, ArmGroup) else (arm,)
-        columns = arm.columns if isinstance(arm, ArmGroup) else (np.arange(arm.dof),)
-        trunk = arm.trunk if isinstance(arm, ArmGroup) else 0
+        group = as_group(arm)
         self.of_chain: list[list[int]] = []
         joints: list[Joint] = []
         parents: list[int] = []
         coupling, offset, reach = [], [], []
-        for chain, own in zip((one.chain for one in arms), columns, strict=True):
-            shared = trunk if joints else 0
-            links = list(range(shared + 1))
+        for i, own in enumerate(group.columns):
+            chain, before = group.arms[i].chain, group.common[i, :i]
+            shared = int(before.max(initial=0))
+            links = self.of_chain[int(before.argmax())][: shared + 1] if i else [0]
             ends = np.abs([chain.lower, chain.upper]).max(axis=0)
             for k in range(shared, len(chain.joints)):
                 joints.append(chain.joints[k])

@@ -111,7 +111,7 @@ def load_arm(
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
     if isinstance(name_or_path, ArmGroup):
-        raise InvalidInputError("one arm is asked for; found a pair: transfer_both moves it, .left and .right are one")
+        raise InvalidInputError("one arm is asked for; found a pair: transfer_both moves it, .arms are its arms")
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     folders = _as_folders(mesh_folders)

@@ -73,7 +73,7 @@ def load_arms(
     arms = [arm.restricted(joints=moving, lock=fixed) for arm, (moving, fixed) in zip(arms, held, strict=True)]
     if places is not None:
         arms = [Arm(standing(arm.chain, where)) for arm, where in zip(arms, places, strict=True)]
-    return ArmGroup(*arms)
+    return ArmGroup(*arms, names=_ORDER)
 
 
 def _robots(robot: Any, bases: Any) -> tuple[tuple[Robot, Robot], bool]:
@@ -126,7 +126,7 @@ def _bases(bases: Any) -> tuple[Array, Array]:
 
 
 def _base(value: Any, side: str) -> Array:
-    name = f"--base-{side}" if typed() else f"bases: {side}"
+    name = f"--pose ({side})" if typed() else f"bases: {side}"
     array = as_finite(value, name)
     if array.shape == (4, 4):
         where = np.eye(4)

@@ -128,7 +128,7 @@ class Follower:
         spec = objective.spec
         if self.arm is objective.arm or spec.joint_weights is None:
             return spec
-        i = [one is objective.arm for one in self.arm.each].index(True)
+        i = [one is objective.arm for one in self.arm.arms].index(True)
         weights = np.ones(self.arm.dof)
         weights[self.arm.columns[i]] = objective.arm.resolved(spec).weights(objective.arm.dof)
         return EllipsoidSpec(spec.kind, spec.part, weights)

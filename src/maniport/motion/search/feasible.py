@@ -12,7 +12,7 @@ from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.motion.search.descent import descend_in_blocks
 from maniport.motion.search.seed_bank import SeedBank, as_positions
 from maniport.util.defaults import DAMPING
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
@@ -21,7 +21,7 @@ STARTS = 48  # Samples that a search starts from
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FeasibleEllipsoids(ShownInNotebooks):
+class FeasibleEllipsoids(NotebookDisplay):
     """The nearest feasible ellipsoids to targets; made by `nearest_feasible`.
 
     Attributes
@@ -110,15 +110,14 @@ def nearest_feasible(
     asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
     tips = None if positions is None else as_positions(positions, len(asked))
     bank = SeedBank.given_or_built(bank, arm, spec, random_state)
-    step = Step(progress, "search the nearest ellipsoids")
+    step = Step(progress, "Search feasible ellipsoids")
     targets = objective.targets(asked, tips)
     first = bank.starts(asked, tips, starts)
     q = descend_in_blocks(targets, first, tolerance, steps, block=128, n_jobs=n_jobs, tell=step)
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
-    spread = f"{np.median(distance):.3g} (median), {np.percentile(distance, 95):.3g} (95 %)"
-    step.end(f"distance {spread}, {distance.max():.3g} (largest)")
+    step.end()
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
 
 

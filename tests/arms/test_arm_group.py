@@ -1,0 +1,151 @@
+"""Groups of arms: robots side by side, limbs of one robot."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.arms.chain import Frame, Joint, pose
+from maniport.arms.collisions.tree import LinkTree
+from maniport.arms.restriction import standing
+from maniport.errors import InvalidInputError
+
+BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
+
+
+@pytest.fixture(scope="module")
+def pandas():
+    """Two Pandas, one of them turned."""
+    return mp.load_arms("panda", bases=BASES)
+
+
+@pytest.fixture(scope="module")
+def crane():
+    """Two arms with four joints each on a trunk that turns and rises."""
+    return mp.arms.ArmGroup(limb("left"), limb("right"), names=("left", "right"))
+
+
+@pytest.fixture(scope="module")
+def three():
+    """Three Pandas on different bases."""
+    bases = [pose((0.0, 0.8 * i, 0.0), (0.0, 0.0, 0.7 * i)) for i in range(3)]
+    return mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
+
+
+def limb(side, **changes):
+    """One arm of the crane."""
+    sign = 1.0 if side == "left" else -1.0
+    turn, up, across = np.eye(3)[2], np.eye(3)[2], np.eye(3)[1]
+    joints = [
+        Joint("turn", "revolute", turn, pose((0, 0, 0.2))),
+        Joint("rise", "prismatic", up, pose((0, 0, 0.3))),
+        Joint(f"{side}_1", "revolute", turn, pose((0.1, sign * 0.2, 0.1))),
+        Joint(f"{side}_2", "revolute", across, pose((0, sign * 0.1, 0))),
+        Joint(f"{side}_3", "revolute", turn, pose((0.3, 0, 0))),
+        Joint(f"{side}_4", "revolute", across, pose((0.25, 0, 0.05))),
+    ]
+    coordinates = tuple(joint.name for joint in joints)
+    frames = {"base": Frame(0, np.eye(4)), "trunk": Frame(2, np.eye(4)), f"{side}_tip": Frame(6, pose((0.2, 0, 0)))}
+    chain = mp.Arm.from_dh("crane", np.zeros((6, 4)), -1.5, 1.5).chain
+    return mp.Arm(replace(
+        chain, joints=tuple(joints), frames=frames, frame=f"{side}_tip", coordinates=coordinates, **changes
+    ))  # fmt: skip
+
+
+def test_a_shared_joint_counts_once_and_moves_both(crane):
+    """The trunk's joints come first, once; a change of one moves both tips, a change of an arm's own joint only its."""
+    assert (crane.shared, crane.dof, crane.common[0, 1]) == (("turn", "rise"), 10, 2)
+    assert crane.joint_names == (*crane.arms[0].joint_names, *crane.arms[1].joint_names[2:])
+    moved = np.any(crane.jacobian(crane.sample(16, 1)) != 0, axis=(0, 2))
+    np.testing.assert_array_equal(moved[0], [True] * 6 + [False] * 4)
+    np.testing.assert_array_equal(moved[1], [True] * 2 + [False] * 4 + [True] * 4)
+
+
+def test_three_arms_have_their_own_joints_frames_and_collisions(three):
+    """Names are prefixed, results have an axis of arms, and hulls of different arms are checked with one another."""
+    assert (len(three), three.dof, three.names, three.shared) == (3, 21, ("arm1", "arm2", "arm3"), ())
+    assert three.joint_names[7] == "arm2_panda_joint1"
+    q = three.sample(8, 0)
+    parts = three.split(q)
+    np.testing.assert_array_equal(three.joined(*parts), q)
+    for i, (arm, part) in enumerate(zip(three.arms, parts, strict=True)):
+        np.testing.assert_array_equal(three.forward(q)[:, i], arm.forward(part))
+        np.testing.assert_array_equal(three.manipulability(q)[:, i], arm.manipulability(part))
+        np.testing.assert_array_equal(
+            three.jacobian(q)[:, i, :, three.columns[i]].transpose(1, 2, 0), arm.jacobian(part)
+        )
+    collisions = mp.Collisions.of(three)
+    between = {frozenset(name[:4] for name in pair) for pair in collisions.between.pairs}
+    assert between == {frozenset(("arm1", "arm2")), frozenset(("arm2", "arm3")), frozenset(("arm1", "arm3"))}
+    alone = np.min([own.clearance(part) for own, part in zip(collisions.of_arms, parts, strict=True)], axis=0)
+    expected = np.minimum(alone, collisions.between.clearance(q))
+    np.testing.assert_allclose(collisions.clearance(q), expected, atol=1e-9)
+
+
+def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
+    """The third arm has the first three joints of the second; columns, Jacobians and links agree with each chain."""
+    second = crane.arms[1]
+    joints = [*second.chain.joints[:3], *(replace(joint, name=f"third_{i}", placement=pose((0, 0, 0.3)))
+              for i, joint in enumerate(second.chain.joints[3:]))]  # fmt: skip
+    names = tuple(joint.name for joint in joints)
+    frames = {"base": Frame(0, np.eye(4)), "trunk": Frame(2, np.eye(4)), "third_tip": Frame(6, pose((0.2, 0, 0)))}
+    chain = replace(second.chain, joints=tuple(joints), coordinates=names, frames=frames, frame="third_tip")
+    group = mp.ArmGroup(*crane.arms, mp.Arm(chain))
+    assert (group.dof, group.shared) == (13, ("turn", "rise", "right_1"))
+    np.testing.assert_array_equal(group.common, [[6, 2, 2], [2, 6, 3], [2, 3, 6]])
+    q = group.sample(4, 0)
+    rotations, origins = LinkTree(group).poses(q)
+    for arm, part, links in zip(group.arms, group.split(q), LinkTree(group).of_chain, strict=True):
+        expected = arm.link_poses(part)
+        np.testing.assert_allclose(rotations[:, links], expected[..., :3, :3], atol=1e-12)
+        np.testing.assert_allclose(origins[:, links], expected[..., :3, 3], atol=1e-12)
+
+
+def test_a_single_arm_is_a_group_of_one():
+    """It keeps the names of its joints, and results have an axis of length one."""
+    arm = mp.load_arm("panda")
+    group = mp.arms.as_group(arm)
+    assert group.joint_names == arm.joint_names
+    q = arm.sample(4, 0)
+    np.testing.assert_array_equal(group.forward(q)[:, 0], arm.forward(q))
+    assert mp.arms.as_group(group) is group
+    again = pickle.loads(pickle.dumps(mp.ArmGroup(arm, names=("right",))))
+    assert (again.names, again.joint_names) == (("right",), arm.joint_names)
+    with pytest.raises(InvalidInputError, match="pair"):
+        _ = group.relative
+
+
+@pytest.mark.parametrize(("robot", "options", "said"), [
+    ("panda", {}, "is no pair: name two tips with frames="),
+    ("panda", {"frames": ("panda_link8", "panda_hand")}, "must end two limbs; found both on one chain"),
+    (("panda", "panda"), {}, "stand in one place; place them with bases="),
+    ("panda", {"bases": [(0, 0, 0)]}, "bases must be two, left and right"),
+    ("panda", {"bases": [(0, 0, 0), (0, 1e9, 0)]}, "bases: right must be 3 numbers in"),
+    ("panda", {"bases": BASES, "lock": {"left_joint1": 0}}, "unknown joint 'left_joint1'.* nearest first"),
+    ("panda", {"bases": BASES, "joints": ["left_panda_joint1"]}, "none of left_panda_joint1 moves the right arm"),
+    ("panda", {"bases": BASES, "frames": ("panda_link8", "panda_lnk8")}, "unknown frame 'panda_lnk8'"),
+    ("myoarm", {}, "'myoarm' is a person"),
+    ("panda", {"bases": BASES, "lock": {"left_panda_joint1": 0.5, "panda_joint1": 0}}, "named twice"),
+])  # fmt: skip
+def test_what_is_no_pair_is_told(robot, options, said):
+    """Wrong robots, frames, bases and joints are named, with what is allowed."""
+    with pytest.raises(InvalidInputError, match=said):
+        mp.load_arms(robot, **options)
+
+
+def test_postures_of_arms_that_do_not_agree_are_refused(crane):
+    """A shared joint has one position; both arms have as many configurations."""
+    left, right = crane.split(crane.sample(4, 0))
+    with pytest.raises(InvalidInputError, match="shared joint 'rise'"):
+        crane.joined(left, right + 0.1 * np.eye(6)[1])
+    with pytest.raises(InvalidInputError, match="same leading shape"):
+        crane.joined(left, right[:2])
+
+
+def test_single_joints_of_a_pair_are_held():
+    """A name without a side is that of both robots; with one it is that of its own."""
+    arms = mp.load_arms("panda", bases=BASES, lock={"panda_joint1": 0.1, "right_panda_joint3": 0.2})
+    assert arms.arms[0].chain.locked == {"panda_joint1": 0.1}
+    assert arms.arms[1].chain.locked == {"panda_joint1": 0.1, "panda_joint3": 0.2}

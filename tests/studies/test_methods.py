@@ -1,0 +1,54 @@
+"""Comparison of methods on motions of a human arm."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from maniport.errors import InvalidInputError
+from maniport.report import as_markdown, facts_of
+from maniport.studies import human_to_panda
+from maniport.studies.human_to_panda import EVALUATIONS, motions
+from maniport.studies.methods import compare_methods, in_short
+from maniport.studies.paper import known_truth, run
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Domains of a few samples."""
+    monkeypatch.setattr(human_to_panda, "TEACHER_SAMPLES", 64)
+    monkeypatch.setattr(human_to_panda, "STUDENT_SAMPLES", 128)
+
+
+def test_a_line_for_every_method_and_a_table_for_every_motion(small):
+    """The line has the mean of the motions' gaps; other rows than those asked for are not there."""
+    told = compare_methods(("identity", "icp"), names=["H-Eval-2"])
+    values = in_short(told).tables[0].value
+    assert list(values) == ["parallel-transport", "identity", "icp"]
+    gaps = told.evaluations["H-Eval-2"].row("icp").feasibility_gap
+    assert (values["icp"]["gap"], values["icp"]["gap_p95"]) == (gaps.mean, gaps.p95)
+    page = as_markdown(facts_of(told))
+    assert page.count("| icp |") == 2
+    assert page.count("\n## ") == 2
+    assert page.count("Methods beside one another") == 1
+
+
+def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatch, tmp_path):
+    """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
+    with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
+        run.reproduce("toy", tmp_path / "out", methods=("identity",))
+    monkeypatch.setattr(run, "_run", lambda *given: known_truth.toy(0, draws=1))
+    monkeypatch.setattr(run, "_write_page", lambda *given: None)
+    monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
+    found = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
+    assert "| identity |" in as_markdown(facts_of(found))
+
+
+@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
+def test_motions_are_those_of_the_paper_and_the_recordings():
+    """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
+    found = motions([*EVALUATIONS, "freeform"])
+    assert [len(motion.profile) for motion in found] == [50, 50, 50, 50, 150]
+    assert found[-1].person.name == "myoarm"
+    assert all(np.all(np.linalg.eigvalsh(motion.profile) > -1e-12) for motion in found)
