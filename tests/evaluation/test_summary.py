@@ -4,7 +4,7 @@ import pytest
 
 from maniport.evaluation import RMSE, Gaps, Row, Smoothness, Stability, Structure
 from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
-from maniport.evaluation.verdict import verdict
+from maniport.evaluation.summary import verdict
 
 
 def rows(mine, nothing, transport, lookup=0.0, **first):

@@ -13,7 +13,7 @@ from maniport.evaluation.metrics import (
     structure,
 )
 from maniport.evaluation.selection import Choice, choose
-from maniport.evaluation.verdict import Evaluation, Gaps, Row, Verdict, Weakness
+from maniport.evaluation.summary import Evaluation, Gaps, Row, Verdict, Weakness
 
 __all__ = [
     "RMSE",

@@ -15,7 +15,7 @@ from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
 from maniport.evaluation.metrics import identity_test, moves, rmse, smoothness, stability, structure
-from maniport.evaluation.verdict import Evaluation, Gaps, Row
+from maniport.evaluation.summary import Evaluation, Gaps, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked

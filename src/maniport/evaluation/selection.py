@@ -9,7 +9,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.evaluation.baselines import IDENTITY, RECENTRING, TRANSPORT
 from maniport.evaluation.comparison import evaluate
-from maniport.evaluation.verdict import Evaluation, Row
+from maniport.evaluation.summary import Evaluation, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank
 from maniport.transfer import DomainAdapter, method_of

@@ -8,7 +8,7 @@ import numpy as np
 from maniport.evaluation.baselines import IDENTITY, TRANSPORT
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
-from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
+from maniport.evaluation.summary import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
 from maniport.report.metrics import (
     Metric,
     Report,
