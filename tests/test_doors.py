@@ -115,7 +115,7 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     student = mp.sample_domain(robot, 200, random_state=0)
     turn = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     again = method.fit(turn.T @ student[::-1] @ turn, student)
-    np.testing.assert_allclose(again.turn_, turn, atol=1e-6)
+    np.testing.assert_allclose(again.map_rotation_, turn, atol=1e-6)
 
 
 def test_a_task_of_ones_own_joins_those_of_the_tracker(result):

@@ -17,7 +17,7 @@ FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def planar(base=None):
-    """An arm of two links of one metre."""
+    """An arm of two links of one meter."""
     return Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]], base=base)
 
 

@@ -23,7 +23,7 @@ def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_s
     both = np.kron(np.eye(2), TURN)
     short, long = (method_of(name, base_rotation=turn, random_state=0).fit(teacher, student) for turn in (TURN, both))
     assert_array_equal(short.transform(teacher), long.transform(teacher))
-    assert_allclose(short.turn_, TURN, atol=1e-12)
+    assert_allclose(short.map_rotation_, TURN, atol=1e-12)
 
 
 @methods

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
 from maniport.errors import InvalidInputError
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.sobol import sobol
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator
 
 
-class JointSpace(ShownInNotebooks):
+class JointSpace(NotebookDisplay):
     """Configurations of an arm or a pair, shape (..., dof); the attributes are described at `maniport.arms.Arm`."""
 
     def __init__(

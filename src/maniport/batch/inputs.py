@@ -20,7 +20,7 @@ from maniport.pipeline.work import Job
 from maniport.report.renderings import SUMMARY
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON, RECORDINGS
-from maniport.util.progress import untold
+from maniport.util.progress import no_progress
 from maniport.version import __version__
 
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
@@ -152,7 +152,7 @@ def find_robots(
         arm, own = robot if isinstance(robot, tuple) else (robot, {})
         arm = arm if isinstance(arm, Arm) else load_arm(arm)
         job = checked(person, arm, method, {**control, **own}, **common)
-        key = digest(__version__, replace(job, tell=untold))
+        key = digest(__version__, replace(job, tell=no_progress))
         if key not in found:
             found[key] = Robot(_as_folder(arm.name, names), job, key, _settings(job))
     return list(found.values())

@@ -34,7 +34,7 @@ from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import written_whole
 from maniport.util.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.util.input_limits import as_path
-from maniport.util.progress import ALMOST, Progress, Step, untold
+from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count, as_number
 from maniport.version import __version__
 
@@ -134,7 +134,7 @@ def transfer_batch(
     KeyboardInterrupt
         At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
     """
-    begun, tell = clock.perf_counter(), progress or untold
+    begun, tell = clock.perf_counter(), progress or no_progress
     if dask is not None and ray:
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
     count = cores() if processes is None else as_count(processes, "processes")

@@ -14,7 +14,7 @@ from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
-from maniport.evaluation.metrics import identity_test, moves, rmse, smoothness, stability, structure
+from maniport.evaluation.metrics import distance_preservation, identity_test, moves, rmse, smoothness, stability
 from maniport.evaluation.summary import Evaluation, Gaps, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank, nearest_feasible
@@ -105,7 +105,9 @@ def evaluate(
     methods = [own, *baselines_for(adapter, own.name, rows, pairs, fitted)]
     options = {"pairs": pairs} if pairs is not None and "pairs" in signature(adapter.fit).parameters else {}
     search = {"bank": bank, "n_starts": n_starts, "n_jobs": n_jobs}
-    measured = bench.compare(methods, adapter.student_regularization, options, search, Step(progress, "Evaluate baselines"))
+    measured = bench.compare(
+        methods, adapter.student_regularization, options, search, Step(progress, "Evaluate baselines")
+    )
     noise = Row("student's own fresh samples", energy_distance=bench.energy_distance(bench.fresh))
     return Evaluation(
         measured,
@@ -215,7 +217,7 @@ class _Bench:
                 name_of(adapter),
                 rmse=None if self.truth is None else rmse(self.truth, mapped),
                 smoothness=smoothness(mapped, self.original) if moving else None,
-                structure=structure(mapped, self.original) if moving else None,
+                preservation=distance_preservation(mapped, self.original) if moving else None,
                 energy_distance=self.energy_distance(adapter.student_side(adapter.transform(self.teacher_part))),
                 identity=None if not self.identity else identity_test(adapter, *self.identity),
                 stability=None if self.draws is None else stability(adapter, *self.draws, self.profile, **options),
@@ -284,7 +286,7 @@ def _settings(adapter: DomainAdapter, bench: _Bench) -> dict[str, Any]:
     return {
         "profile": f"{len(bench.profile)} ellipsoids",
         "domains": f"{len(bench.domains[0])} of the teacher, {len(bench.domains[1])} of the student",
-        "regularisation": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
+        "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
         GAP_SEARCH: "; ".join(search),
         "further samples": f"{len(bench.probes)}, {held_out}",
         "identity test": f"{tested} ellipsoids" if tested else "not measured",

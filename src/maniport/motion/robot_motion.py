@@ -10,12 +10,12 @@ from maniport.motion.arm_motion import ArmMotion, rms_ratio
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.files import save_arrays
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobotMotion(ShownInNotebooks):
+class RobotMotion(NotebookDisplay):
     """The motion of one or several arms; made by `plan_motion`.
 
     Attributes

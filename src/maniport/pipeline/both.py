@@ -42,7 +42,7 @@ from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.util.progress import Progress, untold
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array, as_choice
 
 KNOW = "Sample robot"
@@ -121,7 +121,7 @@ def transfer_both(
     )
     ready = PlanControl(**settings).resolved(arms) if move else None
     whose = {"person": person, "markers": markers, "height": height, "smooth": smooth, "jumps": jumps}
-    job = BothJob(arms, (left, right), spec, whose, ready, tips, progress or untold)
+    job = BothJob(arms, (left, right), spec, whose, ready, tips, progress or no_progress)
     with threadpool_limits(1):
         found, said = warned(lambda: job.run(left.read(recording)))
     return replace(found, warnings=said)
@@ -211,7 +211,7 @@ class BothJob:
             [one.hand[rows] for one in shown],
             [profile[rows] for profile in profiles],
             [one.limits.arm for one in planner.arms],
-            turn=_common_turn([one.adapter.turn_ for one in found]),
+            turn=_common_turn([one.adapter.map_rotation_ for one in found]),
             workspace=settings.workspace,
             reachability_maps=[one.reachability_map for one in planner.arms],
             banks=[one.bank for one in planner.arms],

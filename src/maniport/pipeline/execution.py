@@ -18,14 +18,14 @@ from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
 JOINT_FILES = "joints.csv", "joints.npz"
 DATA_FILES = (*PLACED_FILES, *JOINT_FILES)  # The files that `Execution.save` writes
 
 
-class SavedResult(ShownInNotebooks):
+class SavedResult(NotebookDisplay):
     """Base of results that are saved as a folder of data files."""
 
     data_files: ClassVar[tuple[str, ...]]

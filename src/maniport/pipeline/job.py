@@ -20,7 +20,7 @@ from maniport.pipeline.work import DEMONSTRATED, FREE, Job
 from maniport.spd.regularization import Regularization
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.util.progress import Progress, untold
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count, as_rotation
 
 ORIENTATIONS = FREE, DEMONSTRATED, "constant"  # How the robot's tip may be turned
@@ -129,7 +129,7 @@ def checked(
         checked_control(robot, control, orientation, move),
         move,
         seed,
-        progress or untold,
+        progress or no_progress,
     )
 
 

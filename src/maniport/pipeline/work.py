@@ -223,7 +223,7 @@ class Job:
             profile,
             shown.fit.time,
             shown.hand,
-            turn=found.adapter.turn_,
+            turn=found.adapter.map_rotation_,
             **self.turned(shown.fit),
             spec=self.spec.velocity,
             damping=damping,

@@ -163,7 +163,7 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, 
         )
     better, repeatable = "", config is not None and len(config.recording) == 1
     if transfer is not None and transfer.evaluation is not None and transfer.choice is None:
-        better = transfer.evaluation.verdict.recommended
+        better = transfer.evaluation.summary.recommended
     if transfer is not None and better and better != transfer.method:
         command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
         return (

@@ -8,7 +8,7 @@ import numpy as np
 from maniport.evaluation.baselines import IDENTITY, TRANSPORT
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
-from maniport.evaluation.summary import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
+from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary, Weakness
 from maniport.report.metrics import (
     Metric,
     Report,
@@ -57,7 +57,7 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
                "From the teacher's base frame to the student's.", "base_rotation",
                None if base_rotation is None else base_rotation.round(6).tolist()),
         *numbers(dimension=len(adapter.rotation_)),
-        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.turn_)} with "
+        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.map_rotation_)} with "
                "the base rotation", "", "rotation", np.asarray(adapter.rotation_).round(6).tolist()),
         Metric("Dispersion", f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
                "Root mean squared distance of the ellipsoids from their mean.", "dispersion_ratio", ratio),
@@ -154,8 +154,8 @@ COLUMNS = (
            "the same for further samples of the teacher: mean / 95 %."),
     Column("step", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
            "successive distances relative to the teacher's: largest / median."),
-    Column("structure", "structure", ("spearman",), "{:.3f}", "rank correlation of pairwise distances."),
-    Column("turn of axes", "structure", ("major_turn",), "{:.1f}°", "median angle of longest axes to the teacher's."),
+    Column("rank correlation", "preservation", ("rank_correlation",), "{:.3f}", "rank correlation of pairwise distances."),
+    Column("axis angle", "preservation", ("major_axis_angle",), "{:.1f}°", "median angle of longest axes to the teacher's."),
 )  # fmt: skip
 """Columns of the comparison; JSON has every measure."""
 
@@ -177,7 +177,7 @@ def evaluation_section(
     evaluation: Evaluation, explained: bool = True, choice: Choice | None = None, time: Array | None = None
 ) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, verdict = [evaluation.student_noise, *evaluation.rows], evaluation.verdict
+    rows, summary = [evaluation.student_noise, *evaluation.rows], evaluation.summary
     search, first = evaluation.settings.get(GAP_SEARCH, ""), evaluation.rows[0]
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
     measured = [row for row in rows if any(column.cell(row) for column in columns)]
@@ -191,8 +191,8 @@ def evaluation_section(
         largest = [Metric("Largest gap", text, key="largest_gap_at", value=when, unit="s")]
     others = [f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text]
     metrics = (
-        *(verdict_facts(verdict) if choice is None else [_selection(choice), *_weaknesses(verdict)]),
-        *numbers(verdict=verdict.as_dict()),
+        *(summary_metrics(summary) if choice is None else [_selection(choice), *_weaknesses(summary)]),
+        *numbers(summary=summary.as_dict()),
         *largest,
         *([Metric(GAP_SEARCH.capitalize(), search, key="gap_search", value=search)] if search else []),
         *warnings_of("evaluation", [f"{first.name}: {text}" for text in first.warnings]),
@@ -220,30 +220,30 @@ def _values(row: Row) -> dict[str, Any]:
     return values
 
 
-def verdict_facts(verdict: Verdict) -> list[Metric]:
+def summary_metrics(summary: Summary) -> list[Metric]:
     """Report a comparison, as a warning unless the method is better than the baselines, and weaknesses."""
-    text, better = _comparison(verdict)
-    improvable = verdict.value is not None and verdict.value != verdict.best_value
-    advice = f" Take {verdict.recommended}." if verdict.recommended and improvable and not better else ""
+    text, better = _comparison(summary)
+    improvable = summary.value is not None and summary.value != summary.best_value
+    advice = f" Take {summary.recommended}." if summary.recommended and improvable and not better else ""
     key, severity = ("", "note") if better else ("not-better", "warning")
-    return [Metric("", text + advice, key=key, severity=severity), *_weaknesses(verdict)]
+    return [Metric("", text + advice, key=key, severity=severity), *_weaknesses(summary)]
 
 
-def _weaknesses(verdict: Verdict) -> list[Metric]:
+def _weaknesses(summary: Summary) -> list[Metric]:
     return [
-        Metric("", _weakness(one, verdict.name), severity="warning" if one.code == "shuffled" else "note")
-        for one in verdict.weaknesses
+        Metric("", _weakness(one, summary.name), severity="warning" if one.code == "rank_correlation" else "note")
+        for one in summary.weaknesses
     ]
 
 
 def _selection(choice: Choice) -> Metric:
     """Report the selected method, the reason, and its gap next to that of the best baseline."""
-    verdict = choice.evaluation.verdict
-    others = {row: value for row, value in verdict.values.items() if row != choice.method}
+    summary = choice.evaluation.summary
+    others = {row: value for row, value in summary.values.items() if row != choice.method}
     nearest = min(others, key=lambda row: others[row], default="")
     against = f" ({label(nearest)}: {others[nearest]:.3f})" if nearest else ""
     why = f"the length field was rejected: {'; '.join(choice.failures)}" if choice.failures else "it passes its checks"
-    text = f"{choice.method} was chosen, {why}. Mean feasibility gap {verdict.value or 0.0:.3f}{against}."
+    text = f"{choice.method} was chosen, {why}. Mean feasibility gap {summary.value or 0.0:.3f}{against}."
     value = {"method": choice.method, "failures": list(choice.failures)}
     return Metric("", text, key="choice", value=value, severity="note")
 
@@ -253,35 +253,35 @@ def label(name: str) -> str:
     return name.replace("-", " ")
 
 
-def _comparison(verdict: Verdict) -> tuple[str, bool]:
+def _comparison(summary: Summary) -> tuple[str, bool]:
     """Compare the method with the others; also whether it is worth while."""
-    name, mine, nothing = verdict.name, verdict.value, verdict.identity
+    name, mine, nothing = summary.name, summary.value, summary.identity
     if mine is None or nothing is None:
         return f"{name} is not compared: neither the truth nor the student's kinematics is known.", True
-    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
-    others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
+    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[summary.measure]
+    others = {row: value for row, value in summary.values.items() if row != name and row not in summary.same_as}
     if IDENTITY not in others:
         return f"{name} does what the identity baseline does ({measure} {mine:.3f}).", name == IDENTITY
     best = min(others, key=lambda other: others[other])
     against = f"{measure} {mine:.3f} against {nothing:.3f} of the identity baseline"
     against += "" if best == IDENTITY else f", {others[best]:.3f} of {label(best)}"
-    if mine >= WORTH_WHILE * nothing:
+    if mine >= RELEVANT_RATIO * nothing:
         return f"{name} is not clearly better than doing nothing: {against}.", False
-    if mine >= WORTH_WHILE * others[best]:
+    if mine >= RELEVANT_RATIO * others[best]:
         return f"{name} is better than doing nothing, but not clearly better than {label(best)}: {against}.", False
     alternatives = " and than every cheap alternative" if len(others) > 1 else ""
     return f"{name} is better than doing nothing{alternatives}: {against}.", True
 
 
 def _weakness(one: Weakness, name: str) -> str:
-    beside = "" if one.beside is None else f"; {label(TRANSPORT)}: {one.beside:.3f}"
+    beside = "" if one.reference is None else f"; {label(TRANSPORT)}: {one.reference:.3f}"
     return {
-        "rough": f"The largest step of {name} is {one.value:.1f} times the teacher's own.",
-        "staircase": f"{name} is a staircase: where the teacher moves, half of its steps or more are zero.",
-        "shuffled": f"{name} mixes up near and far: rank correlation of distances {one.value:.2f}.",
+        "large_step": f"The largest step of {name} is {one.value:.1f} times the teacher's own.",
+        "plateau": f"{name} is a staircase: where the teacher moves, half of its steps or more are zero.",
+        "rank_correlation": f"{name} mixes up near and far: rank correlation of distances {one.value:.2f}.",
         "turned": f"{name} turns the longest axes by {one.value:.0f}° (median).",
-        "restless": f"{name} changes the student's own ellipsoids by {one.value:.3f} where nothing should "
+        "identity_test": f"{name} changes the student's own ellipsoids by {one.value:.3f} where nothing should "
         f"change{beside}.",
-        "unsteady": f"The rotation of {name} is off by {one.value:.0f}° (root mean square) between draws of the same "
+        "unstable": f"The rotation of {name} is off by {one.value:.0f}° (root mean square) between draws of the same "
         "domains: the domains do not determine it.",
     }[one.code]

@@ -20,7 +20,7 @@ from maniport.spd.matrix_functions import apply
 from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
 
 HINT = (
-    "Singular ellipsoids need regularisation: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "
+    "Singular ellipsoids need regularization: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "
     "or eigenvalue_floor=1e-4 (lifts smaller eigenvalues)"
 )
 

@@ -72,14 +72,14 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
             f"method must be one of {', '.join(map(repr, METHODS))} or a DomainAdapter; found {method!r}"
         )
     base_rotation = shared.get("base_rotation")
-    if base_rotation is not None and not _same_mounting(base_rotation, method.base_rotation):
+    if base_rotation is not None and not _same_base_rotation(base_rotation, method.base_rotation):
         raise InvalidInputError(
             f"give the base_rotation to the method itself, {type(method).__name__}(base_rotation=...); an adapter is taken as is"
         )
     return clone(method)
 
 
-def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:
+def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
     one, other = (np.asarray(np.eye(3) if turn is None else turn, dtype=np.float64)[:3, :3] for turn in (shared, own))
     return one.shape == other.shape and np.allclose(one, other, atol=1e-9)
 

@@ -15,7 +15,7 @@ from maniport.spd.matrix_functions import roots
 from maniport.transfer.adapter_file import Attribute, Schema, as_flags, require_arrays
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.rotation_group import rotation_from_vector
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_finite
 
 LARGEST_EXAMINED = 6
@@ -30,13 +30,13 @@ ADVICE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability(ShownInNotebooks):
+class Identifiability(NotebookDisplay):
     """Which directions of the rotation between two domains they determine."""
 
     rotation: Array  # (d, d): the fitted one, R
     curvature: Array  # (m,): m = d (d − 1) / 2
     standard_error: Array  # (m,): of `curvature`, over draws of the clouds
-    directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentred student ellipsoids
+    directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentered student ellipsoids
     flat: NDArray[np.bool_]  # (m,)
     axes: Array  # (m, 3): for d = 3 the directions as axes in the student's base frame
 

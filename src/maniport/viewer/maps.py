@@ -65,7 +65,7 @@ class Methods:
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
             ending = "it keeps the base_rotation that it was fitted with"
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=ending)
+            return LiveMap(name, rotation, self._given.compiled(), self._given.map_rotation_, ending=ending)
         method, variation = VARIANTS.get(name, (name, {}))
         adapter = knowing(method_of(method, **self._options | variation, base_rotation=rotation), *self._robot)
         started = clock.perf_counter()
@@ -74,7 +74,7 @@ class Methods:
             adapter.fit(self._teacher, self._student)
         seconds = clock.perf_counter() - started
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, seconds, adapter.stop_reason_, notes)
+        return LiveMap(name, rotation, adapter.compiled(), adapter.map_rotation_, seconds, adapter.stop_reason_, notes)
 
 
 def require_drawable(adapter: DomainAdapter) -> None:

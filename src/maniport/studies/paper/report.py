@@ -12,7 +12,7 @@ from maniport.report.runs import software
 from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 
 MATCHED, LOWER, HIGHER = "within 20 %", "lower", "higher"
 
@@ -37,7 +37,7 @@ REASONS = {"I": EXACT, "II": f"{EXACT} (lower); {OPEN} (higher)", "III": NO_TRUT
 
 
 @dataclass(frozen=True, repr=False)
-class Reproduction(ShownInNotebooks):
+class Reproduction(NotebookDisplay):
     """The paper's experiments, repeated."""
 
     experiments: tuple[Experiment, ...]

@@ -15,7 +15,7 @@ from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
 from maniport.studies.paper.report import Reproduction, as_csv, experiment_report
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.util.atomic_io import folder_written_whole, require_free
-from maniport.util.progress import Progress
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
 
 ALL, HUMAN_ROBOT = "all", "human-robot"
@@ -53,7 +53,7 @@ def reproduce(
     if methods and HUMAN_ROBOT not in names:
         raise InvalidInputError(f"methods are compared in the experiment {HUMAN_ROBOT!r}; found {which!r}")
     require_free(Path(output), FILES, overwrite)
-    report = progress or (lambda step, fraction, result="": None)
+    report = progress or no_progress
     started = clock.perf_counter()
     for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
         fit_quietly(adapter, toy_draw(0))  # loads the kernels, which would count as part of the first fit
