@@ -12,7 +12,7 @@ processor time instead of 46 s with two, and sums are rounded alike on any numbe
 
 
 class _Output:
-    """Standard output or error that may be closed or full: text that cannot be written is dropped, the work continues."""
+    """Standard output or error that may be closed or full: drops text that cannot be written."""
 
     def __init__(self, stream: Any):
         self._stream = stream
