@@ -277,9 +277,9 @@ def _weakness(one: Weakness, name: str) -> str:
     beside = "" if one.reference is None else f"; {label(TRANSPORT)}: {one.reference:.3f}"
     return {
         "large_step": f"The largest step of {name} is {one.value:.1f} times the teacher's own.",
-        "plateau": f"{name} is a staircase: where the teacher moves, half of its steps or more are zero.",
-        "rank_correlation": f"{name} mixes up near and far: rank correlation of distances {one.value:.2f}.",
-        "turned": f"{name} turns the longest axes by {one.value:.0f}° (median).",
+        "plateau": f"{name} is piecewise constant: where the teacher moves, half of its steps or more are zero.",
+        "rank_correlation": f"{name}: rank correlation of distances {one.value:.2f}.",
+        "rotated_axes": f"{name} rotates the longest axes by {one.value:.0f}° (median).",
         "identity_test": f"{name} changes the student's own ellipsoids by {one.value:.3f} where nothing should "
         f"change{beside}.",
         "unstable": f"The rotation of {name} is off by {one.value:.0f}° (root mean square) between draws of the same "
