@@ -28,6 +28,7 @@ from maniport.batch.pair import (
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.motion.exports import SCENE
+from maniport.pipeline.config import CONFIG
 from maniport.report.write import export_files
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import written_whole
@@ -141,7 +142,7 @@ def transfer_batch(
     found = find_recordings(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
     order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
-    arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
+    arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     _claim(folder)
     rows, step = dict[Pair, Row](), Step(tell, "Check earlier results")
     tasks = list(_tasks(order, found, arms, overwrite, rows, count))
