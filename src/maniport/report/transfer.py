@@ -246,7 +246,7 @@ def _weaknesses(summary: Summary) -> list[Metric]:
         "large_step": "largest successive distance {:.1f} times the teacher's",
         "plateau": "at least half of the successive distances are zero where the teacher moves",
         "rank_correlation": "rank correlation of distances {:.2f}",
-        "turned": "longest axes rotated by {:.0f}° (median)",
+        "rotated_axes": "longest axes rotated by {:.0f}° (median)",
         "identity_test": "changes the student's own ellipsoids by {:.3f}",
         "unstable": "rotation differs by {:.0f}° (root mean square) between samples of the same domains",
     }
