@@ -174,7 +174,7 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, frames):
     ("options", "words"),
     [
         ({"start": np.zeros(3)}, "start"),
-        ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: in this posture"),
+        ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
         ({"hold_after": 0.0}, "hold_after"),
         ({"clock": 5}, "clock"),
         ({"spec": "velocity"}, "spec must be of type EllipsoidSpec"),

@@ -248,7 +248,7 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
         ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
         ({"planning_effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
-        ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),
+        ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one configuration"),
         ({"collisions": "yes"}, InvalidInputError, "collisions"),
         ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
         ({"time": TIME * 1e6}, InvalidInputError, "samples"),
