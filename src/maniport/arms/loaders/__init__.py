@@ -12,7 +12,7 @@ from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders.document import XACRO, parsed
-from maniport.arms.loaders.end_effector import Limb, one_side
+from maniport.arms.loaders.limbs import Limb, one_side
 from maniport.arms.loaders.mjcf import Mjcf
 from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
 from maniport.arms.loaders.packages import Named, find_named, known_names
