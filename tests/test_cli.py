@@ -79,7 +79,7 @@ def test_info_describes_results(run, tmp_path):
     assert "Path: 5 positions.\n- Duration: 2 s." in run("info", tmp_path / "path.npz")[1]
     (tmp_path / "report.html").write_text("")
     (tmp_path / "summary.json").write_text(
-        '{"title": "a → b", "status": "amber", "verdict": {"title": "It follows."}, '
+        '{"title": "a → b", "status": "amber", "summary": {"title": "It follows."}, '
         '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
     )
     out = run("info", tmp_path)[1]
