@@ -189,6 +189,9 @@ def test_every_command_has_help_with_an_example(run):
         code, out, _ = run(command, "--help")
         assert code == 0
         assert f"Example: maniport {command}" in out
+        assert len(out.splitlines()) <= 60
+        code, complete, _ = run(command, "--help-all")
+        assert (code, len(complete.splitlines()) >= len(out.splitlines())) == (0, True)
         if command == "track":
             assert all(name in out for name in FORMATS)
             assert out.index("Motion:") < out.index("--position-tolerance")

@@ -151,6 +151,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.wait("!!document.body && document.body.innerText.includes('distance')")
         browser.wait(lambda: view.rate > 0)
         browser.wait(lambda: np.allclose(cameras()[0].position, camera_for(cameras()[0].aspect)[0], atol=1e-3))
+        browser.wait(lambda: np.allclose(cameras()[0].look_at, camera_for(cameras()[0].aspect)[1], atol=1e-3))
         browser.wait("document.querySelectorAll('[role=slider]').length > 8")
         thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
         browser.wait(f"{thumb}.x > 900")

@@ -44,8 +44,9 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
         Metric("Base rotation", "none" if base_rotation is None else rotation_text(base_rotation),
                "From the teacher's base frame to the student's.", "base_rotation",
                None if base_rotation is None else base_rotation.round(6).tolist()),
-        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; {_degrees(adapter.map_rotation_)} with "
-               "the base rotation", "", "rotation", np.asarray(adapter.rotation_).round(6).tolist()),
+        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; "
+               f"{_degrees(adapter.map_rotation_)} with the base rotation", "", "rotation",
+               np.asarray(adapter.rotation_).round(6).tolist()),
         Metric("Dispersion", f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
                "Root mean squared distance of the ellipsoids from their mean.", "dispersion_ratio", ratio),
         *_regularization(adapter),
@@ -136,7 +137,7 @@ COLUMNS = (
     Column("successive distance", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
            "relative to the teacher's: largest / median."),
     Column("rank correlation", "preservation", ("rank_correlation",), "{:.3f}", "of pairwise distances."),
-    Column("axis rotation", "preservation", ("major_axis_angle",), "{:.1f}°", "median angle of longest axes to the teacher's."),
+    Column("axis rotation", "preservation", ("major_axis_angle",), "{:.1f}°", "median, of longest axes."),
 )  # fmt: skip
 """Columns of the comparison; JSON has every measure."""
 

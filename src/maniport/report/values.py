@@ -13,30 +13,16 @@ GREEN, AMBER, RED = "green", "amber", "red"
 
 @dataclass(frozen=True)
 class Metric:
-    """A number, a setting, a note or a warning of a `Section`.
-
-    Attributes
-    ----------
-    label : str
-    text : str
-        The value with its unit, or, in notes and warnings, sentences. Empty: the metric is in JSON only.
-    description : str
-    key, value, unit
-        For programs: a name without the unit; a number, a text, or lists and mappings of these; the unit of all numbers
-        in it. Without a key the metric is not in JSON. The key of a warning names its kind.
-    severity : {"info", "note", "warning"}
-    main : bool
-        Whether the metric is in the summary of a result.
-    """
+    """A number, a setting, a note or a warning of a `Section`."""
 
     label: str
-    text: str
+    text: str  # the value with its unit, or sentences of a note or warning; empty: the metric is in JSON only
     description: str = ""
-    key: str = ""
-    value: Any = None
-    unit: str = ""
-    severity: str = INFO
-    main: bool = False
+    key: str = ""  # name in JSON without the unit, or the kind of a warning; without one the metric is not in JSON
+    value: Any = None  # a number, a text, or lists and mappings of these
+    unit: str = ""  # of all numbers in the value
+    severity: str = INFO  # "info", "note" or "warning"
+    main: bool = False  # whether the metric is in the summary of a result
 
     @property
     def is_statistics(self) -> bool:
@@ -79,56 +65,27 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """Metrics of a `Report` that belong together.
-
-    Attributes
-    ----------
-    title : str
-    metrics : tuple of Metric
-    tables : tuple of Table
-    key : str
-        Name in JSON; without one the metrics are at the top level there.
-    text : str
-        Markdown below the title, one paragraph per line; names from files must be escaped.
-    folded : bool
-        Whether it is a detail: the page folds it, and a summary in Markdown omits it.
-    """
+    """Metrics of a `Report` that belong together."""
 
     title: str
     metrics: tuple[Metric, ...] = ()
     tables: tuple[Table, ...] = ()
-    key: str = ""
-    text: str = ""
-    folded: bool = False
+    key: str = ""  # name in JSON; without one the metrics are at the top level there
+    text: str = ""  # Markdown below the title, one paragraph per line; names from files must be escaped
+    folded: bool = False  # whether it is a detail: the page folds it, and a summary in Markdown omits it
 
 
 @dataclass(frozen=True)
 class Summary:
-    """The outcome of a result, in a `Report`.
+    """The outcome of a result, in a `Report`."""
 
-    Attributes
-    ----------
-    title : str
-        The outcome in one sentence.
-    text : str
-        What prevents a better outcome.
-    advice, command : str
-        The next step and its command, in which ``{folder}`` stands for the folder of the results; may be empty.
-    status : {"green", "amber", "red", ""}
-        Follows from the warnings alone; empty where there is no outcome.
-    reasons : tuple of str
-        Keys of the warnings that the status follows from.
-    metrics : tuple of Metric
-        The most important ones first.
-    """
-
-    title: str
-    text: str = ""
-    advice: str = ""
-    command: str = ""
-    status: str = ""
-    reasons: tuple[str, ...] = ()
-    metrics: tuple[Metric, ...] = ()
+    title: str  # the outcome in one sentence
+    text: str = ""  # what prevents a better outcome
+    advice: str = ""  # the next step
+    command: str = ""  # its command, in which ``{folder}`` stands for the folder of the results
+    status: str = ""  # "green", "amber" or "red", from the warnings alone; empty where there is no outcome
+    reasons: tuple[str, ...] = ()  # keys of the warnings that the status follows from
+    metrics: tuple[Metric, ...] = ()  # the most important ones first
 
     @property
     def status_text(self) -> str:
@@ -146,22 +103,13 @@ class Summary:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is reported of a result, see `facts_of`.
-
-    Attributes
-    ----------
-    title, lead : str
-    sections : tuple of Section
-    summary : Summary or None
-    data_warnings : tuple of Metric
-        Warnings about the data, which precede those of the sections.
-    """
+    """Everything that is reported of a result, see `facts_of`."""
 
     title: str
     lead: str = ""
     sections: tuple[Section, ...] = ()
     summary: Summary | None = None
-    data_warnings: tuple[Metric, ...] = ()
+    data_warnings: tuple[Metric, ...] = ()  # warnings about the data, which precede those of the sections
 
     @property
     def metrics(self) -> tuple[Metric, ...]:

@@ -16,8 +16,9 @@ LEGEND = "".join(
 
 
 def readable(name: str) -> str:
-    """Write the name of a joint, an arm or a method in words."""
-    return name.replace("_", " ").replace("-", " ")
+    """Write the name of a joint or a method in words."""
+    words = {"elv": "elevation", "rot": "rotation", "pro": "pronation", "sup": "supination"}
+    return " ".join(words.get(word, word) for word in name.replace("_", " ").replace("-", " ").split())
 
 
 def headlines(frames: Sequence[Frame], names: Sequence[str]) -> str:

@@ -81,8 +81,7 @@ class Panel:
         bent = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}
         low, high = (round(float(angle), 3) for angle in np.degrees([arm.lower[i], arm.upper[i]]))
         start = float(np.clip(bent.get(arm.joint_names[i], 0.0), low, high))
-        name = readable(arm.joint_names[i]).replace("elv", "elevation")
-        return self._slider(gui, name, low, high, STEP, start)
+        return self._slider(gui, readable(arm.joint_names[i]), low, high, STEP, start)
 
     def _add_player(self, gui: Any, duration: float) -> None:
         names, last = (RECORDING, SLIDERS), float(np.ceil(100 * duration) / 100)

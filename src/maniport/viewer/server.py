@@ -88,8 +88,8 @@ class LiveView:
     def _frame(self, client: Any) -> None:
         """Let the camera of a browser see the whole scene in its window."""
         position, target = camera_for(client.camera.aspect, self._scene.layout)
+        client.camera.position = position  # viser shifts the target along, so that it is set afterwards
         client.camera.look_at = target
-        client.camera.position = position
 
 
 def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, str]:
