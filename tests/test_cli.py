@@ -238,7 +238,7 @@ def test_units_of_the_command_line_are_converted(track):
     [
         (("--home", "0,-45"), "--home must have 7 numbers, for panda_joint1"),
         (("--home", "0,-100,0,-135,0,90,45"), "--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°"),
-        (("--home", "0,60,0,-160,0,5,0"), "home: in this posture panda_link0 and panda_link6"),
+        (("--home", "0,60,0,-160,0,5,0"), "home: panda_link0 and panda_link6"),
         (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
         (("--joint-limit-margin", 50), "--joint-limit-margin [%] must be a number in [0, 40]; found 50"),
         (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found 0"),

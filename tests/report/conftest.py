@@ -8,7 +8,7 @@ import pytest
 
 from headless_chromium import axe, browser  # noqa: F401 - fixtures
 from maniport import spd
-from maniport.report._bridge import as_result
+from sizes import motion_alone
 
 
 @pytest.fixture(scope="session")
@@ -29,13 +29,13 @@ def motion():
 @pytest.fixture(scope="session")
 def result(small_result):
     """A transfer to one arm, on a small scale."""
-    return as_result(small_result)
+    return small_result
 
 
 @pytest.fixture(scope="session")
 def alone(small_result):
     """The motion of its robot without a person."""
-    return as_result(small_result.execution)
+    return motion_alone(small_result)
 
 
 @pytest.fixture(scope="session")

@@ -81,7 +81,7 @@ def test_unmoved_robot_and_other_ellipsoids_are_drawn(second, options):
     assert ("Ellipsoids" in shown.panels) == (options.get("part") != "full")
     assert len(page_of(result)) < 6_000_000
     if options.get("kind") == "force":
-        velocity = result.fit.arm.manipulability(result.fit.joint_angles)
+        velocity = result.arm.fit.arm.manipulability(result.arm.fit.joint_angles)
         np.testing.assert_allclose(shown.stages[0].bodies[0].ellipsoids["person"], velocity, rtol=1e-6, atol=1e-9)
 
 

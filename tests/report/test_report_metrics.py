@@ -67,15 +67,15 @@ def test_a_large_position_error_is_a_warning(alone, changed):
         assert ("position-error" in facts_of(changed(alone, position_error=error)).warning_keys) == warned
 
 
-def test_results_are_data_and_are_described_in_a_folder(small_result, tmp_path):
+def test_results_are_data_and_are_described_in_a_folder(small_result, alone, tmp_path):
     """`save` writes data alone; `write_results` also what people read, and returns the report."""
     small_result.save(tmp_path / "data")
     saved = {entry.name for entry in (tmp_path / "data").iterdir()}
     assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
     assert saved < set(RUN_FILES)
-    small_result.execution.save(tmp_path / "motion")
+    alone.save(tmp_path / "motion")
     assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
-    facts = mp.write_results(small_result.execution, tmp_path / "motion", overwrite=True)
+    facts = mp.write_results(alone, tmp_path / "motion", overwrite=True)
     summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
     assert summary["status"] == facts.summary.status
     assert [one["text"] for one in summary["warnings"]] == list(facts.warnings)

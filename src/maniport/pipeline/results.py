@@ -2,7 +2,7 @@
 
 import csv
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, Generic, NamedTuple, TypeVar
@@ -96,7 +96,8 @@ class ArmResult(NotebookDisplay):
     @property
     def placement_time(self) -> Array:
         """Times of the robot at the waypoints that the placement was evaluated at, shape (m,) [s]."""
-        assert self.placement is not None and self.motion is not None
+        assert self.placement is not None
+        assert self.motion is not None
         return np.asarray(self.motion.time[placement_rows(len(self.motion.time))])
 
     @cached_property
@@ -114,7 +115,8 @@ class ArmResult(NotebookDisplay):
     @property
     def mean_distance(self) -> "MeanDistance":
         """Mean distance of target and achieved ellipsoids, as a sum of three parts."""
-        assert self.motion is not None and self.gap is not None
+        assert self.motion is not None
+        assert self.gap is not None
         assert self.motion.pointwise_best is not None
         values = self.motion.distance, self.motion.pointwise_best, self.gap
         mean, pointwise, gap = (float(np.mean(value)) for value in values)
@@ -141,6 +143,8 @@ class ArmTransfer(ArmResult):
         As in `ArmResult`; the name is the side of the person's arm.
     fit : ArmFit
         Human arm scaled to the person, and its joint angles.
+    person_base : ndarray, shape (3,)
+        Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`.
     method : str
         Name of the transfer method.
     adapter : DomainAdapter
@@ -162,6 +166,7 @@ class ArmTransfer(ArmResult):
     """
 
     fit: ArmFit
+    person_base: Array = field(default_factory=lambda: np.zeros(3))
     method: str
     adapter: DomainAdapter
     choice: Choice | None = None
@@ -205,7 +210,7 @@ class RobotResult(SavedResult, Generic[A]):
         Configuration that the result was requested with.
     """
 
-    robot: Arm | ArmGroup
+    robot: ArmGroup
     arms: tuple[A, ...]
     motion: RobotMotion | None = None
     random_state: int = 0
@@ -302,6 +307,14 @@ class MeanDistance(NamedTuple):
     infeasible: float  # mean feasibility gap
     path: float  # added by the end-effector path, at the pointwise optimum found
     motion: float  # added by limits, collisions and smoothness of the trajectory
+
+
+def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
+    """Return the motion of a group of one arm."""
+    use = None
+    if motion.limits is not None:
+        use = motion.limits.use(motion.control_time, motion.control_positions)
+    return RobotMotion(group, motion, (motion,), motion.limits, use, motion.clearance)
 
 
 def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:

@@ -9,7 +9,7 @@ from maniport.arms import PERSONS, Arm, ArmGroup
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders import ROBOTS
-from maniport.arms.loaders.end_effector import Limb
+from maniport.arms.loaders.limbs import Limb
 from maniport.arms.loaders.packages import pair_of, places_of
 from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement

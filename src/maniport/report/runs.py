@@ -8,11 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.pipeline import BothResult
-from maniport.pipeline import TransferResult as OneResult
-from maniport.pipeline.execution import Execution
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report._bridge import as_result
 from maniport.report.metrics import describe, listed, numbers, warnings_of
 from maniport.report.motion import group_section, motion_section
 from maniport.report.motion_warnings import Run, infeasible_targets
@@ -30,13 +26,6 @@ WARNINGS_OF_ALL_ARMS = frozenset({"collision", "unchecked-collisions", "missing-
 """Keys of metrics and of warnings that concern all arms together."""
 
 STEP = "step"  # Key of warnings that a stage of the run gave
-
-
-@describe.register(OneResult)
-@describe.register(BothResult)
-@describe.register(Execution)
-def _earlier_report(result: OneResult | BothResult | Execution) -> Report:
-    return describe(as_result(result))
 
 
 @describe.register

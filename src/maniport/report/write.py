@@ -7,14 +7,10 @@ from typing import Any
 
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
-from maniport.pipeline import BothResult
-from maniport.pipeline import TransferResult as OneResult
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.execution import Execution
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
-from maniport.report._bridge import as_result
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import PAGE, SUMMARY, files_of, write_facts
 from maniport.report.values import Report
@@ -72,11 +68,10 @@ def write_results(
     UnknownNameError, MissingPackageError
         When there is no such format, or its package is missing.
     """
-    kinds = (TransferResult, MotionResult, LearnedProfile, OneResult, BothResult, Execution)
+    kinds = (TransferResult, MotionResult, LearnedProfile)
     if not isinstance(result, kinds):
         names = ", ".join(dict.fromkeys(kind.__name__ for kind in kinds))
         raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
-    result = as_result(result)
     formats = export_files(exports)
     if formats and getattr(result, "motion", None) is None:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
@@ -94,7 +89,6 @@ def write_results(
 
 def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: Path, pages: bool = True) -> None:
     """Write data, summaries, exports and the page of a result to a folder that exists."""
-    result = as_result(result)
     result.write_data(folder)
     for name in SUMMARIES[:2]:
         write_facts(folder / name, report)

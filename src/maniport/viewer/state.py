@@ -249,5 +249,5 @@ class ViewState:
 
 
 def _mean_turn(turns: Sequence[Array]) -> Array:
-    """The rotation between those of all arms, as `maniport.pipeline.transfer_both` turns their paths."""
+    """The rotation between those of all arms, as `maniport.transfer_recording` rotates their paths."""
     return turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0))

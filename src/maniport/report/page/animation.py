@@ -12,7 +12,6 @@ from maniport.arms.restriction import mirrored
 from maniport.errors import FileFormatError
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmTransfer, MotionResult, TransferResult
-from maniport.report._bridge import as_result
 from maniport.report.page.content import STATES, Animation, Body, Cloud, DomainMap, Panel, Part, Stage
 from maniport.report.page.panels import alternated, panels_of, panels_of_learned, profiles_of
 from maniport.report.roles import ACHIEVED, PERSON, ROLES, TARGET
@@ -23,7 +22,6 @@ from maniport.util.validation import Array
 
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
     """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
-    result = as_result(result)
     if isinstance(result, LearnedProfile):
         return Animation(result.alignment.time, (), panels_of_learned(result), unit=result.spec.unit)
     transfer = result if isinstance(result, TransferResult) else None
