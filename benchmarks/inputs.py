@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 import maniport as mp
 from maniport.arms import Arm
-from maniport.transfer.rigid_adapter import recentre
+from maniport.transfer.rigid_adapter import recenter
 
 Array = NDArray[np.float64]
 
@@ -55,4 +55,4 @@ def recentred_domains(n: int) -> tuple[Array, Array]:
     teacher, student = (damped(domain) for domain in domains(n))
     mean_t, mean_s = mp.spd.mean(teacher), mp.spd.mean(student)
     ratio = mp.spd.dispersion(student, mean_s) / mp.spd.dispersion(teacher, mean_t)
-    return recentre(teacher, mean_t, ratio), recentre(student, mean_s)
+    return recenter(teacher, mean_t, ratio), recenter(student, mean_s)

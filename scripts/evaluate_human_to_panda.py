@@ -16,7 +16,8 @@ import maniport as mp
 from maniport.arms import load_arm
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
-from maniport.report.metrics import Report, facts_of
+from maniport.report.metrics import facts_of
+from maniport.report.values import Report
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import COLUMNS, evaluation_section
 from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study

@@ -79,7 +79,7 @@ def test_info_describes_results(run, tmp_path):
     assert "Path: 5 positions.\n- Duration: 2 s." in run("info", tmp_path / "path.npz")[1]
     (tmp_path / "report.html").write_text("")
     (tmp_path / "summary.json").write_text(
-        '{"title": "a → b", "status": "amber", "verdict": {"title": "It follows."}, '
+        '{"title": "a → b", "status": "amber", "summary": {"title": "It follows."}, '
         '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
     )
     out = run("info", tmp_path)[1]
@@ -189,6 +189,9 @@ def test_every_command_has_help_with_an_example(run):
         code, out, _ = run(command, "--help")
         assert code == 0
         assert f"Example: maniport {command}" in out
+        assert len(out.splitlines()) <= 60
+        code, complete, _ = run(command, "--help-all")
+        assert (code, len(complete.splitlines()) >= len(out.splitlines())) == (0, True)
         if command == "track":
             assert all(name in out for name in FORMATS)
             assert out.index("Motion:") < out.index("--position-tolerance")
@@ -238,7 +241,7 @@ def test_units_of_the_command_line_are_converted(track):
     [
         (("--home", "0,-45"), "--home must have 7 numbers, for panda_joint1"),
         (("--home", "0,-100,0,-135,0,90,45"), "--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°"),
-        (("--home", "0,60,0,-160,0,5,0"), "home: in this posture panda_link0 and panda_link6"),
+        (("--home", "0,60,0,-160,0,5,0"), "home: panda_link0 and panda_link6"),
         (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
         (("--joint-limit-margin", 50), "--joint-limit-margin [%] must be a number in [0, 40]; found 50"),
         (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found 0"),

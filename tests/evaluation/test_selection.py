@@ -96,7 +96,7 @@ def test_choice_and_reason_are_among_the_metrics(chosen):
     assert table.row(found.method).feasibility_gap is not None
     assert (table.row("length-field").feasibility_gap is None) is bool(found.failures)
     assert as_numbers(facts)["evaluation"]["choice"] == {"method": found.method, "failures": list(found.failures)}
-    assert f"{found.method} was chosen" in as_markdown(facts)
+    assert f"Selected {found.method.replace('-', ' ')}" in as_markdown(facts)
     assert 0.0 <= table.row(found.method).preservation.major_axis_moved <= 1.0
 
 

@@ -89,6 +89,6 @@ def test_wrong_arguments(arm, collisions):
     with pytest.raises(InvalidInputError, match="must be a Collisions object; found Arm"):
         CollisionLimit(arm)
     with pytest.raises(InvalidInputError, match=r"reach must be a number above 0\.1; found 0\.1"):
-        CollisionLimit(collisions, joint_limit_margin=0.1)
+        CollisionLimit(collisions, margin=0.1)
     with pytest.raises(InvalidInputError, match=r"gain must be a number in \(0, 1\]; found 2"):
         CollisionLimit(collisions, gain=2)

@@ -45,7 +45,7 @@ def planar(base=None):
 
 
 def test_plane_of_a_planar_arm_is_named_for_every_seed():
-    """Two planar arms, known base orientation: the student's normal is the flat axis, and the only one, for every seed."""
+    """Two planar arms with base rotation: the student's normal is the only flat axis, for every seed."""
     for seed in range(20):
         teacher = FRAME @ damped(sample_domain(planar(), 256, seed)) @ FRAME.T
         student = damped(sample_domain(planar(FRAME), 256, seed + 100))

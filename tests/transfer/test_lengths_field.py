@@ -88,7 +88,7 @@ def test_folds_are_told_at_the_query(domains):
     points = domains[3][0]
     assert adapter.report_.near_singular > 0.1
     assert not adapter.report_.invertible
-    with pytest.raises(NotInvertibleError, match=r"folds at \d+% of its centers, more than 2%"):
+    with pytest.raises(NotInvertibleError, match="nearly singular"):
         adapter.inverse_transform(adapter.transform(points[:2]))
     assert Inverse.of(adapter._field()).near_singular > MAX_NEAR_SINGULAR
 

@@ -49,12 +49,6 @@ def with_derivatives(
     return force, np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
 
 
-def derivatives(chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec) -> Array:
-    """Derivatives alone, where the Jacobian is the sum over the chains; as in `with_derivatives`."""
-    jacobian = reduce(np.add, [factor * (of_joints @ coupling) for factor, of_joints, coupling in chains])
-    return with_derivatives(jacobian, chains, spec)[1]
-
-
 @kernel
 def _derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):  # type: ignore[no-untyped-def]
     """Fill M (n, d, d) and derivatives (n, dof, d, d); `rows` (n, d, dof) and `weighted` (joints, dof) have weights."""

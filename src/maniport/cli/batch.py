@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, Output, Overwrite, command
+from maniport.cli.application import Output, Overwrite, command
 from maniport.cli.transfer import job_of
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from maniport.batch import Batch
 
 
-def _execution(help: str, **more: Any) -> Any:
-    return typer.Option(help=help, rich_help_panel="Execution", **more)
+def _execution(help: str, *flags: str) -> Any:
+    return typer.Option(*flags, help=help, rich_help_panel="Execution")
 
 
 @command(
@@ -30,19 +30,16 @@ def batch(
     console: Console,
     output: Output,
     recordings: Annotated[
-        list[str] | None, typer.Argument(help=f"{RECORDING} Also folders and quoted patterns 'a/**/*.bvh'.")
+        list[str] | None, typer.Argument(help="Recordings, folders of them, and quoted patterns 'a/**/*.bvh'.")
     ] = None,
     profile_rate: Annotated[float, typer.Option(help="Ellipsoids of a recording [Hz].")] = BATCH_PROFILE_RATE,
-    pages: Annotated[bool, typer.Option("--pages/--no-pages", help="Write a report for each pair.")] = False,
+    pages: Annotated[bool, typer.Option("--pages", help="Write a report for each pair.")] = False,
     processes: Annotated[int | None, _execution("Processes; default: number of cores.")] = None,
-    dask: Annotated[str | None, _execution("Address of a Dask scheduler.", metavar="HOST:PORT")] = None,
-    ray: Annotated[bool, _execution("Use Ray.")] = False,
+    dask: Annotated[str | None, _execution("HOST:PORT of a Dask scheduler.")] = None,
+    ray: Annotated[bool, _execution("Use Ray.", "--ray")] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Process all pairs of recordings and robots.
-
-    The same command resumes an interrupted run. Exit code 1 if a pair failed.
-    """
+    """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.util.signals import raising
 

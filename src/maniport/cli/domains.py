@@ -59,7 +59,9 @@ def fit(
     teacher: TeacherDomain,
     student: StudentDomain,
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
-    unknown_base_rotation: Annotated[bool, typer.Option(help="Search all base rotations (icp).")] = False,
+    unknown_base_rotation: Annotated[
+        bool, typer.Option("--unknown-base-rotation", help="Search all base rotations (icp).")
+    ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.feasibility import knowing

@@ -11,7 +11,7 @@ from maniport.cli.transfer import job_of
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import Report
+from maniport.report.values import Report
 from maniport.util.defaults import AUTO
 from maniport.util.progress import Progress
 

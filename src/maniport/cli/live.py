@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, command
+from maniport.cli.application import command
 from maniport.cli.transfer import job_of
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from maniport.live.transport import Datagrams, Pipe
 
 
-def _transport(help: str, **more: Any) -> Any:
-    return typer.Option(help=help, rich_help_panel="Transport", **more)
+def _transport(help: str, *flags: str) -> Any:
+    return typer.Option(*flags, help=help, rich_help_panel="Transport")
 
 
 @command(
@@ -34,11 +34,13 @@ def _transport(help: str, **more: Any) -> Any:
 def live(
     config: Config,
     console: Console,
-    recording: Annotated[Path, typer.Argument(help=f"A motion of the same person with the same points. {RECORDING}")],
+    recording: Annotated[Path, typer.Argument(help="A motion of the same person with the same points.")],
     udp: Annotated[int | None, _transport("UDP port for frames instead of standard input; 0: a free one.")] = None,
     host: Annotated[str, _transport("Address of that port; other addresses open it to the network.")] = LOOPBACK,
     send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
-    no_drop: Annotated[bool, _transport("Process every frame in order; otherwise skip to the newest.")] = False,
+    no_drop: Annotated[
+        bool, _transport("Process every frame in order; otherwise skip to the newest.", "--no-drop")
+    ] = False,
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 

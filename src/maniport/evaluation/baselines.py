@@ -1,4 +1,4 @@
-"""The baselines that every adapter is compared with; each is an adapter itself."""
+"""Baselines of the comparison, which are adapters themselves."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ PROCRUSTES = "procrustes"  # Baselines by their names in `maniport.transfer.METH
 
 ROWS = (IDENTITY, MEAN_TRANSPORT, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first
 
-EVERY_ROW = (*METHODS, PROCRUSTES)  # All methods that an adapter may be compared with
+EVERY_ROW = (*METHODS, PROCRUSTES)  # All baselines
 
 
 class Procrustes(RigidAdapter):

@@ -22,7 +22,7 @@ from maniport.util.ranks import rank_correlation
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_points
 
-STILL = 1e-9  # Largest distance that is put down to rounding: nothing moves there
+STILL = 1e-9  # Largest distance that counts as rounding
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Smoothness:
 
     @property
     def largest_ratio(self) -> float:
-        """Largest step over the teacher's largest: 1 keeps it, a staircase is far above."""
+        """Largest step over the teacher's largest."""
         return self.largest / self.original_largest
 
     @property
@@ -289,7 +289,7 @@ def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
 
 
 def _refit(adapter: DomainAdapter, teacher: ArrayLike, student: ArrayLike, **options: Any) -> DomainAdapter:
-    """Fit without the warning of an unobservable rotation, whose dispersion is measured here."""
+    """Fit without the warning of an unobservable rotation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         return adapter.fit(teacher, student, **options)

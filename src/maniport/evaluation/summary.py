@@ -66,7 +66,7 @@ class Row:
     ----------
     name : str
     note : str
-        A remark on it, or why nothing was measured.
+        A remark, or why nothing was measured.
     method : str
         Its name in `maniport.transfer.METHODS`, or its class where it has none.
     rmse : RMSE or None
@@ -121,7 +121,7 @@ class Weakness:
     value, threshold : float
         The metric, and its limit.
     reference : float or None
-        The same of parallel transport, for the identity test.
+        Value of parallel transport, for the identity test.
     """
 
     code: str
@@ -137,7 +137,7 @@ class Summary:
     Attributes
     ----------
     measure : {"rmse", "feasibility_gap", ""}
-        What rows are compared by: the RMSE where the truth is known, else the mean feasibility gap, else nothing.
+        Measure of the comparison: RMSE with a ground truth, else the mean feasibility gap, else none.
     name : str
         The row of the adapter.
     values : dict of str to float

@@ -33,16 +33,10 @@ class HumanOptions(Options):
     fps: float | None = option(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
     start: float | None = option(None, "Start of the part that is used", "s", common=True)
     stop: float | None = option(None, "End of the part that is used", "s", common=True)
-    markers: str | None = option(
-        None, "JSON file: points by role, see maniport info", is_file=True, unchecked=True, common=True
-    )
-    person: str = option(defaults.PERSON, "Human arm model: myoarm or rhuman", common=True)
-    side: str = option(
-        AUTO, "Arm of the person; auto: the one that moves more", choices=(AUTO, "right", "left", BOTH), common=True
-    )
-    height: float | None = option(
-        None, "Body height, for lengths that are not recorded", "m", minimum=1.0, maximum=2.5, common=True
-    )
+    markers: str | None = option(None, "JSON file of points by role", is_file=True, unchecked=True, common=True)
+    person: str = option(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
+    side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
+    height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
     smooth: str | float = option(AUTO, "Low-pass filter of points: words, or cutoff", "Hz", (AUTO, "off"), above=0.0)
     jumps: str = option(defaults.KEEP, "Treatment of joint jumps", choices=(defaults.KEEP, "smooth", "split"))
 
@@ -87,9 +81,7 @@ class RobotOptions(Options):
         is_file=True,
         common=True,
     )
-    frame: tuple[str, ...] = option(
-        (), "End-effector frame; default: the gripper's; of two arms LEFT,RIGHT", metavar="FRAME", common=True
-    )
+    frame: tuple[str, ...] = option((), "End-effector frame; of two arms LEFT,RIGHT", metavar="FRAME", common=True)
     joints: tuple[str, ...] = option((), "Moving joints; the others are fixed", metavar="J1,J2,…")
     base: str | None = option(None, "First frame of the chain, such as a torso")
     lock: Mapping[str, float] | None = option(
@@ -203,28 +195,28 @@ class TransferOptions(Options):
 class MotionOptions(Options):
     """Trajectory of the robot."""
 
-    move: bool = option(True, "Trajectory planning; otherwise target ellipsoids only", common=True)
+    move: bool = option(True, "Plan a trajectory", common=True)
     position_tolerance: float = option(
-        defaults.POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
+        defaults.POSITION_TOLERANCE, "Position tolerance, 95 %", "mm", above=0.0, common=True
     )
-    speed_scale: float = option(1.0, "Largest speed relative to the person", above=0.0, common=True)
+    speed_scale: float = option(1.0, "Largest relative speed", above=0.0, common=True)
     orientation: str | tuple[float, ...] = option(
-        FREE, "End-effector orientation; a vector is its z axis", choices=(FREE, "demonstrated", "constant"),
-        metavar="free|demonstrated|constant|X,Y,Z", count=3, common=True,
+        FREE, "free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", "constant"),
+        metavar="WORD|X,Y,Z", count=3, common=True,
     )  # fmt: skip
     orientation_axes: str = option("pointing", "Constrained axes: z or all", choices=("pointing", "whole"))
     orientation_weight: float = option(10.0, "Weight of the orientation error", "1/rad", above=0.0)
     planning_effort: str = option(defaults.EFFORT, "Planning effort", choices=("full", "quick"), common=True)
     rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
     limits: str | None = option(
-        None, "YAML file of joint limits; default: from the robot", is_file=True, common=True,
+        None, "YAML file of joint limits", is_file=True, common=True,
         unchecked=True,
     )  # fmt: skip
     joint_limit_margin: float = option(
         defaults.MARGIN, "Share of joint ranges kept free at either end", "%", minimum=0.0, maximum=0.4
     )
     home: tuple[float, ...] | None = option(
-        None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", common=True, unchecked=True
+        None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
     )
     workspace: tuple[float, ...] | None = option(
         None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
@@ -232,9 +224,9 @@ class MotionOptions(Options):
     )  # fmt: skip
     collisions: bool = option(True, "Collision checking", unchecked=True)
     table: float | None = option(None, "Height of a table in the base frame", "m", common=True)
-    obstacles: str | None = option(None, "YAML or JSON file of boxes", is_file=True, common=True, unchecked=True)
+    obstacles: str | None = option(None, "YAML or JSON file of boxes", is_file=True, unchecked=True)
     srdf: str | None = option(None, "SRDF: link pairs not to check", is_file=True)
-    export: tuple[str, ...] = option((), "Formats: ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
+    export: tuple[str, ...] = option((), "ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
     tracking: Mapping[str, Any] | None = option(
         None, "Settings of the controller, in Python", unchecked=True, typed=False
     )

@@ -9,15 +9,12 @@ from html import escape
 from typing import Any
 
 from rich.console import Console as RichConsole
-from rich.markdown import Markdown
-from rich.progress import BarColumn, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bars
 from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
-from maniport.report.metrics import Report
 from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+from maniport.report.values import Report
 from maniport.util.progress import Progress
 
 DONE = "✓ "
@@ -76,7 +73,7 @@ class Console:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
         more |= {"output": output} if output else {}
         short = report.summary is not None and bool(output)
-        complete = "" if short and not self.verbose else as_markdown(report)
+        complete = "" if short and not self.verbose else as_markdown(report, details=True)
         self.finish({**as_numbers(report), **more}, complete, markdown=True)
         if short and not self.as_json:
             width = min(self._out.width, 80) if self._out.is_terminal else 80
@@ -90,6 +87,8 @@ class Console:
         elif self.quiet or not text:
             return
         elif markdown and self._out.is_terminal:
+            from rich.markdown import Markdown  # slow to load
+
             self._out.print(Markdown(text), soft_wrap=False)  # a soft wrap would cut its lines at the edge
         else:
             self._out.print(text, markup=False)
@@ -110,9 +109,12 @@ def _standard_error(quiet: bool = False) -> RichConsole:
 @contextmanager
 def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progress]:
     """Print steps with a result on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
+    from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn  # slow to load
+    from rich.progress import Progress as Bars
+
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
-        tasks: dict[str, TaskID] = {first: bars.add_task(first, total=None)}  # until the first step begins
+        tasks = {first: bars.add_task(first, total=None)}  # until the first step begins
 
         def report(step: str, fraction: float, result: str = "") -> None:
             if first in tasks:

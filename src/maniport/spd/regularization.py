@@ -36,7 +36,7 @@ class Regularization:
     def __post_init__(self) -> None:
         if self.damping is not None and self.eigenvalue_floor is not None:
             raise InvalidInputError(
-                f"damping and floor exclude one another; found damping={self.damping!r} and eigenvalue_floor={self.eigenvalue_floor!r}"
+                f"damping and eigenvalue_floor exclude each other; found {self.damping!r} and {self.eigenvalue_floor!r}"
             )
         for name in ("damping", "eigenvalue_floor"):
             value = getattr(self, name)

@@ -9,8 +9,9 @@ import numpy as np
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import Evaluation, Row
 from maniport.evaluation.baselines import EVERY_ROW, TRANSPORT
-from maniport.report.metrics import Report, Section, Table, describe
+from maniport.report.metrics import describe
 from maniport.report.transfer import evaluation_section
+from maniport.report.values import Report, Section, Table
 from maniport.spd.cloud import log_vectors
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots

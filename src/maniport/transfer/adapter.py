@@ -25,8 +25,7 @@ from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
 
-RELEASED = 1.0 - 1e-6
-"""Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
+RELEASED = 1.0 - 1e-6  # Share of the damping that is subtracted from images; the rest keeps them SPD
 
 
 class DomainAdapter(NotebookDisplay, Estimator, ABC):
@@ -44,10 +43,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         Fréchet means of the regularized domains, in the student's base frame.
     teacher_dispersion_, student_dispersion_ : float
         Dispersions of the regularized domains.
-    converged_ : bool
-    n_iter_ : int
-    stop_reason_ : str
-        Why the fit ended.
+    converged_, n_iter_, stop_reason_ : bool, int, str
+        Convergence, number of iterations, and why the fit ended.
     cost_ : float
         Final cost; each method defines it.
     history_ : ndarray, shape (k + 1,)
@@ -55,9 +52,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     teacher_damping_, student_damping_ : float
         ε that was added to each domain, in the unit of M; zero without damping.
     released_damping_ : float
-        ε that `transform` subtracts from the images: as much of `student_damping_` as leaves every possible result
-        positive-definite. Constant, so that the map stays smooth and exactly invertible; a method that is not rigid
-        may subtract a function of each eigenvalue instead.
+        Part of `student_damping_` that `transform` subtracts from the images, which leaves all of them
+        positive-definite. Constant, so that the map is smooth and invertible; the length field is an exception.
     """
 
     schema: ClassVar[Schema] = SCHEMA  # attributes in files, with their shapes and checks
@@ -131,8 +127,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         NotSPDError
             When an ellipsoid is asymmetric, indefinite, or singular without regularization.
         InvalidInputError
-            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
-            The adapter is unchanged then.
+            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is invalid.
         """
         return self._fit_or_restore(teacher, student, self._fit)
 
@@ -149,7 +144,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         try:
             self.teacher_damping_, self.student_damping_, self.base_rotation_ = damping_t, damping_s, base_rotation
             learn(self._in_student_frame(cloud_t), cloud_s)
-        except BaseException:  # half of a new fit with half of an old one would map wrongly
+        except BaseException:  # a mixture of two fits would map wrongly
             self.__dict__.clear()
             self.__dict__.update(before)
             raise
@@ -173,7 +168,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         NotFittedError
             Before `fit`.
         NotSPDError, InvalidInputError
-            When the input differs in size from that of `fit`, or an image is singular in floating-point numbers.
+            When the size differs from that of `fit`, or an image is singular in floating-point numbers.
         """
         d = self._dimension()
         seen = self.teacher_side(points, "points")
@@ -202,9 +197,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
             When the method has no inverse.
         """
         d = self._dimension()
-        if (
-            self.eigenvalue_floor is not None
-        ):  # a floor would change images that lie below it: only singular input needs it
+        if self.eigenvalue_floor is not None:  # only singular input is raised: images may lie below the floor
             student = as_positive_semidefinite(points, "points", d)
             regular = self.student_regularization.apply(student, "points", d)
             lowest = eigh(student)[0][..., 0]
@@ -227,15 +220,15 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
         Measured between regularized ellipsoids, as in `fit`; those of other regularizations are not comparable.
         """
-        mapped, wanted = self._compared(points, truth)
-        if len(mapped) != len(wanted):
-            raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(wanted)}")
-        return distance_unchecked(wanted, mapped)
+        mapped, target = self._compared(points, truth)
+        if len(mapped) != len(target):
+            raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(target)}")
+        return distance_unchecked(target, mapped)
 
     def gaps(self, points: ArrayLike, cloud: ArrayLike) -> Array:
         """Distance from each adapted ellipsoid to the nearest of a cloud of the student's, shape (n,).
 
-        Measured between regularized ellipsoids. A gap of the size of the cloud's own spacing is noise.
+        Measured between regularized ellipsoids; gaps below the cloud's own spacing are noise.
         """
         mapped, student = self._compared(points, cloud)
         return nearest(mapped, student)[1]
@@ -243,7 +236,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
     def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
         """Minus the root mean squared gap (see `gaps`): larger is better, as in scikit-learn's model selection.
 
-        Not the measure to choose a damping by: more damping makes all ellipsoids rounder and every gap smaller.
+        It cannot choose the damping: more damping makes all ellipsoids rounder and every gap smaller.
         """
         return -float(np.sqrt(np.mean(self.gaps(teacher, student) ** 2)))
 
@@ -254,7 +247,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         return copy
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""
+        """Write the fitted adapter to an ``.npz`` file; `load_adapter` reads it."""
         self._dimension()
         save_adapter(self, path)
 
@@ -296,11 +289,8 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         """
         d = self._dimension()
         if d == 6:
-            return (
-                np.eye(3)
-                if self.base_rotation_ is None
-                else orthonormal(self.base_rotation_[:3, :3] + self.base_rotation_[3:, 3:])
-            )
+            base = np.eye(6) if self.base_rotation_ is None else self.base_rotation_
+            return orthonormal(base[:3, :3] + base[3:, 3:])
         return self._map_rotation() if self.base_rotation_ is None else self._map_rotation() @ self.base_rotation_
 
     @property

@@ -198,8 +198,8 @@ class LengthField(DomainAdapter):
         inverse = Inverse.of(self._field())
         if inverse.near_singular > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
-                f"the map folds at {inverse.near_singular:.0%} of its centers, more than {MAX_NEAR_SINGULAR:.0%}: too many of its "
-                "images come from several ellipsoids of the teacher for an inverse"
+                f"the map has no inverse: its derivative is nearly singular at {inverse.near_singular:.0%} of centers "
+                f"(limit {MAX_NEAR_SINGULAR:.0%})"
             )
         back = inverse(points)
         lost = np.flatnonzero(np.isnan(back[:, 0, 0]))

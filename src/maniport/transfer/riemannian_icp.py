@@ -104,7 +104,7 @@ class RiemannianICP(RigidAdapter):
             Teacher's and student's ellipsoids of the same task at the same time. They get the regularization of their
             domains. The search starts at the rotation that suits them best, and in every rotation step they have half
             of the weight, the matches the other half. Where several rotations suit them equally (one pair leaves half
-            turns about its axes open), the nearest to `start` comes first, and the others are further initial rotations.
+            turns about its axes open), the nearest to `start` comes first, and the others are further starts.
 
         Warns
         -----

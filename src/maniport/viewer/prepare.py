@@ -20,7 +20,7 @@ from maniport.util.defaults import AUTO, BOTH, DAMPING
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array, as_count, as_rotation
 from maniport.viewer.maps import GIVEN, Methods, Refitting, require_drawable
-from maniport.viewer.recording import Playback
+from maniport.viewer.playback import Playback
 from maniport.viewer.state import Side, ViewState
 
 TEACHER_SAMPLES = 2048

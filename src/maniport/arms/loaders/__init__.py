@@ -112,7 +112,7 @@ def load_arm(
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
     if isinstance(name_or_path, ArmGroup):
-        raise InvalidInputError("name_or_path must be a name or a path; found an ArmGroup: use one of its .arms")
+        raise InvalidInputError("name_or_path must name one arm; found a group of arms")
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     folders = _as_folders(mesh_folders)

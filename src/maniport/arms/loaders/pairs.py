@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup, two_bases
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import LEFT, RIGHT, as_pose, check_names, pose
 from maniport.arms.human import PERSONS
 from maniport.arms.loaders import load_arm, robot_limbs
 from maniport.arms.loaders.limbs import one_side
 from maniport.arms.restriction import check_lock, standing
+from maniport.arms.shared_joints import two_bases
 from maniport.errors import InvalidInputError, UnknownNameError, argument, typed, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers
 

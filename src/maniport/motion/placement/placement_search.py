@@ -97,9 +97,7 @@ def _search(
     found.sort(key=_cost)
     if not free or not found:
         return found
-    for i, placement in enumerate(found):  # there another path through the roadmap may be better
-        again = _planned(coarse, placement.place, terms, planning_effort, seed)
-        found[i] = _improved(coarse, whole, min(placement, again, key=_cost), terms)
+    found = [_improved(coarse, whole, placement, terms) for placement in found]
     found.sort(key=_cost)
     progress(1.0)
     if reached is not None and out_of_reach(whole, found[0].place):

@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
-from maniport.report.metrics import Metric, Report, Section, Table, describe, warning
+from maniport.report.metrics import describe, warning
 from maniport.report.runs import software
+from maniport.report.values import Metric, Report, Section, Table
 from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER

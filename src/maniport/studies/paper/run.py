@@ -70,10 +70,10 @@ def reproduce(
 
 def _write_page(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables and the figures that were written before."""
-    from maniport.report.page import Picture, write_page
+    from maniport.report.page import Image, write_page
 
     pictures = {
-        name: [Picture((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
+        name: [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
         for name in (experiment.name for experiment in reproduction.experiments)
     }
     write_page(folder / REPORT, facts_of(reproduction), pictures)

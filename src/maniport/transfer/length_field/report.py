@@ -17,8 +17,9 @@ AXIS_MOVED = 10.0
 """Angle between the longest axes of an ellipsoid and of its image above which the axis counts as moved [degrees]."""
 
 # Limits of `FieldReport.failures`, from fits to 13 arms for 3 persons each (table in docs/evaluation.md). The 18 good
-# fits (Panda, xArm7, Tiago, Talos, G1 with seven joints, Jaco) have at most 0.07, 0.017 and 0.02, and a rank correlation of at
-# least 0.92. The other 21 (UR5, Z1, IRB140, SO-100, iCub, G1 with four or five joints) exceed 0.11 and 0.037.
+# fits (Panda, xArm7, Tiago, Talos, G1 with seven joints, Jaco) have at most 0.07, 0.017 and 0.02, and a rank
+# correlation of at least 0.92. The other 21 (UR5, Z1, IRB140, SO-100, iCub, G1 with four or five joints) exceed 0.11
+# and 0.037.
 MAX_REVERSING = 0.1
 MAX_NONMONOTONE = 0.03
 MAX_MOVED = 0.05
@@ -65,7 +66,8 @@ class FieldReport:
         folds = "folds at none" if self.invertible else f"folds at {100 * self.near_singular:.1f} %"
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), lengths moved by {self.moved:.3f}, steps "
-            f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis turned by {self.turn:.1f}° "
+            f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis rotated by "
+            f"{self.turn:.1f}° "
             f"(median) and moved by more than {AXIS_MOVED:g}° at {self.moved_axes:.0%}, orientation-reversing at "
             f"{self.reversing:.0%}, own-axis slope not positive at {self.nonmonotone:.0%}, least singular value "
             f"{self.singular_value:.2f} ({folds})"

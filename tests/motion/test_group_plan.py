@@ -1,4 +1,4 @@
-"""Motions of two arms: as each alone where they do not meet, apart where they do."""
+"""Motions of several arms: as each alone where they do not meet, free of collisions where they do."""
 
 import csv
 from dataclasses import replace
