@@ -56,7 +56,7 @@ def result(moment, files):
     with few_places():
         found = mp.transfer_recording(
             recording, person="stiff_shoulder", robot=files / "six.json", method=method, speed_scale=0.5,
-            tasks=[HeightTask("link5", 0.0, cost=10.0)], **SMALL,
+            tracking={"tasks": [HeightTask("link5", 0.0, cost=10.0)]}, **SMALL,
         )  # fmt: skip
     assert not hasattr(method, "shift_")  # a clone was fitted
     return found
