@@ -30,7 +30,7 @@ def small_result(second):
     """The main job on a small scale, the robot's motion at half the speed_scale included; computed once, never changed."""
     from maniport.pipeline import transfer_recording
 
-    return transfer_recording(second, speed_scale=0.5, effort="quick", **SMALL)
+    return transfer_recording(second, speed_scale=0.5, planning_effort="quick", **SMALL)
 
 
 @pytest.fixture(scope="session")

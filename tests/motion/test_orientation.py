@@ -39,9 +39,9 @@ def test_the_hand_points_from_the_wrist_along_itself(name):
 
 
 @pytest.mark.parametrize("orientation_axes", [POINTING, WHOLE])
-def test_derivatives_of_the_orientation_task_are_those_of_finite_differences(panda, keep):
+def test_derivatives_of_the_orientation_task_are_those_of_finite_differences(panda, orientation_axes):
     """Error and Jacobian agree, and at its own rotation the error vanishes."""
-    task, model, q = OrientationTask(panda.frame, axis_weights(keep)), robot_model(panda), panda.sample(1, 1)[0]
+    task, model, q = OrientationTask(panda.frame, axis_weights(orientation_axes)), robot_model(panda), panda.sample(1, 1)[0]
 
     def error(at):
         return task.compute_error(pink.Configuration(model, model.createData(), at))
@@ -52,13 +52,13 @@ def test_derivatives_of_the_orientation_task_are_those_of_finite_differences(pan
     task.set_target(np.eye(3))
     columns = [(error(q + step) - error(q - step)) / 2e-6 for step in 1e-6 * np.eye(7)]
     assert_allclose(task.compute_jacobian(here), np.stack(columns, axis=1), atol=1e-8)
-    assert np.count_nonzero(task.cost) == (3 if keep == POINTING else 9)
+    assert np.count_nonzero(task.cost) == (3 if orientation_axes == POINTING else 9)
 
 
 @pytest.mark.parametrize("orientation_axes", [POINTING, WHOLE])
-def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
+def test_nodes_are_turned_as_they_shall_be(planner, motion, orientation_axes):
     """Some nodes of each stage are within 0.1 rad, with the tip in place; the last joint serves where all counts."""
-    objective = replace(Objective.of(planner.limits.arm), axis_weights=axis_weights(keep))
+    objective = replace(Objective.of(planner.limits.arm), axis_weights=axis_weights(orientation_axes))
     targets = objective.targets(*motion[:2], rotations=motion[2])
     nodes = planner.reachability_map.nodes(targets, 60, np.random.default_rng(0))
     owner = np.repeat(np.arange(len(TIME)), np.diff(nodes.first))
@@ -67,8 +67,8 @@ def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
     assert targets[owner].tip_error(nodes.q).max() < 1e-3
     assert_allclose(nodes.cost, targets[owner].cost(nodes.q))
     middle = 0.5 * (planner.limits.lower + planner.limits.upper)[6]
-    assert (np.ptp(nodes.q[:, 6]) > 1.0) == (keep == WHOLE)
-    assert keep == WHOLE or np.abs(nodes.q[:, 6] - middle).max() < 1e-9
+    assert (np.ptp(nodes.q[:, 6]) > 1.0) == (orientation_axes == WHOLE)
+    assert orientation_axes == WHOLE or np.abs(nodes.q[:, 6] - middle).max() < 1e-9
 
 
 def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion):

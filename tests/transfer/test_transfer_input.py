@@ -72,7 +72,7 @@ def test_singular_ellipsoids_need_a_remedy():
     [
         (
             {"damping": 0.01, "eigenvalue_floor": 1e-4},
-            r"damping and floor exclude one another; found damping=0\.01 and floor",
+            r"damping and floor exclude one another; found damping=0\.01 and eigenvalue_floor",
         ),
         ({"damping": -0.01}, r"damping must be a number above 0; found -0\.01"),
         ({"damping": 0.0}, r"damping must be a number above 0"),

@@ -111,7 +111,7 @@ def transfer_both(
         raise TypeError(f"unexpected option {sorted(tracked)[0]!r}: both arms are planned, not tracked step by step")
     if as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE and settings.get("workspace") is not None:
         raise InvalidInputError("workspace says where paths are placed; with tips='relative' the tips leave them")
-    kept = {"orientation_axes": settings["orientation_axes"]} if "keep" in settings else {}
+    kept = {"orientation_axes": settings["orientation_axes"]} if "orientation_axes" in settings else {}
     given: dict[str, Any] = {
         "base_rotation": base_rotation, "damping": damping, "eigenvalue_floor": eigenvalue_floor, "n_teacher": n_teacher, "n_student": n_student,
         "move": False, "orientation": orientation, "random_state": random_state, "progress": progress,
