@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from maniport.arms import myoarm
-from maniport.mocap import Recording, fit_arm, performed
+from maniport.mocap import Recording, fit_arm, synthetic_recording
 from maniport.mocap.directions import AXES, SEGMENTS, Directions
 
 from .inputs import Array
@@ -58,7 +58,7 @@ def motion(n: int) -> tuple[Recording, Array]:
     knots = np.arange(0.0, instants[-1] + 2.0, 0.4)
     ways = CubicSpline(knots, generator.uniform(-0.5, 0.5, (len(knots), arm.dof)))(instants)
     q = (arm.upper + arm.lower) / 2 + np.clip(ways, -0.9, 0.9) * (arm.upper - arm.lower) / 2
-    shown = performed(arm, q, instants)
+    shown = synthetic_recording(arm, q, instants)
     noisy = shown.positions + generator.normal(0.0, NOISE, shown.positions.shape)
     return Recording(shown.names, noisy, instants, "z", "wandering"), q
 

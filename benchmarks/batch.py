@@ -19,7 +19,7 @@ import maniport as mp
 from maniport.arms.human import human_arm
 from maniport.batch.pair import ADAPTERS, PAIR
 from maniport.batch.table import COMPUTING, PAGE, TABLES
-from maniport.mocap import performed, shipped_recording
+from maniport.mocap import shipped_recording, synthetic_recording
 
 from .measure import BATCH_PLOT, ROOT, Row, duration, failed, fresh_process
 from .scale import growth
@@ -157,7 +157,7 @@ def _waves(lengths: tuple[float, ...], lasts: float, random: np.random.Generator
     time_ = np.arange(round(lasts * FPS)) / FPS
     hertz, phase = random.uniform(*WAVES, (3, 1, arm.dof)), random.uniform(0.0, 2.0 * np.pi, (3, 1, arm.dof))
     waves = np.sin(2.0 * np.pi * hertz * time_[:, None] + phase).mean(axis=0)
-    return performed(arm, 0.5 * (arm.lower + arm.upper) + 0.25 * (arm.upper - arm.lower) * waves, time_)
+    return synthetic_recording(arm, 0.5 * (arm.lower + arm.upper) + 0.25 * (arm.upper - arm.lower) * waves, time_)
 
 
 def _factor(run: Run, count: int) -> Row:

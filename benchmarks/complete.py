@@ -17,9 +17,9 @@ import numpy as np
 import maniport as mp
 from maniport.errors import ManiportWarning
 from maniport.mocap import shipped_recording
-from maniport.motion import TrackResult
+from maniport.motion import ArmMotion
 from maniport.motion.motion_limits import DERIVATIVES
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.execution import Execution
 
 from .inputs import Array
@@ -37,8 +37,8 @@ class Motion(NamedTuple):
     """What a pipeline made of a recording, and how long it took [s]."""
 
     seconds: float
-    result: TrackResult
-    room: Room
+    result: ArmMotion
+    room: Clearance
 
 
 def rows(quick: bool) -> Iterator[Row]:
@@ -79,7 +79,7 @@ def _hand_only(file: Path, execution: Execution) -> Motion:
         np.savetxt(Path(folder) / "joints.csv", table, delimiter=",", header="time," + ",".join(robot.joint_names))
         seconds = clock.perf_counter() - begin
     apart = mp.Collisions.of(robot)
-    return Motion(seconds, followed, Room.of(apart, followed))
+    return Motion(seconds, followed, Clearance.of(apart, followed))
 
 
 def _compared(name: str, ours: Motion, peer: Motion, execution: Execution, frames: int) -> Iterator[Row]:
@@ -108,7 +108,7 @@ def _compared(name: str, ours: Motion, peer: Motion, execution: Execution, frame
         f"{work}: nearest to a collision [mm]",
         ours,
         peer,
-        lambda one: f"{1e3 * one.room.clearance:.0f}, {one.room.share:.1%} of the time in one",
+        lambda one: f"{1e3 * one.room.distance:.0f}, {one.room.share:.1%} of the time in one",
     )
 
 
@@ -120,11 +120,11 @@ def _spread(values: Array) -> str:
     return " / ".join(f"{one:.2f}" for one in (np.median(values), np.quantile(values, 0.95), values.max()))
 
 
-def _tip(result: TrackResult) -> str:
+def _tip(result: ArmMotion) -> str:
     assert result.position_error is not None
     return _spread(1e3 * result.position_error)
 
 
-def _use(execution: Execution, result: TrackResult) -> str:
+def _use(execution: Execution, result: ArmMotion) -> str:
     largest = execution.plan.limits.use(result.control_time, result.control_positions).largest
     return " / ".join(f"{largest[quantity][1]:.0%}" for quantity in DERIVATIVES)

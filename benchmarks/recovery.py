@@ -16,8 +16,8 @@ from scipy.stats import special_ortho_group
 
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
+from maniport.transfer.icp.initialization import aligned_frames
 from maniport.transfer.icp.rotation import RotationProblem
-from maniport.transfer.icp.starts import starts
 from maniport.transfer.rigid_adapter import recentre
 from maniport.transfer.rotation_group import rotation_angle
 
@@ -141,7 +141,7 @@ def in_words(outcomes: list[Outcome]) -> str:
 def outcome(setting: Setting, seed: int) -> Outcome:
     """Make both clouds and fit."""
     teacher, student, copies = clouds(setting, seed)
-    adapter = mp.RiemannianICP(damping=DAMPING, n_resamples=0, random_state=0)
+    adapter = mp.RiemannianICP(damping=DAMPING, random_state=0)
     begin = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -170,7 +170,8 @@ def best_for_copies(adapter: mp.RiemannianICP, teacher: Array, student: Array) -
     fixed = recentre(sides[1], adapter.student_mean_)
     problem = RotationProblem(fixed, moved, np.full(len(fixed), 1.0 / len(fixed)))
     return min(
-        (problem.minimize(one) for one in starts(moved, fixed, np.random.default_rng(0))), key=lambda end: end.cost
+        (problem.minimize(one) for one in aligned_frames(moved, fixed, np.random.default_rng(0))),
+        key=lambda end: end.cost,
     ).rotation
 
 

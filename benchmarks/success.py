@@ -8,8 +8,8 @@ from joblib import Parallel, delayed
 from scipy.stats import special_ortho_group
 
 from maniport.transfer import Search
+from maniport.transfer.icp.initialization import aligned_frames
 from maniport.transfer.icp.rotation import RotationProblem
-from maniport.transfer.icp.starts import starts
 
 from .inputs import Array
 from .measure import Row
@@ -65,7 +65,7 @@ def solve(kind: str, seed: int) -> Outcome:
     student, teacher = clouds(kind, random)
     weights = random.uniform(0.5, 1.0, size=PAIRS) ** 3
     problem = RotationProblem(student, teacher, weights / weights.sum())
-    candidates = starts(teacher, student, random)
+    candidates = aligned_frames(teacher, student, random)
     promising = sorted(candidates, key=problem.cost)[:REFINED]
     cost = min(problem.minimize(start).cost for start in promising)
     others = [problem.minimize(start).cost for start in special_ortho_group.rvs(3, REFERENCE_STARTS, random)]

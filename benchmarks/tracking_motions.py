@@ -109,11 +109,9 @@ def adapters() -> dict[str, DomainAdapter]:
     known: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
     return {
         ADAPTED: mp.ParallelTransport(**known),
-        "raw copy": mp.RawCopy(**known),
+        "identity baseline": mp.IdentityMap(**known),
         "recentred": mp.MeanTransport(**known),
         # by default it keeps its start here, which is mean and dispersion
-        "ICP, refined": mp.RiemannianICP(
-            **known, n_resamples=0, random_state=0, search=Search(joint_limit_margin=0.0, compete=False)
-        ),
+        "ICP, refined": mp.RiemannianICP(**known, random_state=0, search=Search(require_improvement=False)),
         "nearest neighbour": mp.NearestNeighbor(damping=DAMPING),
     }

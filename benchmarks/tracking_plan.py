@@ -17,11 +17,10 @@ from maniport.errors import ManiportWarning
 from maniport.feasibility import knowing
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import (
+    ArmMotion,
     Placement,
     PlanControl,
-    PlannedMotion,
     Planner,
-    TrackResult,
     place_path,
     plan_motion,
     track,
@@ -67,7 +66,7 @@ class Asked:
     lasts: float | None = None
     seconds: float | None = None
 
-    def verdict(self, plan: PlannedMotion, seconds: float) -> tuple[str, list[str]]:
+    def verdict(self, plan: ArmMotion, seconds: float) -> tuple[str, list[str]]:
         """The bounds in words, and which of them are missed by how much."""
         error = _tip(plan)
         rms = float(np.sqrt(np.mean(plan.distance**2)))
@@ -85,7 +84,7 @@ class Asked:
             ("seconds to find it", seconds, self.seconds, ".1f"),
             ("rms over pointwise optimum", plan.pointwise_ratio, ASKED_RATIO, ".3f"),
             *((name, share, 1.0 + 1e-9, ".3f") for name, share in shares.items()),
-            ("collisions", plan.room.share, 0.0, ".4f"),
+            ("collisions", plan.clearance.share, 0.0, ".4f"),
         ]
         asked = [(name, got, bound, form) for name, got, bound, form in wanted if bound is not None]
         said = ", ".join(
@@ -139,7 +138,7 @@ QUICK = ("freeform, hand, as a whole",)
 class Found:
     """A motion, and the seconds of a core: of planner, place and plan, or of planner and of all that was searched."""
 
-    plan: PlannedMotion
+    plan: ArmMotion
     seconds: tuple[float, ...]
     where: str
 
@@ -162,13 +161,13 @@ def found(case: Case) -> Found:
         warnings.simplefilter("ignore", ManiportWarning)  # of a rotation that the clouds leave open
         domains = mp.sample_domain(fit.arm, TEACHER_SAMPLES, 0), mp.sample_domain(robot, STUDENT_SAMPLES, 1)
         adapter = method_of(RIGID if case.frame == FLANGE else LENGTHS, damping=DAMPING, base_rotation=np.eye(3))
-        adapter = knowing(adapter, robot, VELOCITY, planner.bank, 0).fit(*domains)
+        adapter = knowing(adapter, robot, VELOCITY, planner.arms[0].bank, 0).fit(*domains)
     target, damping = adapter.transform(fit.arm.manipulability(fit.joint_angles)), adapter.student_regularization
 
     every = [_there(case, robot, planner, time, hand, target, damping, False)]
-    if every[0].plan.room.share > 0.0 and not case.fixed:  # once more, with all points in reach
+    if every[0].plan.clearance.share > 0.0 and not case.fixed:  # once more, with all points in reach
         every.append(_there(case, robot, planner, time, hand, target, damping, True))
-    best = min(every, key=lambda one: one.plan.room.share)
+    best = min(every, key=lambda one: one.plan.clearance.share)
     return replace(best, seconds=(made, *np.sum([one.seconds for one in every], axis=0)))
 
 
@@ -203,17 +202,17 @@ def _there(
             planner.limits.arm,
             time=time[rows],
             whole=hand if reaching else None,
-            reachability_map=planner.reachability_map,
-            bank=planner.bank,
+            reachability_map=planner.arms[0].reachability_map,
+            bank=planner.arms[0].bank,
             damping=damping,
             random_state=case.seed,
             **case.given,
         )
         profile, path, where = placed.turned(target), placed.apply(hand), _where(placed)
     begin.append(clock.process_time())
-    plan = plan_motion(
-        robot, profile, time=time, path=path, damping=damping, planner=planner, random_state=case.seed, **case.control
-    )
+    (plan,) = plan_motion(
+        robot, profile, time=time, paths=path, damping=damping, planner=planner, random_state=case.seed, **case.control
+    ).arms
     begin.append(clock.process_time())
     return Found(plan, tuple(np.diff(begin)), where)
 
@@ -239,7 +238,7 @@ def _case(case: Case, found: Found) -> Row:
             f"tip {np.median(error):.2f} / {np.percentile(error, 95):.2f} / {error.max():.2f} mm",
             f"{plan.control_time[-1]:.1f} s long, the person's {person:.1f} s",
             f"of its limit: {use}",
-            f"collisions {plan.room.share:.2%}, clearance {1e3 * plan.room.clearance:.0f} mm",
+            f"collisions {plan.clearance.share:.2%}, clearance {1e3 * plan.clearance.distance:.0f} mm",
             found.where,
             f"planner, place and plan {', '.join(duration(one) for one in found.seconds)} of one core",
         ]
@@ -297,19 +296,20 @@ def twelve(outcomes: list[Outcome]) -> Iterator[Row]:
     )
 
 
-def _planned(outcome: Outcome) -> tuple[PlannedMotion, TrackResult]:
+def _planned(outcome: Outcome) -> tuple[ArmMotion, ArmMotion]:
     """The plan, and what the tracker does with the same margin of the joints' limits."""
     placed, first = outcome.placed, outcome.tracked
     planner = PlanControl().planner(robot_arm(), VELOCITY, 0)
     same = {"time": first.time, "path": placed.path, "damping": first.damping}
-    plan = plan_motion(robot_arm(), placed.profile, planner=planner, position_tolerance=1e-3, **same)
-    return plan, track(planner.limits.arm, placed.profile, bank=planner.bank, rate=RATE, **same)
+    planned = {"planner": planner, "paths": placed.path, "position_tolerance": 1e-3}
+    (plan,) = plan_motion(robot_arm(), placed.profile, time=first.time, damping=first.damping, **planned).arms
+    return plan, track(planner.limits.arm, placed.profile, bank=planner.arms[0].bank, rate=RATE, **same)
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _tip(plan: PlannedMotion) -> Array:
+def _tip(plan: ArmMotion) -> Array:
     assert plan.position_error is not None
     return plan.position_error

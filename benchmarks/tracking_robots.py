@@ -90,23 +90,23 @@ def chain(name: str, motion: Motion) -> Chain:
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
     planner = PlanControl().planner(robot, VELOCITY, 0)
-    bank = planner.bank
+    bank = planner.arms[0].bank
     placed = place_path(
         motion.hand,
         adapter.transform(motion.profile),
         planner.limits.arm,
         time=time,
-        reachability_map=planner.reachability_map,
+        reachability_map=planner.arms[0].reachability_map,
         bank=bank,
         damping=damping,
     )
-    plan = plan_motion(
-        robot, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
-    )
+    (plan,) = plan_motion(
+        robot, placed.profile, time=time, paths=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
+    ).arms
     seconds = clock.process_time() - begin
     # with the same margin of the joints' limits: beyond it lie postures that are nearer, which the plan may not take
     tracked = track(planner.limits.arm, placed.profile, time=time, path=placed.path, bank=bank, damping=damping)
-    single = (plan.pointwise_ratio, plan.limit_use.shares.max(), plan.room.share, seconds)
+    single = (plan.pointwise_ratio, plan.limit_use.shares.max(), plan.clearance.share, seconds)
     return Chain(
         plan.distance,
         tracked.distance,

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import Arm
 from maniport.arms.chain import rotation_about
 from maniport.evaluation import structure
-from maniport.motion import Placement, PositionTask, SeedBank, TrackResult, place_path, robot_model, track
+from maniport.motion import ArmMotion, Placement, PositionTask, SeedBank, place_path, robot_model, track
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -53,9 +53,9 @@ class Outcome:
     ----------
     motion, placement : str
     placed : Placement
-    tracked : TrackResult
+    tracked : ArmMotion
         Mean and dispersion, from a start of the tracker's choice.
-    hand_only : TrackResult
+    hand_only : ArmMotion
         The same path without an ellipsoid task, from home.
     methods : dict of str to Followed
         By method, where several were wanted.
@@ -64,8 +64,8 @@ class Outcome:
     motion: str
     placement: str
     placed: Placement
-    tracked: TrackResult
-    hand_only: TrackResult
+    tracked: ArmMotion
+    hand_only: ArmMotion
     methods: dict[str, Followed]
 
 
@@ -77,7 +77,7 @@ def bank() -> SeedBank:
 
 def place_and_track(
     time: Array, hand: Array, profile: Array, damping: Regularization, given: dict[str, float]
-) -> tuple[Placement, TrackResult]:
+) -> tuple[Placement, ArmMotion]:
     """Find the place for an adapted profile, with `given` held, and follow it there."""
     placed = place_path(hand, profile, robot_arm(), damping=damping, bank=bank(), **given)
     return placed, _tracked(placed, placed.profile, time, damping)
@@ -118,17 +118,17 @@ def run(
     return Outcome(motion, placement, placed, tracked, hand_only, methods)
 
 
-def _tracked(placed: Placement, profile: Array, time: Array, damping: Regularization) -> TrackResult:
+def _tracked(placed: Placement, profile: Array, time: Array, damping: Regularization) -> ArmMotion:
     return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), damping=damping, rate=RATE)
 
 
-def _followed(result: TrackResult, adapted: Array, damping: Regularization, person: Array) -> Followed:
+def _followed(result: ArmMotion, adapted: Array, damping: Regularization, person: Array) -> Followed:
     lift = damping.epsilon * np.eye(3)
     achieved = result.achieved + lift
     return Followed(result.distance, distance(achieved, adapted + lift), structure(achieved, person).spearman)
 
 
-def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regularization) -> TrackResult:
+def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regularization) -> ArmMotion:
     """Follow a path by Pink with tasks of position and posture only, from the hand's place nearest to home."""
     home = np.array(READY)
     model = robot_model(arm)
@@ -147,7 +147,7 @@ def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regula
             velocity = pink.solve_ik(configuration, [position, posture], dt, solver="daqp", limits=limits)
             joints[i] = np.clip(joints[i - 1] + velocity * dt, arm.lower, arm.upper)
             configuration.update(joints[i])
-    return TrackResult.of_motion(arm, time, placed.profile, grid, joints, damping=damping, path=placed.path)
+    return ArmMotion.of_motion(arm, time, placed.profile, grid, joints, damping=damping, path=placed.path)
 
 
 def nearest_to(arm: Arm, hand: Array, home: Array) -> Array:

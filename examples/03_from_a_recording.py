@@ -21,10 +21,10 @@ from maniport.util.files import save_ellipsoids
 
 def uncertainty(fit, profile):
     """How far the ellipsoids move, in units of d, when the joints that are not determined take other angles."""
-    if fit.determined.all():
+    if fit.observable.all():
         return np.zeros(1)
     other, rng = fit.joint_angles.copy(), np.random.default_rng(0)
-    guessed = ~fit.determined
+    guessed = ~fit.observable
     other[:, guessed] = rng.uniform(fit.arm.lower[guessed], fit.arm.upper[guessed], (len(fit), guessed.sum()))
     lift = 0.01 * np.trace(profile.mean(axis=0)) / 3.0 * np.eye(3)  # so that flat ellipsoids can be compared
     return mp.spd.distance(profile + lift, fit.arm.manipulability(other) + lift)
@@ -52,8 +52,8 @@ def main(folder):
                 f"  {segment}: {residual['median']:.2f}° beside the recording (median), {residual['p95']:.2f}° (95 %), "
                 f"{residual['max']:.2f}° (largest, at {residual['max_at_s']:.1f} s)"
             )
-        for reason in dict.fromkeys(fit.undetermined.values()):
-            joints = ", ".join(joint for joint, why in fit.undetermined.items() if why == reason)
+        for reason in dict.fromkeys(fit.unobservable.values()):
+            joints = ", ".join(joint for joint, why in fit.unobservable.items() if why == reason)
             print(f"  guesses: {joints} ({reason})")
 
         # 3. The profile: the ellipsoid of the hand at each time.

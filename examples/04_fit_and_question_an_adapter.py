@@ -58,11 +58,13 @@ def main(folder):
             f"  about ({', '.join(f'{part:.2f}' for part in axis)}): {1e3 * curvature:.1f} ± {1e3 * error:.1f} ‰/rad²"
         )
 
-    # Is it better than doing nothing? The same measures for a raw copy and other cheap alternatives.
+    # Is it better than doing nothing? The same measures for the identity baseline and other cheap alternatives.
     chosen, pairs = fits["ICP, five pairs"], (few, hung(few))
     evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0, draws=0)
     verdict = evaluation.verdict
-    print(f"take {verdict.recommended}: {verdict.measure} {verdict.best_value:.3f}, a raw copy {verdict.raw_copy:.3f}")
+    print(
+        f"take {verdict.recommended}: {verdict.measure} {verdict.best_value:.3f}, the identity baseline {verdict.identity:.3f}"
+    )
     write_facts(folder / "evaluation.md", mp.report.facts_of(evaluation))
 
     # A file for later; the map is exact there and back.

@@ -42,9 +42,9 @@ def main(folder):
     print(placed)
 
     # 4. The motion: the tip on its path, the ellipsoids as near as that lets them, within the Panda's limits.
-    motion = plan_motion(
-        robot, placed.profile, time=person.time, path=placed.path, damping=damping, position_tolerance=TOLERANCE
-    )
+    (motion,) = plan_motion(
+        robot, placed.profile, time=person.time, paths=placed.path, damping=damping, position_tolerance=TOLERANCE
+    ).arms
     print(f"{motion.control_time[-1]:.1f} s, {motion.pointwise_ratio:.2f} times the pointwise optimum")
     for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):
         most = f"{off.max():.2f} (largest, at {motion.time[off.argmax()]:.1f} s)"

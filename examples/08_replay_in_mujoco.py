@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 import maniport as mp
-from maniport.motion import TrackResult, robot_model
+from maniport.motion import ArmMotion, robot_model
 
 HERE = Path(__file__).parent
 TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # limits, as franka_description has them [N m]
@@ -63,7 +63,7 @@ def main(folder):
     motion, arm = runpy.run_path(str(HERE / "06_place_and_track.py"))["main"](folder), mp.load_arm("panda")
     for feed_forward in (False, True):
         time, wanted, q, torque = replay(physical_panda(arm), motion, feed_forward)
-        real = TrackResult.of_motion(arm, motion.time, motion.target, time, q, damping=motion.damping, path=motion.path)
+        real = ArmMotion.of_motion(arm, motion.time, motion.target, time, q, damping=motion.damping, path=motion.path)
         change, peak = np.percentile(np.abs(real.distance - motion.distance), 95), np.abs(torque).max()
         lag, beside = np.degrees(np.abs(q - wanted).max()), 1e3 * np.percentile(real.position_error, (95, 100))
         print(

@@ -35,9 +35,9 @@ def main(folder):
             f"{side:>5}: ellipsoids at {np.median(motion.distance):.2f} (median) from the targets, the tip "
             f"{1e3 * np.percentile(motion.position_error, 95):.1f} mm beside its path (95 %)"
         )
-    room = result.motion.room
-    print(f"{np.ptp(result.motion.control_time):.1f} s; nearest to a collision: {' and '.join(room.pair)}, "
-          f"{1e3 * room.clearance:.0f} mm apart")  # fmt: skip
+    clearance = result.motion.clearance
+    print(f"{np.ptp(result.motion.trajectory.control_time):.1f} s; nearest to a collision: {' and '.join(clearance.pair)}, "
+          f"{1e3 * clearance.distance:.0f} mm apart")  # fmt: skip
     result.save(folder / "both", overwrite=True)
     print(f"joints of both in {folder / 'both' / 'joints.csv'}")
     return result

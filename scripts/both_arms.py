@@ -17,8 +17,8 @@ import numpy as np
 
 import maniport as mp
 from maniport.arms import ArmGroup
-from maniport.mocap import ArmFits, fit_arms, read_recording
-from maniport.motion import PlannedArms, PlannedMotion, place_paths, plan_arms, plan_motion
+from maniport.mocap import HumanMotion, fit_arms, read_recording
+from maniport.motion import ArmMotion, RobotMotion, place_paths, plan_motion
 
 RECORDING = Path(mp.mocap.__file__).parent / "data" / "both_arms.c3d"
 SAMPLES = 5000
@@ -44,10 +44,10 @@ class Task:
     """Processor time [s]."""
 
 
-def task_of(fits: ArmFits, arms: ArmGroup, planning_effort: str) -> Task:
+def task_of(fits: HumanMotion, arms: ArmGroup, planning_effort: str) -> Task:
     """Both hands' paths in one place, with target ellipsoids by parallel transport."""
     profiles = []
-    for fit, arm in zip(fits.each, arms.arms, strict=True):
+    for fit, arm in zip(fits.arms, arms.arms, strict=True):
         teacher, student = (mp.sample_domain(one, SAMPLES, random_state=0) for one in (fit.arm, arm))
         adapter = mp.ParallelTransport().fit(teacher, student)
         profiles.append(adapter.transform(fit.arm.manipulability(fit.joint_angles)))
@@ -58,20 +58,22 @@ def task_of(fits: ArmFits, arms: ArmGroup, planning_effort: str) -> Task:
     return Task(tuple(one.profile for one in placed), tuple(one.path for one in placed), fits.time, spent)
 
 
-def alone(arms: ArmGroup, task: Task, planning_effort: str) -> tuple[list[PlannedMotion], float]:
+def alone(arms: ArmGroup, task: Task, planning_effort: str) -> tuple[list[ArmMotion], float]:
     """Each arm by itself, and the mean processor time [s]."""
     began = clock.process_time()
     motions = [
-        plan_motion(arm, profile, time=task.time, path=path, planning_effort=planning_effort)
+        plan_motion(arm, profile, time=task.time, paths=path, planning_effort=planning_effort).arms[0]
         for arm, profile, path in zip(arms.arms, task.profiles, task.paths, strict=True)
     ]
     return motions, 0.5 * (clock.process_time() - began)
 
 
-def together(arms: ArmGroup, task: Task, planning_effort: str, tips: str) -> tuple[PlannedArms, float]:
+def together(arms: ArmGroup, task: Task, planning_effort: str, tips: str) -> tuple[RobotMotion, float]:
     """Both, and the processor time [s]."""
     began = clock.process_time()
-    found = plan_arms(arms, task.profiles, time=task.time, paths=task.paths, planning_effort=planning_effort, tips=tips)
+    found = plan_motion(
+        arms, task.profiles, time=task.time, paths=task.paths, planning_effort=planning_effort, tips=tips
+    )
     return found, clock.process_time() - began
 
 
@@ -87,12 +89,12 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def told(name: str, fits: ArmFits, arms: ArmGroup, planning_effort: str, tips: str) -> list[str]:
+def told(name: str, fits: HumanMotion, arms: ArmGroup, planning_effort: str, tips: str) -> list[str]:
     """Lines about one robot."""
     task = task_of(fits, arms, planning_effort)
     (single, one), (both, two) = alone(arms, task, planning_effort), together(arms, task, planning_effort, tips)
     lines = [f"{name}: {arms.dof} joints, shared: {', '.join(arms.shared) or 'none'}"]
-    for side, mine, motion in zip(("left", "right"), single, both.each, strict=True):
+    for side, mine, motion in zip(("left", "right"), single, both.arms, strict=True):
         ratio = rms(motion.distance) / rms(mine.distance)
         lines.append(
             f"  {side:5}  rms d {rms(motion.distance):.3f}, alone {rms(mine.distance):.3f}: {ratio:.3f} times"
@@ -100,15 +102,15 @@ def told(name: str, fits: ArmFits, arms: ArmGroup, planning_effort: str, tips: s
             f"{np.percentile(1e3 * mine.position_error, 95):.1f} mm; pointwise_ratio "
             f"{motion.pointwise_ratio:.3f}, alone {mine.pointwise_ratio:.3f}"
         )
-    room, use = both.room, both.limit_use
-    lines += [] if both.beside_way is None else [f"  way    from tip to tip {beside(both.beside_way)}"]
+    clearance, use = both.clearance, both.limit_use
+    lines += [] if both.relative_error is None else [f"  way    from tip to tip {beside(both.relative_error)}"]
     lines += [
-        f"  pair   {'refined together' if both.together else 'each as alone'}; pointwise_ratio {both.pointwise_ratio:.3f}; "
-        f"{both.time[-1]:.1f} s, alone {', '.join(f'{m.time[-1]:.1f}' for m in single)} s, the person "
+        f"  pair   {'refined together' if both.coupled else 'each as alone'}; pointwise_ratio {both.pointwise_ratio:.3f}; "
+        f"{both.trajectory.time[-1]:.1f} s, alone {', '.join(f'{m.time[-1]:.1f}' for m in single)} s, the person "
         f"{np.ptp(task.time):.1f} s",
         f"  limits {', '.join(f'{what} {share:.3f} ({joint})' for what, (joint, share, _) in use.largest.items())}",
-        f"  room   {1e3 * room.clearance:.1f} mm between {room.pair[0]} and {room.pair[1]}, {room.share:.2%} of steps "
-        f"collide{'' if room.known else '; not known: ' + room.why}",
+        f"  clearance   {1e3 * clearance.distance:.1f} mm between {clearance.pair[0]} and {clearance.pair[1]}, {clearance.share:.2%} of steps "
+        f"collide{'' if clearance.known else '; not known: ' + clearance.why}",
         f"  time   plan {two:.1f} s, one arm {one:.1f} s: {two / one:.2f} times; place {task.placing:.1f} s",
     ]
     return lines

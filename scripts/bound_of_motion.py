@@ -28,10 +28,10 @@ from benchmarks.tracking_motions import Motion, motions
 
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
-from maniport.motion import PlanControl, PlannedMotion, Planner, place_path, plan_motion
+from maniport.motion import ArmMotion, PlanControl, Planner, place_path, plan_motion
+from maniport.motion.arm_motion import rms_ratio
 from maniport.motion.objective import EXACT_WEIGHT, Objective, Targets
 from maniport.motion.plan.optimizer import time_weights
-from maniport.motion.plan.planned_motion import over_floor
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path
 from maniport.motion.search.pointwise import pointwise_best
 from maniport.studies.paper.trajectories import robot_arm
@@ -59,7 +59,7 @@ def main(words: list[str]) -> None:
         print(f"| {name} | " + " | ".join(told) + " |", flush=True)
 
 
-def cases(words: list[str]) -> Iterator[tuple[str, PlannedMotion]]:
+def cases(words: list[str]) -> Iterator[tuple[str, ArmMotion]]:
     """Planned motions of the benchmarks."""
 
     def asked(name: str) -> bool:
@@ -77,35 +77,35 @@ def cases(words: list[str]) -> Iterator[tuple[str, PlannedMotion]]:
             yield case.name, tracking_plan.found(case).plan
 
 
-def _planned(arm: Arm, motion: Motion, margin: bool) -> PlannedMotion:
+def _planned(arm: Arm, motion: Motion, margin: bool) -> ArmMotion:
     """As the benchmarks do it: placed for an arm with the margin of its limits, or for one without."""
     domains = mp.sample_domain(motion.person, TEACHER_SAMPLES, 0), mp.sample_domain(arm, STUDENT_SAMPLES, 1)
     adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(*domains)
     target, damping, time = adapter.transform(motion.profile), adapter.student_regularization, motion.robot_time
     planner = PlanControl().planner(arm, VELOCITY, 0)
     if margin:
-        same = {"time": time, "reachability_map": planner.reachability_map, "bank": planner.bank}
+        same = {"time": time, "reachability_map": planner.arms[0].reachability_map, "bank": planner.arms[0].bank}
         placed = place_path(motion.hand, target, planner.limits.arm, damping=damping, **same)
     else:
         placed = place_path(motion.hand, target, arm, damping=damping, bank=tracking_runs.bank())
     return plan_motion(
-        arm, placed.profile, time=time, path=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
-    )
+        arm, placed.profile, time=time, paths=placed.path, damping=damping, planner=planner, position_tolerance=1e-3
+    ).arms[0]
 
 
-def least(plan: PlannedMotion, count: int) -> dict[object, float]:
+def least(plan: ArmMotion, count: int) -> dict[object, float]:
     """Ratios to the pointwise optimum at some points: of the plan, and of the best way found at each of `PACES`."""
     step = -(-len(plan.time) // STAGES)
     rows = np.unique(np.append(np.arange(0, len(plan.time), step), len(plan.time) - 1))
     planner = Planner.of(plan.limits, VELOCITY, True, 0)
     objective = Objective(planner.limits.arm, VELOCITY, plan.damping, EXACT_WEIGHT)
     targets, time, known = objective.targets(plan.target, plan.path)[rows], plan.time[rows], plan.joint_positions[rows]
-    floor, random = pointwise_best(targets, planner.bank, known), np.random.default_rng(0)
-    nodes = _free(planner, planner.reachability_map.nodes(targets, count, random))
+    floor, random = pointwise_best(targets, planner.arms[0].bank, known), np.random.default_rng(0)
+    nodes = _free(planner, planner.arms[0].reachability_map.nodes(targets, count, random))
     for q in (floor.joint_positions, known):
         nodes = _merged(nodes, Roadmap(q, targets.cost(q), np.arange(len(q) + 1)))
     speeds = planner.limits.velocity * np.diff(time, prepend=time[0] - 1.0)[:, None]
-    found: dict[object, float] = {"planned": over_floor(targets.distance(known), floor.distance)}
+    found: dict[object, float] = {"planned": rms_ratio(targets.distance(known), floor.distance)}
     for turn in range(1, ROUNDS + 1):
         # all points count alike, however long they last
         even = replace(nodes, cost=nodes.cost / np.repeat(time_weights(time), np.diff(nodes.first)))
@@ -113,7 +113,7 @@ def least(plan: PlannedMotion, count: int) -> dict[object, float]:
         for pace in PACES:
             way = nodes.q[shortest_path(even, time, pace * speeds, 0.0)]
             if np.all(np.abs(np.diff(way, axis=0)) <= pace * speeds[1:] * (1.0 + 1e-9)):
-                found[pace] = over_floor(targets.distance(way), floor.distance)
+                found[pace] = rms_ratio(targets.distance(way), floor.distance)
             more.append(_around(planner, targets, way, SPREAD / turn, int(AROUND * count), random))
         for one in more:
             nodes = _merged(nodes, one)
@@ -131,7 +131,7 @@ def _around(
     arm, owner = planner.limits.arm, np.repeat(np.arange(len(way)), count)
     sizes = spread * random.uniform(0.05, 1.0, (len(owner), 1))
     q = np.clip(way[owner] + sizes * random.standard_normal((len(owner), arm.dof)), arm.lower, arm.upper)
-    q[:, planner.reachability_map.idle] = way[owner][:, planner.reachability_map.idle]
+    q[:, planner.arms[0].reachability_map.idle] = way[owner][:, planner.arms[0].reachability_map.idle]
     there = targets[owner]
     q, away = moved_to_positions(arm, q, there.positions)
     near = away <= IN_PLACE

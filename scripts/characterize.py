@@ -87,8 +87,8 @@ def both_arms(whole: bool) -> Iterator[Row]:
     arms = mp.load_arms("panda", bases=((0.0, 0.3, 0.0), (0.0, -0.3, 0.0)))
     for seed in range(3 if whole else 1):
         result = mp.transfer_both(shipped_recording("both-arms"), robot=arms, random_state=seed)
-        for side, motion in zip(("left", "right"), result.motion.each, strict=True):
-            duration, collides = float(motion.control_time[-1]), result.motion.room.share
+        for side, motion in zip(("left", "right"), result.motion.arms, strict=True):
+            duration, collides = float(motion.control_time[-1]), result.motion.clearance.share
             row = statistics(motion.distance, motion.position_error, duration, collides)
             yield f"both arms, {side}, seed {seed}", row
 

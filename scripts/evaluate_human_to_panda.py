@@ -15,7 +15,7 @@ from pathlib import Path
 import maniport as mp
 from maniport.arms import load_arm
 from maniport.evaluation import Evaluation
-from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, RECENTRING, TRANSPORT
 from maniport.report.metrics import Report, facts_of
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import COLUMNS, evaluation_section
@@ -36,7 +36,7 @@ def section(title: str) -> str:
 
 def study_page(results: Mapping[tuple[str, str], tuple[Motion, Evaluation]]) -> str:
     """Write the study as a page in Markdown: a summary of feasibility gaps, then every table."""
-    shown = (RAW_COPY, RECENTRING, TRANSPORT, *FITTED_METHODS)
+    shown = (IDENTITY, RECENTRING, TRANSPORT, *FITTED_METHODS)
     lines = [
         "# Human arm → Panda: is it better than doing nothing?",
         "",

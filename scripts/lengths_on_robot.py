@@ -117,21 +117,24 @@ def lines(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.n
     demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
     for method in (RIGID, LENGTHS):
         adapter = method_of(method, damping=DAMPING, base_rotation=np.eye(3))
-        adapter = knowing(adapter, robot, VELOCITY, planner.bank, seed).fit(teacher, student)
+        adapter = knowing(adapter, robot, VELOCITY, planner.arms[0].bank, seed).fit(teacher, student)
         targets[method] = adapter.transform(demonstrated)
     damping, time = adapter.student_regularization, SLOWER * (motion.time - motion.time[0])
     for method, target in targets.items():
-        gap = nearest_feasible(robot, target, damping=damping, bank=planner.bank).distance
+        gap = nearest_feasible(robot, target, damping=damping, bank=planner.arms[0].bank).distance
         for with_path, path_name in PATHS.items():
             begin = clock.process_time()
             asked, rigid, path = target, targets[RIGID], None
             if with_path:
                 placed = place_path(
-                    motion.hand, target, planner.limits.arm, time=time, reachability_map=planner.reachability_map, bank=planner.bank,
+                    motion.hand, target, planner.limits.arm, time=time, bank=planner.arms[0].bank,
+                    reachability_map=planner.arms[0].reachability_map,
                     damping=damping, random_state=seed,
                 )  # fmt: skip
                 asked, rigid, path = placed.profile, placed.turned(targets[RIGID]), placed.path
-            plan = plan_motion(robot, asked, time=time, path=path, damping=damping, planner=planner, random_state=seed)
+            (plan,) = plan_motion(
+                robot, asked, time=time, paths=path, damping=damping, planner=planner, random_state=seed
+            ).arms
             made = damping.apply(robot.manipulability(plan.joint_positions))
             tip = None if path is None else 1e3 * float(np.percentile(plan.position_error, 95))
             spreads = spread(plan.distance), spread(mp.spd.distance(damping.apply(rigid), made))

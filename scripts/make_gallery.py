@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import maniport as mp
-from maniport.motion import PlannedMotion
+from maniport.motion import ArmMotion
 from maniport.report.figures.curves import TEXT, column_figure, laid_out
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
 
@@ -44,7 +44,7 @@ def with_and_without(folder: Path) -> Figure:
     return laid_out(figure)
 
 
-def path_and_floor(motion: PlannedMotion) -> Figure:
+def path_and_floor(motion: ArmMotion) -> Figure:
     """The tip's path with the ellipsoids, and how far they are off, above what each point could reach (example 06)."""
     figure, (side, axes) = panels(2, 3.6)
     error, floor = motion.distance, motion.pointwise_best

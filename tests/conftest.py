@@ -39,9 +39,9 @@ def repeated():
     import numpy as np
 
     from maniport.arms.human import human_arm
-    from maniport.mocap import performed
+    from maniport.mocap import synthetic_recording
 
     time = np.arange(0.0, 8.0, 1 / 30)
     way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]
     rest, reach = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
-    return performed(human_arm("myoarm"), rest + way * reach, time)
+    return synthetic_recording(human_arm("myoarm"), rest + way * reach, time)

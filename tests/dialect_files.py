@@ -12,7 +12,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from maniport.arms import myoarm
-from maniport.mocap import Recording, performed
+from maniport.mocap import Recording, synthetic_recording
 
 UPPER_ARM, FOREARM, HAND = 0.30, 0.26, 0.08
 BONES = (("shoulder", "elbow", UPPER_ARM), ("elbow", "wrist", FOREARM), ("wrist", "hand", HAND))
@@ -29,19 +29,16 @@ class Motion:
 
     time: np.ndarray
     joint_angles: np.ndarray
-    side: str
     parts: dict[str, np.ndarray]
     trunk: np.ndarray
 
-    def recording(self, names, source="made"):
-        """Points under other names: {name: part}, in metres."""
-        return Recording(
-            tuple(names), np.stack([self.parts[part] for part in names.values()], 1), self.time, "z", source
-        )
+    def recording(self, names):
+        """Points under other names: {name: part}, in meters."""
+        return Recording(tuple(names), np.stack([self.parts[part] for part in names.values()], 1), self.time)
 
 
-def motion(side="right", n=40, rate=50.0):
-    """A second of one arm's motion, well inside the model's limits; a left one is the right one's mirror image."""
+def motion(n=40, rate=50.0):
+    """A second of motion of the right arm, well inside the limits of the model; the left arm hangs."""
     arm, time = myoarm(UPPER_ARM, FOREARM, HAND), np.arange(n) / rate
     middle, half = (arm.upper + arm.lower) / 2, (arm.upper - arm.lower) / 2
     phase = np.arange(arm.dof)
@@ -51,7 +48,7 @@ def motion(side="right", n=40, rate=50.0):
     trunk = Rotation.from_euler("zyx", np.radians([20, 6, 4]) * np.sin(2 * time[:, None] + np.arange(3))).as_matrix()
     parts = {name: np.tile(np.array(place, dtype=float), (n, 1)) for name, place in REST.items()}
     for letter, sign, angles in (("r", 1.0, q), ("l", -1.0, still)):
-        seen = performed(arm, angles, time)
+        seen = synthetic_recording(arm, angles, time)
         mirror, at = np.array([1.0, sign, 1.0]), parts[f"shoulder_{letter}"]
         for start, end, length in (
             ("shoulder", "elbow", UPPER_ARM),
@@ -65,16 +62,8 @@ def motion(side="right", n=40, rate=50.0):
             middle = name.split("_")[0]
             parts[f"{name}_{letter}"] = parts[f"{middle}_{letter}"] + mirror * (seen.point(name) - seen.point(middle))
     here = np.stack([0.1 * time, -0.05 * time, 0.02 * np.sin(3 * time)], axis=1)
-    if side == "left":
-        reflected = np.array([1.0, -1.0, 1.0])
-        other = {"r": "l", "l": "r"}
-        parts = {
-            (name[:-1] + other[name[-1]] if name[-2:] in ("_r", "_l") else name): place * reflected
-            for name, place in parts.items()
-        }
-        trunk, here = reflected[:, None] * trunk * reflected, here * reflected
     parts = {name: np.einsum("nij,nj->ni", trunk, place) + here for name, place in parts.items()}
-    return Motion(time, q, side, parts, trunk)
+    return Motion(time, q, parts, trunk)
 
 
 def mirrored(names):
@@ -113,7 +102,7 @@ class Skeleton:
 SKELETONS = {name: Skeleton(**options) for name, options in _DATA["skeletons"].items()}
 
 
-def write_bvh(path, skeleton, made, end="\n", indent="\t"):
+def write_bvh(path, skeleton, made):
     """A BVH file of a motion, angles to 1e-6 degrees."""
     names = mirrored(skeleton.names)
     by_part = {part: name for name, part in names.items()}
@@ -144,15 +133,15 @@ def write_bvh(path, skeleton, made, end="\n", indent="\t"):
 
     def write(part, depth):
         above_ = parent(part)
-        pad = indent * depth
+        pad = "\t" * depth
         base = np.eye(3) if above_ is None else zero[above_]
         offset = np.zeros(3) if above_ is None else base.T @ (rest[part] - rest[above_]) / skeleton.unit
         lines.append(f"{pad}{'ROOT' if above_ is None else 'JOINT'} {by_part[part]}")
         lines.append(pad + "{")
-        lines.append(f"{pad}{indent}OFFSET " + " ".join(f"{x:.6f}" for x in offset))
+        lines.append(f"{pad}\tOFFSET " + " ".join(f"{x:.6f}" for x in offset))
         places_too = above_ is None or skeleton.all_move
         kinds = [*(f"{axis}position" for axis in "XYZ" if places_too), *(f"{axis}rotation" for axis in skeleton.order)]
-        lines.append(f"{pad}{indent}CHANNELS {len(kinds)} " + " ".join(kinds))
+        lines.append(f"{pad}\tCHANNELS {len(kinds)} " + " ".join(kinds))
         if places_too:
             rows.append(places[part] / skeleton.unit if above_ is None else np.tile(offset, (len(made.time), 1)))
         own = turns[part] @ zero[part]
@@ -164,15 +153,15 @@ def write_bvh(path, skeleton, made, end="\n", indent="\t"):
             tip = {"wrist_r": "hand_r", "wrist_l": "hand_l", "head": "crown"}.get(part)
             last = np.array([0, 0.05, 0]) if tip is None else rest[tip] - rest[part]
             last = " ".join(f"{x:.6f}" for x in zero[part].T @ last / skeleton.unit)
-            inner = pad + indent
-            lines.extend([f"{inner}End Site", inner + "{", f"{inner}{indent}OFFSET {last}", inner + "}"])
+            inner = pad + "\t"
+            lines.extend([f"{inner}End Site", inner + "{", f"{inner}\tOFFSET {last}", inner + "}"])
         lines.append(pad + "}")
 
     write("pelvis", 0)
     step = float(made.time[1] - made.time[0])
     lines += ["MOTION", f"Frames: {len(made.time)}", f"Frame Time: {step:.6f}"]
     lines += [" ".join(f"{x:.6f}" for x in row) for row in np.concatenate(rows, axis=1)]
-    Path(path).write_bytes((end.join(lines) + end).encode())
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
     return Path(path)
 
 

@@ -67,13 +67,13 @@ def test_one_motion_moves_both(moved, arms):
     """The joints of both are those of each, at the same times, within all limits; nothing collides."""
     motion = moved.motion
     q = arms.joined(*(one.execution.motion.joint_positions for one in moved.each))
-    np.testing.assert_allclose(motion.joint_positions, q, atol=1e-12)
+    np.testing.assert_allclose(motion.trajectory.joint_positions, q, atol=1e-12)
     for one in moved.each:
-        np.testing.assert_array_equal(one.execution.motion.time, motion.time)
+        np.testing.assert_array_equal(one.execution.motion.time, motion.trajectory.time)
         assert np.percentile(one.execution.motion.position_error, 95) < 12e-3
     assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
-    assert motion.room.known
-    assert motion.room.share == 0.0
+    assert motion.clearance.known
+    assert motion.clearance.share == 0.0
 
 
 def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
@@ -82,8 +82,8 @@ def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
         recording, robot=arms, planning_effort="quick", tips="relative", orientation="constant", **GIVEN
     )
     hands = np.linalg.norm(found.fits.hands[1] - found.fits.hands[0], axis=1)
-    np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.way, axis=1) / hands), 0.0, atol=1e-9)
-    assert np.percentile(found.motion.beside_way, 95) < 5e-3
+    np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
+    assert np.percentile(found.motion.relative_error, 95) < 5e-3
     for one in found.each:
         runs = one.execution.motion, one.execution.free
         turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
@@ -130,7 +130,7 @@ def test_a_folder_holds_both_and_each(moved, tmp_path):
     header = (folder / "joints.csv").read_text().split("\n", 1)[0]
     assert all(f"{name}_rad," in header for name in moved.robot.joint_names)
     with np.load(folder / "joints.npz") as arrays:
-        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.joint_positions)
+        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.trajectory.joint_positions)
     for side in SIDES:
         assert {"person.csv", "target_profile.npz", "adapter.npz", "joints.csv"} <= {
             file.name for file in (folder / side).iterdir()
@@ -188,23 +188,23 @@ def test_wrong_arguments_are_named_before_long_work(recording, arms, given, erro
         transfer_both(**ready)
 
 
-PANDAS = ("--base-left", "0", "0.3", "0", "0", "--base-right", "0", "-0.3", "0", "0")
+PANDAS = ("--pose", "0,0.3,0,0", "--pose", "0,-0.3,0,0")
 
 
-BOTH = ("both-arms", "--arm", "both")
+BOTH = ("both-arms", "--side", "both")
 
 
 @pytest.mark.parametrize(
     ("words", "found"),
     [
-        ((*BOTH, *PANDAS[:5]), "--base-left places one of two robots; give --base-right, too"),
-        ((*BOTH, *PANDAS, "--frame", "panda_link8"), "--frame is that of one arm; with --arm both"),
-        ((*BOTH, *PANDAS, "--frames", "panda_link8", "panda_lnk8"), "unknown frame 'panda_lnk8'"),
+        ((*BOTH, *PANDAS[:2]), "two"),
+        ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
+        ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
         ((*BOTH, *PANDAS, "--tips", "absolute"), "unknown tips 'absolute'"),
         ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "is named twice"),
         (BOTH, "no pair"),
-        ((*BOTH, "--base-left", "0", "0", "0", "0", "--base-right", "0", "0", "0", "0"), "one place"),
-        (("both-arms", "--tips", "relative"), "--tips is for two arms; --arm both takes both of the person"),
+        ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
+        (("both-arms", "--tips", "relative"), "of two arms needs"),
     ],
 )
 def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path, words, found):
@@ -222,7 +222,7 @@ def test_verbs_that_move_one_arm_say_what_moves_both(verb, monkeypatch, tmp_path
     """Before long work, and nothing is written."""
     monkeypatch.chdir(tmp_path)
     more = ("--udp", "0") if verb == "live" else ("-o", "out")
-    result = CliRunner().invoke(app, [verb, str(shipped_recording("both-arms")), "--arm", "both", *more])
+    result = CliRunner().invoke(app, [verb, str(shipped_recording("both-arms")), "--side", "both", *more])
     assert isinstance(result.exception, ManiportError), result.output
     assert "both arms are taken by" in str(result.exception)
     assert list(tmp_path.iterdir()) == []

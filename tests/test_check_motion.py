@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.arms import load_arm
-from maniport.motion import TrackResult
+from maniport.motion import ArmMotion
 from maniport.util.files import save_ellipsoids, save_path
 
 SCRIPT = Path(__file__).parents[1] / "scripts/check_motion.py"
@@ -35,7 +35,7 @@ def export(folder, last=LAST, seconds=1.0):
     q = FIRST + (s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3))[:, None] * (last - FIRST)
     at, points = time[::100], q[::100]
     path, profile = arm.forward(points)[:, :3, 3], arm.manipulability(points)
-    motion = TrackResult.of_motion(arm, at, profile, time, q, path=path)
+    motion = ArmMotion.of_motion(arm, at, profile, time, q, path=path)
     save_ellipsoids(folder / "placed_profile.npz", profile, at)
     save_path(folder / "path.npz", path, at)
     motion.save_joints_csv(folder / "joints.csv")

@@ -127,7 +127,7 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     _, method, raw, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
     assert method == "length-field"
     row = cells("README.md", "Target ellipsoids of the ladder")
-    assert row[1:] == [field, f"raw copy {raw}, parallel transport {transport}"]
+    assert row[1:] == [field, f"identity baseline {raw}, parallel transport {transport}"]
 
 
 @pytest.mark.parametrize("home", [home for home in HOMES if callable(resolved(home))])

@@ -14,7 +14,7 @@ from doors.height_task import HeightTask
 from doors.log_euclidean_shift import LogEuclideanShift
 from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
-from maniport.mocap import performed
+from maniport.mocap import synthetic_recording
 from maniport.mocap.roles import assign_roles
 from sizes import SMALL, few_places
 
@@ -82,7 +82,7 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
     """Points under names of one's own are found, and the trunk's left stays its left."""
     r, other = ("R", "L") if side == "right" else ("L", "R")
     arm = mp.load_arm("myoarm", side=side)
-    seen = performed(arm, np.linspace(arm.lower, arm.upper, 9)[3:6], [0.0, 0.1, 0.2])
+    seen = synthetic_recording(arm, np.linspace(arm.lower, arm.upper, 9)[3:6], [0.0, 0.1, 0.2])
     renamed = {
         "shoulder": f"Acromion_{r}", "elbow_lateral": f"Epi_Lat_{r}", "elbow_medial": f"Epi_Med_{r}",
         "wrist_radial": f"Styloid_Rad_{r}", "wrist_ulnar": f"Styloid_Uln_{r}", "trunk_low": "Sacrum",

@@ -44,7 +44,7 @@ def test_unknown_names_are_answered_with_those_there_are():
     ("name", "value", "called", "typed"),
     [
         ("unit", None, "unit=", "--unit"),
-        ("side", "left", "side='left'", "--arm left"),
+        ("side", "left", "side='left'", "--side left"),
         ("position_tolerance", 5, "position_tolerance=5", "--position-tolerance 5"),
         ("markers", {"a": ["A"]}, "markers={'a': ['A']}", '--markers markers.json, a file that holds {"a": ["A"]}'),
     ],

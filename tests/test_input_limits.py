@@ -7,15 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from maniport.cli.recorded import Recorded
 
 from maniport.arms import load_arm
 from maniport.arms.meshes.mesh_files import load_mesh
-from maniport.cli.recorded import Recorded
 from maniport.errors import FileFormatError, ManiportError
 from maniport.learning import ProfileGMM
 from maniport.mocap import read_recording
 from maniport.motion import SeedBank
-from maniport.transfer import RawCopy, load_adapter
+from maniport.transfer import IdentityMap, load_adapter
 from maniport.util import files
 from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
 
@@ -73,7 +73,7 @@ WRITERS = {
         lambda path: np.savez(path, poses=np.zeros((24, 66)), trans=np.zeros((24, 3)), mocap_framerate=10.0),
         read_recording,
     ),
-    "adapter": (lambda path: RawCopy().fit(ELLIPSOIDS, ELLIPSOIDS).save(path), load_adapter),
+    "adapter": (lambda path: IdentityMap().fit(ELLIPSOIDS, ELLIPSOIDS).save(path), load_adapter),
     "profile model": (
         lambda path: ProfileGMM(n_components=1, random_state=0).fit(TIMES, ELLIPSOIDS).save(path),
         ProfileGMM.load,

@@ -13,7 +13,7 @@ from maniport.transfer import Search
 PAIRS = [("rhuman", "panda"), ("panda", "rhuman")]
 METHODS = [
     mp.ParallelTransport(damping=0.01),
-    mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(max_iter=5)),
+    mp.RiemannianICP(damping=0.01, random_state=0, search=Search(max_iter=5)),
     mp.NearestNeighbor(damping=0.01),
 ]
 

@@ -8,7 +8,7 @@ import maniport as mp
 from maniport.arms import VELOCITY, EllipsoidSpec
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
-from maniport.mocap import performed, shipped_recording
+from maniport.mocap import shipped_recording, synthetic_recording
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import files_of
 from maniport.report.write import LEARNED_FILES
@@ -27,7 +27,7 @@ def reach(side="right", scale=1.0, lift=0.0, name="reach"):
     q = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]) + way * np.radians(
         [20.0, 30.0 + lift, 10.0, -20.0, 0, 0, 0]
     )
-    return performed(arm, q, time, name)
+    return synthetic_recording(arm, q, time, name)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_left_and_right_are_mirrored_and_said(people):
 def test_a_robot_follows_what_was_learned(people):
     """The main job takes a learned profile in place of a recording: its ellipsoids, its path, the learned arm."""
     with few_places():
-        result = mp.transfer_recording(people, method="raw-copy", **SMALL)
+        result = mp.transfer_recording(people, method="identity", **SMALL)
     assert_allclose(result.demonstrated_profile, people.profile)
     placed = result.execution.placement
     assert_allclose(placed.apply(people.path), result.execution.motion.path, atol=1e-9)

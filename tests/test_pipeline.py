@@ -37,7 +37,7 @@ def test_a_method_is_chosen_or_named(clip, result):
     choice, numbers = result.choice, as_numbers(facts_of(result))
     assert result.adapter is choice.adapter
     assert numbers["evaluation"]["choice"] == {"method": result.method, "failures": list(choice.failures)}
-    assert set(numbers["evaluation"]["rows"]) >= {"raw-copy", "mean-transport", "parallel-transport", "length-field"}
+    assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
     named = transfer_recording(clip, method="mean-transport", **STILL)
     assert (named.method, named.choice) == ("mean-transport", None)
 
@@ -126,7 +126,7 @@ def test_the_mounting_turns_results_and_baselines(clip):
     )
     copy = turn @ turned.demonstrated_profile @ turn.T
     gaps = mp.nearest_feasible(turned.robot, copy, damping=turned.adapter.student_regularization).distance
-    assert turned.evaluation.row("raw-copy").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
+    assert turned.evaluation.row("identity").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
     as_seen = half_turn @ half.target_profile @ half_turn
     assert np.median(mp.spd.distance(as_seen, plain.target_profile)) < 0.3
     assert np.median(mp.spd.distance(half.target_profile, plain.target_profile)) > 0.3

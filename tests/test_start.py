@@ -35,7 +35,7 @@ def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
     command = [*COMMAND, "demo", "--planning-effort", "quick", "-o", str(tmp_path / "out")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stderr:
-        if "read the recording" in line:
+        if "Read recording" in line:
             break
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=300)

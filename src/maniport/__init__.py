@@ -29,7 +29,7 @@ _NAMES = {
         "LengthField",
         "NearestNeighbor",
         "ParallelTransport",
-        "RawCopy",
+        "IdentityMap",
         "MeanTransport",
         "RiemannianICP",
         "load_adapter",
@@ -70,11 +70,11 @@ if TYPE_CHECKING:
     from maniport.report.figures import write_figures
     from maniport.report.write import write_results
     from maniport.transfer import (
+        IdentityMap,
         LengthField,
         MeanTransport,
         NearestNeighbor,
         ParallelTransport,
-        RawCopy,
         RiemannianICP,
         load_adapter,
     )

@@ -1,10 +1,12 @@
 """Laws of forward kinematics and Jacobians, on every kind of arm."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from maniport.arms import load_arm
 from maniport.arms.arm import Arm
+from maniport.arms.chain import PRISMATIC
 
 STEP = 1e-6
 
@@ -47,3 +49,18 @@ def test_modified_dh_table_gives_the_panda():
     table = Arm.from_dh("table", rows, panda.lower, panda.upper, convention="modified")
     q = panda.sample(10, random_state=0)
     np.testing.assert_allclose(table.forward(q), panda.forward(q), atol=1e-14)
+
+
+def test_poses_and_jacobians_agree_with_pinocchio(arm):
+    """The compiled chain gives the poses and Jacobians of Pinocchio's model of the same chain."""
+    chain, model, parent = arm.chain, pin.Model(), 0
+    for joint in chain.joints:
+        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+    frame = chain.frames[chain.frame]
+    placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
+    index, data, q = model.addFrame(placed), model.createData(), arm.sample(16, random_state=3)
+    for row, positions in enumerate(q @ chain.coupling.T + chain.offset):
+        expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
+        np.testing.assert_allclose(arm.forward(q)[row], data.oMf[index].homogeneous, atol=1e-12)
+        np.testing.assert_allclose(arm.jacobian(q)[row], expected.reshape(6, -1) @ chain.coupling, atol=1e-12)

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_postures
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.trajectory import Clearance
 from maniport.report.metrics import WARNING
 from maniport.report.motion import collision_metrics
 
@@ -215,7 +215,9 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     assert collisions.clearance([[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]) == pytest.approx([0.35, 0.3], abs=1e-3)
     q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
     time = np.linspace(0.0, 1.0, 5)
-    room = Room.of(collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q))
+    room = Clearance.of(
+        collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q)
+    )
     told, fact = collision_metrics(room, 1.0)
     assert told.severity == WARNING
     assert told.key == "missing-meshes"

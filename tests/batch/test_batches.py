@@ -142,7 +142,7 @@ def test_one_failure_does_not_stop_the_rest(whole, recordings, tmp_path):
     assert page.count("no BVH file") == 1  # one line for both robots
     assert 'href="panda/1.c3d/summary.md"' in page
     words = ["batch", str(tmp_path / "bad.bvh"), "-o", str(tmp_path / "other"), "--processes", "1", "--json"]
-    ended = CliRunner().invoke(app, [*words, "--no-collisions", "--method", "raw-copy", "--no-move"])
+    ended = CliRunner().invoke(app, [*words, "--no-collisions", "--method", "identity", "--no-move"])
     assert ended.exit_code == 1
     assert [(one["recording"], one["robots"]) for one in json.loads(ended.stdout)["failed"]] == [("bad.bvh", ["panda"])]
 
@@ -213,7 +213,7 @@ def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeyp
         return run(*given, progress=Interrupting(1, lambda: os.kill(os.getpid(), signal.SIGINT)), **more)
 
     words = ["batch", str(recordings / "anna"), "-o", str(tmp_path / "dataset"), "--processes", "1", "--no-move"]
-    words += ["--start", "1", "--stop", "1.5", "--method", "raw-copy", "--no-collisions", "--json"]
+    words += ["--start", "1", "--stop", "1.5", "--method", "identity", "--no-collisions", "--json"]
     with monkeypatch.context() as patch:
         patch.setattr(batch, "transfer_batch", interrupted)
         ended = CliRunner().invoke(app, words)
@@ -289,7 +289,7 @@ def test_each_robot_has_a_folder_of_its_own():
     for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
         arms.append(panda.narrowed(panda.lower + 1e-3 * k, panda.upper))
         arms[-1].name = name
-    found = find_robots([*arms, arms[1]], "raw-copy", {"collisions": False}, ["adapters"])
+    found = find_robots([*arms, arms[1]], "identity", {"collisions": False}, ["adapters"])
     assert [robot.name for robot in found] == ["a-b", "a-b-2", "A-b-3", "robot", "adapters-2"]
 
 
@@ -297,7 +297,7 @@ def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
     """What was read is what stands in the key, or nothing is written."""
     source = Source("1.c3d", recordings / "anna" / "1.c3d")
     order = Order(tmp_path, PART, 10.0, {}, False, False)
-    robots = tuple(find_robots(["panda"], "raw-copy", {"collisions": False}, ()))
+    robots = tuple(find_robots(["panda"], "identity", {"collisions": False}, ()))
     assert "changed" in work(Task(order, source, "another", robots, ("key",)))[0]["reason"]
     assert not list(tmp_path.iterdir())
 

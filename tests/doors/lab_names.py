@@ -1,8 +1,8 @@
 """Names of points of one's own: those of a laboratory's marker set, for either arm."""
 
-from maniport.mocap import DIALECTS
+from maniport.mocap import MARKER_SETS
 
-DIALECTS["our lab"] = {
+MARKER_SETS["our lab"] = {
     "shoulder": ["Acromion_R"],
     "elbow": [["Epi_Lat_R", "Epi_Med_R"], ["Epi_Lat_R"]],  # the mean of both; where one was not put on, the other
     "wrist": [["Styloid_Rad_R", "Styloid_Uln_R"]],

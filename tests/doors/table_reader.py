@@ -5,13 +5,13 @@ import numpy as np
 from maniport.mocap import READERS
 
 
-def read(file, given):
-    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `given` is what the user said of unit, axis up and rate."""
+def read(file, options):
+    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `options` are the unit, vertical axis and rate of the user."""
     with open(file, encoding="utf-8") as stream:
         columns = stream.readline().split()
         table = np.loadtxt(stream, ndmin=2)
     names = [column.removesuffix(".x") for column in columns[1::3]]
-    return given.recording(file, names, table[:, 1:].reshape(len(table), -1, 3), table[:, 0], unit="m")
+    return options.recording(file, names, table[:, 1:].reshape(len(table), -1, 3), table[:, 0], unit="m")
 
 
 READERS[".pts"] = read

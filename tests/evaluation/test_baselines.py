@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from maniport import MeanTransport, NearestNeighbor, ParallelTransport, RawCopy, RiemannianICP, spd
+from maniport import IdentityMap, MeanTransport, NearestNeighbor, ParallelTransport, RiemannianICP, spd
 from maniport.errors import InvalidInputError
 from maniport.evaluation.baselines import TRANSPORT, Procrustes, baselines_for
 
@@ -15,10 +15,10 @@ def domains(make_cloud, rng):
 
 
 @pytest.mark.parametrize("regularization", [{}, {"damping": 0.01}, {"eigenvalue_floor": 1e-4}])
-def test_raw_copy_changes_the_frame_only(domains, turn_about, regularization):
+def test_identity_changes_the_frame_only(domains, turn_about, regularization):
     """The student gets R_b T R_bᵀ; of damping at most a millionth stays."""
     turn = turn_about(35.0, axis=1)
-    adapter = RawCopy(base_rotation=turn, **regularization).fit(*domains)
+    adapter = IdentityMap(base_rotation=turn, **regularization).fit(*domains)
     images = adapter.transform(domains[0])
     np.testing.assert_allclose(images, turn @ domains[0] @ turn.T, atol=2e-6 * adapter.student_damping_ + 1e-12)
     np.testing.assert_allclose(adapter.inverse_transform(images), domains[0], atol=1e-6)
@@ -57,13 +57,13 @@ def test_a_method_is_not_its_own_baseline(domains):
     assert "nearest-neighbor" not in [one.name for one in baselines_for(NearestNeighbor(), "")]
     ready = ParallelTransport(damping=0.01).fit(*domains)
     adapter = RiemannianICP(damping=0.01, random_state=0).fit(*domains)
-    found = baselines_for(adapter, "icp", (TRANSPORT, "raw-copy"), fitted={TRANSPORT: ready})
-    assert [(one.name, one.fitted) for one in found] == [(TRANSPORT, True), ("raw-copy", False)]
+    found = baselines_for(adapter, "icp", (TRANSPORT, "identity"), fitted={TRANSPORT: ready})
+    assert [(one.name, one.fitted) for one in found] == [(TRANSPORT, True), ("identity", False)]
     assert found[0].adapter is ready
     for arguments, word in (
-        ({"name": "raw-copy"}, "name"),
+        ({"name": "identity"}, "name"),
         ({"name": "icp", "fitted": {TRANSPORT: ParallelTransport(damping=0.02).fit(*domains)}}, "fitted"),
-        ({"name": "icp", "rows": ("raw copy",)}, "row"),
+        ({"name": "icp", "rows": ("identity baseline",)}, "row"),
     ):
         with pytest.raises(InvalidInputError, match=word):
             baselines_for(adapter, **arguments)

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from maniport import ParallelTransport, RawCopy, RiemannianICP, load_arm, sample_domain, spd
+from maniport import IdentityMap, ParallelTransport, RiemannianICP, load_arm, sample_domain, spd
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
-from maniport.evaluation.baselines import LOOKUP, RAW_COPY, ROWS, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, LOOKUP, ROWS, TRANSPORT
 from maniport.report import as_markdown, as_numbers, facts_of
 from maniport.transfer.rigid_adapter import RigidMap
 
@@ -53,9 +53,9 @@ def test_the_truth_is_recognized(evaluation):
     """Where the student is a rigid image the ICP finds it; fresh samples of the student show the sampling noise."""
     assert evaluation.adapter.rmse.undivided < 1e-6
     assert evaluation.adapter.energy_distance < 1e-6
-    assert evaluation.row(RAW_COPY).rmse.undivided > 0.5
+    assert evaluation.row(IDENTITY).rmse.undivided > 0.5
     assert evaluation.verdict.recommended == "icp"
-    assert 0.0 < evaluation.student_noise.energy_distance < evaluation.row(RAW_COPY).energy_distance
+    assert 0.0 < evaluation.student_noise.energy_distance < evaluation.row(IDENTITY).energy_distance
 
 
 def test_the_report_has_plain_numbers_and_a_line_for_every_row(evaluation):
@@ -117,12 +117,12 @@ def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
     gantry = Arm.from_dh("gantry", rows, [-1.0] * 3, [1.0] * 3, kinds=["prismatic"] * 3)  # M = I everywhere
     small = np.linspace(0.0, 0.5, 5)
     targets = np.array([np.diag([4.0, 1.0, one]) for one in small])
-    adapter = RawCopy(eigenvalue_floor=0.2).fit(targets, targets)
+    adapter = IdentityMap(eigenvalue_floor=0.2).fit(targets, targets)
     found = evaluate(adapter, targets, targets, targets, robot=gantry, n_domain=0, n_identity=0, rows=())
     distances = np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2)))
     gap = found.adapter.feasibility_gap
     assert (gap.mean, gap.largest) == pytest.approx((distances.mean(), distances.max()), rel=1e-6)
-    assert "eigenvalue_floor" in found.settings["feasibility gap"]
+    assert "floor" in found.settings["feasibility gap"]
 
 
 def test_bad_input_is_refused(problem, arms):
@@ -131,7 +131,7 @@ def test_bad_input_is_refused(problem, arms):
     adapter = ParallelTransport().fit(teacher, student)
     for given, options, error, word in (
         ((ParallelTransport(), profile), {}, NotFittedError, "not fitted"),
-        (("raw-copy", profile), {}, InvalidInputError, "^adapter"),
+        (("identity", profile), {}, InvalidInputError, "^adapter"),
         ((adapter, profile[:2]), {}, InvalidInputError, "profile"),
         ((adapter, profile), {"truth": truth[:-1]}, InvalidInputError, "^truth"),
         ((adapter, profile), {"robot": "panda"}, InvalidInputError, "^robot"),

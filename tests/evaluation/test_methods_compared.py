@@ -20,9 +20,9 @@ def small(monkeypatch):
 
 def test_a_line_for_every_method_and_a_table_for_every_motion(small):
     """The line has the mean of the motions' gaps; other rows than those asked for are not there."""
-    told = compare_methods(("raw-copy", "icp"), names=["H-Eval-2"])
+    told = compare_methods(("identity", "icp"), names=["H-Eval-2"])
     values = in_short(told).tables[0].value
-    assert list(values) == ["parallel-transport", "raw-copy", "icp"]
+    assert list(values) == ["parallel-transport", "identity", "icp"]
     gaps = told.evaluations["H-Eval-2"].row("icp").feasibility_gap
     assert (values["icp"]["gap"], values["icp"]["gap_p95"]) == (gaps.mean, gaps.p95)
     page = as_markdown(facts_of(told))
@@ -34,10 +34,10 @@ def test_a_line_for_every_method_and_a_table_for_every_motion(small):
 def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatch, tmp_path):
     """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
     with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
-        run.reproduce("toy", tmp_path / "out", methods=("raw-copy",))
+        run.reproduce("toy", tmp_path / "out", methods=("identity",))
     monkeypatch.setattr(run, "_run", lambda *given: known_truth.toy(0, draws=1))
     monkeypatch.setattr(run, "_write_report", lambda *given: None)
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
-    found = run.reproduce("human-robot", tmp_path / "out", methods=("raw-copy",), draws=1)
+    found = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
-    assert "| raw-copy |" in as_markdown(facts_of(found))
+    assert "| identity |" in as_markdown(facts_of(found))

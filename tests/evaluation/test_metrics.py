@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from maniport import MeanTransport, NearestNeighbor, ParallelTransport, RawCopy, RiemannianICP, spd
+from maniport import IdentityMap, MeanTransport, NearestNeighbor, ParallelTransport, RiemannianICP, spd
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import identity_test, rmse, smoothness, stability, structure
 
@@ -68,7 +68,7 @@ def test_distortion_and_rank_correlation_on_a_line():
     assert found.spearman == pytest.approx(0.5)  # ranks of 1, 3, 2 against those of 2, 3, 1
 
 
-@pytest.mark.parametrize("adapter", [ParallelTransport(damping=0.01), RawCopy()], ids=repr)
+@pytest.mark.parametrize("adapter", [ParallelTransport(damping=0.01), IdentityMap()], ids=repr)
 def test_identity_test_of_equal_samples_is_passed_exactly(make_cloud, rng, turn_about, adapter):
     """Where both sets are the same cloud nothing changes, whatever the base_rotation; the adapter stays as it is."""
     points, base_rotation = make_cloud(rng, 40), turn_about(90.0)
@@ -121,9 +121,9 @@ STILL = np.tile(np.eye(3), (5, 1, 1))
         (lambda: smoothness(POINTS, STILL), InvalidInputError, "original"),
         (lambda: structure(POINTS, STILL), InvalidInputError, "original"),
         (lambda: structure(POINTS, POINTS, most_points=2), InvalidInputError, "most_points"),
-        (lambda: stability(RawCopy(), [POINTS], [POINTS], POINTS), InvalidInputError, "1 and 1"),
-        (lambda: stability(RawCopy(), [POINTS] * 2, [POINTS] * 3, POINTS), InvalidInputError, "2 and 3"),
-        (lambda: stability(RawCopy(), [POINTS] * 2, [POINTS] * 2, POINTS[0]), InvalidInputError, "probe"),
+        (lambda: stability(IdentityMap(), [POINTS], [POINTS], POINTS), InvalidInputError, "1 and 1"),
+        (lambda: stability(IdentityMap(), [POINTS] * 2, [POINTS] * 3, POINTS), InvalidInputError, "2 and 3"),
+        (lambda: stability(IdentityMap(), [POINTS] * 2, [POINTS] * 2, POINTS[0]), InvalidInputError, "probe"),
     ],
 )
 def test_bad_input_is_refused(call, error, word):

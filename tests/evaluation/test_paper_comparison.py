@@ -32,7 +32,7 @@ def reproduction():
     """Two tables with factors that are known: matched, lower and higher numbers, and a row of our own."""
     toy, human = paper_table("I"), paper_table("III")
     first = [outcome(row, PAPER, 1.19, 0.5) for row in toy]
-    further = replace(outcome(human[0], PAPER, 3.0, 3.0), row=None, data="further", method="raw copy")
+    further = replace(outcome(human[0], PAPER, 3.0, 3.0), row=None, data="further", method="identity baseline")
     second = [
         outcome(human[0], PAPER, 1.5, 0.81),
         outcome(human[1], PAPER, 1.5, 1.21),

@@ -92,7 +92,7 @@ def test_choice_and_reason_are_among_the_metrics(chosen):
     _, found, _ = chosen
     table, facts = found.evaluation, facts_of(found)
     assert table.adapter.name == found.method
-    assert {row.name for row in table.rows} == {"raw-copy", "mean-transport", "parallel-transport", "length-field"}
+    assert {row.name for row in table.rows} == {"identity", "mean-transport", "parallel-transport", "length-field"}
     assert table.row(found.method).feasibility_gap is not None
     assert (table.row("length-field").feasibility_gap is None) is bool(found.failures)
     assert as_numbers(facts)["evaluation"]["choice"] == {"method": found.method, "failures": list(found.failures)}

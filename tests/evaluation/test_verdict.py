@@ -3,13 +3,13 @@
 import pytest
 
 from maniport.evaluation import RMSE, Gaps, Row, Smoothness, Stability, Structure
-from maniport.evaluation.baselines import LOOKUP, RAW_COPY, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
 from maniport.evaluation.verdict import verdict
 
 
 def rows(mine, nothing, transport, lookup=0.0, **first):
     """Rows with these mean feasibility gaps."""
-    values = {"icp": mine, RAW_COPY: nothing, TRANSPORT: transport, LOOKUP: lookup}
+    values = {"icp": mine, IDENTITY: nothing, TRANSPORT: transport, LOOKUP: lookup}
     return [
         Row(name, feasibility_gap=Gaps(value, 0.0, 2 * value), **(first if name == "icp" else {}))
         for name, value in values.items()
@@ -20,18 +20,18 @@ def test_known_truth_comes_before_gaps_and_includes_the_lookup():
     """Where the truth is known the RMSE decides."""
     table = [
         Row("icp", rmse=RMSE(0.4, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
-        Row(RAW_COPY, rmse=RMSE(0.9, 1.0, 1.0), feasibility_gap=Gaps(1.0, 1.0, 1.0)),
+        Row(IDENTITY, rmse=RMSE(0.9, 1.0, 1.0), feasibility_gap=Gaps(1.0, 1.0, 1.0)),
         Row(LOOKUP, rmse=RMSE(0.2, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
     ]
     found = verdict(table)
     assert found.measure == "rmse"
-    assert (found.value, found.raw_copy, found.best, found.best_value) == (0.4, 0.9, LOOKUP, 0.2)
+    assert (found.value, found.identity, found.best, found.best_value) == (0.4, 0.9, LOOKUP, 0.2)
     assert found.recommended == LOOKUP
 
 
 def test_without_kinematics_and_truth_nothing_is_compared():
     """There is no measure, so that only the weaknesses are reported."""
-    found = verdict([Row("icp", identity=0.8), Row(RAW_COPY, identity=0.0)])
+    found = verdict([Row("icp", identity=0.8), Row(IDENTITY, identity=0.0)])
     assert (found.measure, found.values, found.value, found.best, found.recommended) == ("", {}, None, "", "")
     assert [one.code for one in found.weaknesses] == ["restless"]
 
@@ -39,12 +39,12 @@ def test_without_kinematics_and_truth_nothing_is_compared():
 @pytest.mark.parametrize(
     ("gaps", "recommended"),
     [
-        ((0.409, 0.362, 0.409), RAW_COPY),
+        ((0.409, 0.362, 0.409), IDENTITY),
         ((0.409, 0.5, 0.409), TRANSPORT),
-        ((0.4, 0.405, 0.41), RAW_COPY),
+        ((0.4, 0.405, 0.41), IDENTITY),
         ((0.3, 0.5, 0.31), TRANSPORT),
         ((0.2, 0.5, 0.31), "icp"),
-        ((0.0, 0.0, 0.0), RAW_COPY),
+        ((0.0, 0.0, 0.0), IDENTITY),
     ],
 )
 def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recommended):

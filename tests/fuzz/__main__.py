@@ -107,7 +107,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m fuzz", description="Reads mutated files of every format.")
     parser.add_argument("formats", nargs="*", help=f"some of: {', '.join(TARGETS)}; default: all")
     parser.add_argument("-n", type=int, default=10_000, help="mutations of each format")
-    parser.add_argument("--orientation-axes", type=Path, default=Path("fuzz-found"), help="folder for files at fault")
+    parser.add_argument("--keep", type=Path, default=Path("fuzz-found"), help="folder for files at fault")
     arguments = parser.parse_args()
     faults = 0
     print(f"{'format':14} {'files':>6} {'read':>6} {'refused':>8} {'faults':>6} {'s':>7} {'slowest':>8}", flush=True)

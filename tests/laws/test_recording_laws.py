@@ -48,7 +48,7 @@ def test_a_recording_holds_numbers_of_its_own(recording):
     assert recording.rate > 0.0
     for k, name in enumerate(recording.names):
         assert_array_equal(recording.point(name), recording.positions[:, k])
-        assert (name in recording.seen) == (not np.isnan(recording.positions[:, k]).all())
+        assert (name in recording.observed) == (not np.isnan(recording.positions[:, k]).all())
         assert recording.missing[k] == np.isnan(recording.positions[:, k, 0]).mean()
 
 

@@ -33,12 +33,12 @@ def test_equal_demonstrations_agree_wholly(truth):
     assert found.share == pytest.approx(0.0, abs=1e-6)
     assert_allclose(found.held_out.mean, 0.0, atol=1e-6)
     assert_allclose(found.held_out.nearest, 0.0, atol=1e-6)
-    assert found.odd is None
+    assert found.outlier is None
 
 
 def test_the_odd_one_is_found(four):
     """What is not like the others lies farthest from them and is named."""
-    assert four.odd == 3
+    assert four.outlier == 3
     assert np.argmax(four.held_out.nearest) == 3
     assert_allclose(four.apart, four.apart.T)
     assert_allclose(four.apart[:3, :3], 0.0, atol=1e-6)

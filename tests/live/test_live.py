@@ -81,7 +81,7 @@ def test_a_person_is_followed_as_offline(small_result, frames):
     moments = played(live, points, time)
     fit = mp.fit_arm(mp.Recording(live.points, points, time))
     found = np.array([one.person for one in moments])
-    seen = fit.seen > 0.9
+    seen = fit.observable_share > 0.9
     assert np.median(np.abs(np.degrees(found - fit.joint_angles)), axis=0)[seen].max() < 1.0
     offline = small_result.execution.placement.turned(
         small_result.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))

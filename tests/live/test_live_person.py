@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 import maniport as mp
 from maniport.arms.human import human_arm
 from maniport.live.person import Person
-from maniport.mocap import frame_kernel, performed
-from maniport.mocap.directions import Directions
+from maniport.mocap import synthetic_recording
+from maniport.mocap.directions import Directions, frame_terms
 
 
 def moving(side, rate=120.0):
@@ -36,7 +36,7 @@ def found_in(person, recording):
 def test_joint_angles_are_those_that_move_the_arm(side):
     """A model's own motion is found to a tenth of a degree, causally, of either arm."""
     arm, q, time = moving(side)
-    recording = performed(arm, q, time)
+    recording = synthetic_recording(arm, q, time)
     found = found_in(Person(mp.fit_arm(recording.crop(0.0, 0.5))), recording)
     assert np.degrees(np.abs(found - q)).max() < 0.1
 
@@ -45,7 +45,7 @@ def test_unseen_joints_come_to_rest():
     """Where markers of the elbow's axis are missing and the arm is straight, nothing drifts away."""
     arm, q, time = moving("right")
     q[:, 3] = 0.0
-    recording = performed(arm, q, time)
+    recording = synthetic_recording(arm, q, time)
     person = Person(mp.fit_arm(recording))
     shown = np.stack([recording.point(name) for name in person.points], axis=1)
     shown[:, [person.points.index(name) for name in ("elbow_medial", "wrist_radial")]] = np.nan
@@ -73,7 +73,7 @@ def test_one_frame_is_compiled_as_many_are(person, names):
     for i, (r, j) in enumerate(zip(residuals, slopes, strict=True)):
         gradient, hessian = np.zeros(arm.dof), np.zeros((arm.dof, arm.dof))
         seen = np.where(np.isnan(targets[i, :, 0]), 0.0, weights)
-        cost = frame_kernel.frame_terms(q[i], *body, np.nan_to_num(targets[i]), seen, gradient, hessian)
+        cost = frame_terms(q[i], *body, np.nan_to_num(targets[i]), seen, gradient, hessian)
         assert_allclose(cost, r @ r)
         assert_allclose(gradient, j.T @ r, atol=1e-12)
         assert_allclose(hessian, j.T @ j, atol=1e-12)

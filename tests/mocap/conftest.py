@@ -1,11 +1,14 @@
-"""Synthetic recordings made from an arm's own forward kinematics, and small files in both formats."""
+"""Synthetic recordings from the forward kinematics of an arm, and small C3D files."""
+
+from dataclasses import replace
 
 import ezc3d
 import numpy as np
 import pytest
 
+from dialect_files import POINTS, mirrored, motion
 from maniport import arms
-from maniport.mocap import performed
+from maniport.mocap import synthetic_recording
 
 SIDES = ("elbow_medial", "elbow_lateral", "wrist_ulnar", "wrist_radial")
 
@@ -36,7 +39,7 @@ def record():
     """Return a maker of recordings in which an arm moves on a trunk that stands still."""
 
     def make(arm, time, q, axes=True, hand=True):
-        whole = performed(arm, q, time, "synthetic")
+        whole = synthetic_recording(arm, q, time, "synthetic")
         left_out = (() if axes else SIDES) + (() if hand else ("hand",))
         return whole.select([name for name in whole.names if name not in left_out])
 
@@ -49,82 +52,19 @@ def arm(request):
     return getattr(arms, request.param)(upper_arm=0.31, forearm=0.26, hand=0.06)
 
 
-BVH = """HIERARCHY
-ROOT Hips
-{
-  OFFSET 0 0 0
-  CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
-  JOINT Spine
-  {
-    OFFSET 0 20 0
-    CHANNELS 3 Zrotation Yrotation Xrotation
-    JOINT Neck
-    {
-      OFFSET 0 30 0
-      CHANNELS 3 Zrotation Yrotation Xrotation
-      End Site
-      {
-        OFFSET 0 10 0
-      }
-    }
-    JOINT RightArm
-    {
-      OFFSET -18 28 0
-      CHANNELS 3 Zrotation Yrotation Xrotation
-      JOINT RightForeArm
-      {
-        OFFSET -30 0 0
-        CHANNELS 3 Zrotation Yrotation Xrotation
-        JOINT RightHand
-        {
-          OFFSET -26 0 0
-          CHANNELS 3 Zrotation Yrotation Xrotation
-          End Site
-          {
-            OFFSET -8 0 0
-          }
-        }
-      }
-    }
-    JOINT LeftArm
-    {
-      OFFSET 18 28 0
-      CHANNELS 3 Zrotation Yrotation Xrotation
-      End Site
-      {
-        OFFSET 30 0 0
-      }
-    }
-  }
-}
-MOTION
-"""
+@pytest.fixture(scope="session")
+def made():
+    """A motion of the right arm on a trunk that moves; the left arm hangs."""
+    return motion()
 
 
-@pytest.fixture
-def bvh_file(tmp_path):
-    """Return a writer of small BVH files in centimetres: a T-pose whose right forearm bends, 50 frames a second."""
-
-    def write(frames=6, declared=None, text=BVH, scale=1.0, name="small.bvh"):
-        rows = []
-        for t in range(frames):
-            values = np.zeros(24)
-            values[1] = 100 * scale
-            values[15] = 0.5 * t
-            values[13] = 10 + 2 * t
-            rows.append(" ".join(f"{v:g}" for v in values))
-        lines = []
-        for line in text.splitlines():
-            words = line.split()
-            if words[:1] == ["OFFSET"]:
-                line = "OFFSET " + " ".join(f"{float(w) * scale:.6f}" for w in words[1:])
-            lines.append(line)
-        head = [f"Frames: {frames if declared is None else declared}", "Frame Time: 0.02"]
-        file = tmp_path / name
-        file.write_text("\n".join([*lines, *head, *rows]) + "\n")
-        return file
-
-    return write
+@pytest.fixture(scope="session")
+def markers(made):
+    """The motion under the names of Plug-in Gait, one point missing once."""
+    recording = made.recording(mirrored(POINTS["Plug-in Gait"]))
+    positions = recording.positions.copy()
+    positions[3, 1] = np.nan
+    return replace(recording, positions=positions)
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import pytest
 from maniport.arms import VELOCITY, load_arm
 from maniport.arms.collisions import Collisions
 from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank, robot_model
+from maniport.motion.plan.planner import ArmPlanner
 
 
 @pytest.fixture(scope="session")
@@ -31,4 +32,5 @@ def planner(panda):
     limits = MotionLimits.of(panda)
     collisions = Collisions.of(limits.arm)
     reachability_map = ReachabilityMap(limits.arm, VELOCITY, 20_000, collisions=collisions)
-    return Planner(limits, reachability_map, SeedBank.build(limits.arm, 4096), collisions)
+    arm = ArmPlanner(limits, reachability_map, SeedBank.build(limits.arm, 4096), collisions)
+    return Planner(limits, VELOCITY, (arm,), collisions)

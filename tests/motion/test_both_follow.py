@@ -54,14 +54,14 @@ def test_arms_that_do_not_meet_follow_as_each_alone(pandas):
     """One programme for both has the same answer as one for each, to what the solver's tolerance makes of it."""
     asked = task(pandas, SWING, SWING[::-1], smaller=0.9)
     both = track_arms(pandas, **asked, rate=50.0, lm_damping=10.0, acceleration_limits=10.0)
-    for i, motion in enumerate(both.each):
+    for i, motion in enumerate(both.arms):
         alone = track(
             pandas.arms[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], rate=50.0, lm_damping=10.0,
             reference=asked["reference"][:, pandas.columns[i]], acceleration_limits=10.0,
         )  # fmt: skip
         assert_allclose(motion.control_positions, alone.control_positions, atol=1e-4)
-    assert_array_equal(both.left.control_positions, both.control_positions[:, :7])
-    assert not both.held.any()
+    assert_array_equal(both.arms[0].control_positions, both.trajectory.control_positions[:, :7])
+    assert not both.arms[0].held.any()
 
 
 def test_arms_keep_away_from_one_another(pandas):
@@ -72,6 +72,6 @@ def test_arms_keep_away_from_one_another(pandas):
     left, right = MIDDLE + share * (end * [-1, 1, 1, 1, 1, 1, 1] - MIDDLE), MIDDLE + share * (end - MIDDLE)
     asked = task(pandas, left, right)
     through = track_arms(pandas, **asked, rate=25.0, lm_damping=10.0)
-    assert apart.collides(through.control_positions).any()
+    assert apart.collides(through.trajectory.control_positions).any()
     kept = track_arms(pandas, **asked, rate=25.0, lm_damping=10.0, collisions=apart)
-    assert not apart.collides(kept.control_positions).any()
+    assert not apart.collides(kept.trajectory.control_positions).any()

@@ -10,11 +10,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
 from maniport.arms.chain import pose
+from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import ArmsPlanner, Objective, Planner, ReachabilityMap, SeedBank, plan_arms, plan_motion
-from maniport.motion.both.together import BothTargets
+from maniport.motion import Objective, Planner, ReachabilityMap, SeedBank, plan_motion
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.plan.planner import ArmPlanner
+from maniport.motion.problem import MotionProblem, RelativePositionCost
 
 TIME = np.linspace(0.0, 3.0, 10)
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
@@ -44,8 +46,14 @@ def known(arms, collisions=False):
         limits.arm.arms, limits.arm.columns, apart.of_arms if apart else (None, None), strict=True
     ):
         reachability_map = ReachabilityMap(arm, spec, 8_000, collisions=alone)
-        planners.append(Planner(limits.of_joints(arm, columns), reachability_map, SeedBank.build(arm, 2048), alone))
-    return ArmsPlanner(limits, spec, tuple(planners), apart)
+        planners.append(ArmPlanner(limits.of_joints(arm, columns), reachability_map, SeedBank.build(arm, 2048), alone))
+    return Planner(limits, spec, tuple(planners), apart)
+
+
+def single(planner, i):
+    """A planner of one of the arms."""
+    own = planner.arms[i]
+    return Planner(own.limits, planner.spec, (own,), own.collisions)
 
 
 @pytest.fixture(scope="module")
@@ -66,19 +74,19 @@ def beside():
 def separate(apart):
     """A motion of both where they do not meet."""
     arms, planner = apart
-    return plan_arms(arms, **task(arms, swung(), swung(1.0)), planner=planner, planning_effort="quick")
+    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner, planning_effort="quick")
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     """Their postures are those of two single runs, but for what the common time makes of jerks."""
     arms, planner = apart
     asked = task(arms, swung(), swung(1.0))
-    assert not separate.together
-    for i, motion in enumerate(separate.each):
+    assert not separate.coupled
+    for i, motion in enumerate(separate.arms):
         alone = plan_motion(
-            arms.arms[i], asked["profiles"][i], time=TIME, path=asked["paths"][i], planner=planner.each[i],
+            arms.arms[i], asked["profiles"][i], time=TIME, paths=asked["paths"][i], planner=single(planner, i),
             planning_effort="quick",
-        )  # fmt: skip
+        ).arms[0]  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
         assert_array_equal(motion.pointwise_best, alone.pointwise_best)
@@ -87,14 +95,14 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
 def test_a_pair_is_one_motion(apart, separate):
     """Left, right and both are the same samples on the same times, within all limits, at rest at either end."""
     arms, _ = apart
-    assert separate.joint_names == arms.joint_names
-    for motion, columns in zip(separate.each, arms.columns, strict=True):
-        assert_array_equal(motion.control_positions, separate.control_positions[:, columns])
-        assert_array_equal(motion.joint_positions, separate.joint_positions[:, columns])
-        assert_array_equal(motion.time, separate.time)
+    assert separate.trajectory.joint_names == arms.joint_names
+    for motion, columns in zip(separate.arms, arms.columns, strict=True):
+        assert_array_equal(motion.control_positions, separate.trajectory.control_positions[:, columns])
+        assert_array_equal(motion.joint_positions, separate.trajectory.joint_positions[:, columns])
+        assert_array_equal(motion.time, separate.trajectory.time)
     assert separate.limit_use.within
-    assert_array_equal(separate.control_velocities[[0, -1]], 0.0)
-    squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.each]) for name in
+    assert_array_equal(separate.trajectory.control_velocities[[0, -1]], 0.0)
+    squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.arms]) for name in
                ("distance", "pointwise_best")]  # fmt: skip
     assert_allclose(separate.pointwise_ratio, np.sqrt(squares[0] / squares[1]))
 
@@ -105,11 +113,11 @@ def test_arms_that_would_meet_are_kept_apart(beside):
     asked = task(arms, swung(), swung(0.3))
     shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
     asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
-    found = plan_arms(arms, **asked, planner=planner, position_tolerance=0.02, planning_effort="quick")
-    assert found.together  # only where the arms come near one another
-    assert found.room.known
-    assert found.room.share == 0.0
-    assert found.room.clearance > 0.0
+    found = plan_motion(arms, **asked, planner=planner, position_tolerance=0.02, planning_effort="quick")
+    assert found.coupled  # only where the arms come near one another
+    assert found.clearance.known
+    assert found.clearance.share == 0.0
+    assert found.clearance.distance > 0.0
     assert found.limit_use.within
 
 
@@ -118,18 +126,20 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     arms, planner = beside
     asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
-    placed, found = (plan_arms(arms, **asked, planner=planner, planning_effort="quick", tips=tips)
+    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", tips=tips)
                      for tips in ("placed", "relative"))  # fmt: skip
-    assert_allclose(found.way, asked["paths"][1] - asked["paths"][0])
-    tips = arms.forward(found.joint_positions)[:, :, :3, 3]
-    assert_allclose(np.linalg.norm(tips[:, 1] - tips[:, 0] - found.way, axis=1), found.beside_way, atol=1e-9)
-    assert np.percentile(found.beside_way, 95) < 5e-3
-    assert placed.way is None
-    for one, other in zip(found.each, placed.each, strict=True):
+    assert_allclose(found.relative[:, 0], asked["paths"][1] - asked["paths"][0])
+    tips = arms.forward(found.trajectory.joint_positions)[:, :, :3, 3]
+    assert_allclose(
+        np.linalg.norm(tips[:, 1] - tips[:, 0] - found.relative[:, 0], axis=1), found.relative_error[:, 0], atol=1e-9
+    )
+    assert np.percentile(found.relative_error, 95) < 5e-3
+    assert placed.relative is None
+    for one, other in zip(found.arms, placed.arms, strict=True):
         assert one.path is None
         assert np.linalg.norm(one.distance) < 0.95 * np.linalg.norm(other.distance)
     assert 0.95 < found.pointwise_ratio < 1.2
-    assert found.room.share == 0.0
+    assert found.clearance.share == 0.0
     assert found.limit_use.within
 
 
@@ -163,12 +173,15 @@ def test_slopes_in_the_joints_of_both(crane):
         Objective.of(arm).targets(1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3])
         for arm in crane.arms
     ]
-    both = BothTargets(crane, tuple(each)).weighing(20.0)
+    time = np.arange(4.0)
+    both = MotionProblem(time, tuple(each), MotionLimits.of(crane)).weighing(20.0)
     alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))
     assert_allclose(both.evaluate(q)[0] ** 2, alone)
     assert both.tip_error(q).shape == (4, 2)
-    between = BothTargets.relative(crane, tuple(each)).weighing(20.0)
-    assert_allclose(between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.tip_error(q)) ** 2)
+    cost = RelativePositionCost(crane, (0, 1), time, each[1].positions - each[0].positions)
+    free = tuple(replace(own, positions=None) for own in each)
+    between = replace(both, targets=free, costs=(cost,)).weighing(20.0)
+    assert_allclose(between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.tip_error(q)[:, 0]) ** 2)
     for one in (both, between):
         _, gradient, hessian = one.evaluate(q)
         steps = 1e-6 * np.eye(crane.dof)
@@ -177,25 +190,77 @@ def test_slopes_in_the_joints_of_both(crane):
         assert_allclose(hessian, np.swapaxes(hessian, 1, 2), atol=1e-9)
 
 
+def test_three_arms_keep_clear_of_one_another():
+    """Three Pandas around a table, whose paths cross: each is near its path, and none collides."""
+    bases = [pose((0.75 * np.cos(a), 0.75 * np.sin(a), 0.0), (0.0, 0.0, a + np.pi)) for a in (0.0, 2.1, -2.1)]
+    arms = mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
+    asked = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
+    asked["paths"] = [path - 0.12 * path.mean(axis=0) * [1, 1, 0] for path in asked["paths"]]
+    found = plan_motion(arms, **asked, planner=known(arms, True), position_tolerance=0.02, planning_effort="quick")
+    assert found.trajectory.control_positions.shape[1] == 21
+    assert found.clearance.known
+    assert found.clearance.share == 0.0
+    assert found.limit_use.within
+    for arm in found.arms:
+        assert np.percentile(arm.position_error, 95) < 0.02
+
+
+class Elbow:
+    """A user's cost: one joint near a value that changes over time."""
+
+    def __init__(self, joint, weight):
+        self.joint, self.weight = joint, weight
+
+    def wanted(self, time):
+        return -1.9 + 0.1 * time
+
+    def residual(self, q, time):
+        return self.weight * (q[:, self.joint] - self.wanted(time))[:, None]
+
+    def jacobian(self, q, time):
+        return self.weight * np.tile(np.eye(q.shape[1])[self.joint], (len(q), 1, 1))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_cost_of_the_user_changes_the_motion(apart, count):
+    """A joint follows the user's cost more closely with a larger weight; wrong shapes are refused."""
+    arms, planner = apart
+    asked, joint = task(arms, swung(), swung(1.0)), 3
+    if count == 1:
+        asked = {"profiles": asked["profiles"][0], "paths": asked["paths"][0], "time": TIME}
+        arms, planner = arms.arms[0], single(planner, 0)
+    errors = []
+    for weight in (0.01, 10.0):
+        cost = Elbow(joint, weight)
+        found = plan_motion(arms, **asked, costs=[cost], planner=planner, planning_effort="quick")
+        errors.append(np.abs(found.trajectory.joint_positions[:, joint] - cost.wanted(TIME)).mean())
+    assert errors[1] < 0.5 * errors[0]
+    assert found.coupled == (count > 1)
+    wrong = Elbow(joint, 1.0)
+    wrong.jacobian = lambda q, time: np.zeros((len(q), 1, 2))
+    with pytest.raises(InvalidInputError, match=r"costs\[0\].jacobian"):
+        plan_motion(arms, **asked, costs=[wrong], planner=planner)
+
+
 def test_files_name_the_joints_of_both(separate, apart, tmp_path):
     """CSV, NPZ, ROS 2 and MuJoCo hold all joints under the pair's names; what takes one arm says so."""
     arms, _ = apart
-    separate.save_joints_csv(tmp_path / "joints.csv")
+    separate.trajectory.save_joints_csv(tmp_path / "joints.csv")
     with open(tmp_path / "joints.csv", encoding="utf-8", newline="") as stream:
         rows = list(csv.reader(stream))
     assert rows[0][1:15] == [f"{name}_rad" for name in arms.joint_names]
-    assert_allclose(np.array(rows[1:], float)[:, 1:15], separate.control_positions, atol=1e-11)
+    assert_allclose(np.array(rows[1:], float)[:, 1:15], separate.trajectory.control_positions, atol=1e-11)
     separate.save_joints(tmp_path / "joints.npz")
     with np.load(tmp_path / "joints.npz") as file:
-        assert_array_equal(file["control_positions"], separate.control_positions)
-        assert_array_equal(file["right_distance"], separate.right.distance)
+        assert_array_equal(file["control_positions"], separate.trajectory.control_positions)
+        assert_array_equal(file["right_distance"], separate.arms[1].distance)
     export_motion(tmp_path / "m.yaml", separate, "ros2")
     assert tuple(yaml.safe_load((tmp_path / "m.yaml").read_text())["joint_names"]) == arms.joint_names
     export_motion(tmp_path / "m.npz", separate, "mujoco", arms)
     with np.load(tmp_path / "m.npz") as file:
         assert tuple(file["joint_names"]) == arms.joint_names
-        assert_array_equal(file["qpos"], separate.control_positions)
-    with pytest.raises(InvalidInputError, match=r"must be of one arm for the format 'parquet', such as motion\.left"):
+        assert_array_equal(file["qpos"], separate.trajectory.control_positions)
+    with pytest.raises(InvalidInputError, match="one arm"):
         export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
 
 
@@ -203,20 +268,22 @@ def test_what_is_wrong_is_told_before_long_work(apart, panda):
     """One arm, things that are not two, rows that are missing, a home that is none: each is named."""
     arms, planner = apart
     asked = task(arms, swung(), swung())
-    with pytest.raises(InvalidInputError, match=r"arms must be two, as maniport\.load_arms makes them; found Arm"):
-        plan_arms(panda, **asked)
-    with pytest.raises(InvalidInputError, match="profiles must be two, of the left and of the right arm"):
-        plan_arms(arms, planner=planner, **{**asked, "profiles": asked["profiles"][:1]})
+    with pytest.raises(InvalidInputError, match="arms must be an Arm"):
+        plan_motion("panda", **asked)
+    with pytest.raises(InvalidInputError, match="tips='relative'"):
+        plan_motion(panda, asked["profiles"][0], paths=asked["paths"][0], time=TIME, tips="relative")
+    with pytest.raises(InvalidInputError, match="profiles must be a sequence of 2"):
+        plan_motion(arms, planner=planner, **{**asked, "profiles": asked["profiles"][:1]})
     with pytest.raises(InvalidInputError, match="path"):
-        plan_arms(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], asked["paths"][1][:-1]]})
-    with pytest.raises(InvalidInputError, match="paths must be of both arms or of none"):
-        plan_arms(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], None]})
+        plan_motion(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], asked["paths"][1][:-1]]})
+    with pytest.raises(InvalidInputError, match="paths must be of all arms or of none"):
+        plan_motion(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], None]})
     with pytest.raises(InvalidInputError, match="unknown tips 'absolute'"):
-        plan_arms(arms, **asked, planner=planner, tips="absolute")
-    with pytest.raises(InvalidInputError, match="tips='relative' keeps the way from path to path"):
-        plan_arms(arms, asked["profiles"], time=TIME, planner=planner, tips="relative")
+        plan_motion(arms, **asked, planner=planner, tips="absolute")
+    with pytest.raises(InvalidInputError, match="tips='relative'"):
+        plan_motion(arms, asked["profiles"], time=TIME, planner=planner, tips="relative")
     with pytest.raises(InvalidInputError, match=r"home must have shape \(\.\.\., 14\)"):
-        plan_arms(arms, **asked, planner=planner, home=np.zeros(7))
+        plan_motion(arms, **asked, planner=planner, home=np.zeros(7))
     other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
     with pytest.raises(InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': tip"):
-        plan_arms(other, **asked, planner=planner)
+        plan_motion(other, **asked, planner=planner)

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError, MissingPackageError, OutputError, UnknownNameError
-from maniport.motion import TrackResult
+from maniport.motion import ArmMotion
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.time_parameterization import retime
@@ -28,7 +28,7 @@ def motion():
     limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 1.0, 21)
     timed = retime(limits, time, 0.5 * np.sin(np.outer(time, [1.0, 2.0, 3.0])))
     q = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
-    return TrackResult.of_motion(
+    return ArmMotion.of_motion(
         PLANAR, 2.0 + timed.at, PLANAR.manipulability(q), 2.0 + timed.time, timed.positions,
         path=PLANAR.forward(q)[:, :3, 3], control_velocities=timed.velocities,
         control_accelerations=timed.accelerations,
@@ -76,7 +76,7 @@ def test_mcap_gets_messages(motion, tmp_path):
 def test_parquet_has_columns_with_units(motion, tmp_path):
     """Every control step comes back, with the tip and ellipsoids that the arm has there and their distance."""
     parquet = pytest.importorskip("pyarrow.parquet")
-    asked = TrackResult.of_motion(
+    asked = ArmMotion.of_motion(
         PLANAR, motion.time, 1.5 * motion.target, motion.control_time, motion.control_positions, path=motion.path + 0.01
     )
     export_motion(tmp_path / "m.parquet", asked, "parquet", PLANAR)

@@ -38,10 +38,10 @@ def test_the_hand_points_from_the_wrist_along_itself(name):
     assert hand_rotations(person, np.zeros(7))[1, 1] > 0.95
 
 
-@pytest.mark.parametrize("orientation_axes", [POINTING, WHOLE])
-def test_derivatives_of_the_orientation_task_are_those_of_finite_differences(panda, orientation_axes):
+@pytest.mark.parametrize("keep", [POINTING, WHOLE])
+def test_derivatives_of_the_orientation_task_are_those_of_finite_differences(panda, keep):
     """Error and Jacobian agree, and at its own rotation the error vanishes."""
-    task, model, q = OrientationTask(panda.frame, axis_weights(orientation_axes)), robot_model(panda), panda.sample(1, 1)[0]
+    task, model, q = OrientationTask(panda.frame, axis_weights(keep)), robot_model(panda), panda.sample(1, 1)[0]
 
     def error(at):
         return task.compute_error(pink.Configuration(model, model.createData(), at))
@@ -52,23 +52,23 @@ def test_derivatives_of_the_orientation_task_are_those_of_finite_differences(pan
     task.set_target(np.eye(3))
     columns = [(error(q + step) - error(q - step)) / 2e-6 for step in 1e-6 * np.eye(7)]
     assert_allclose(task.compute_jacobian(here), np.stack(columns, axis=1), atol=1e-8)
-    assert np.count_nonzero(task.cost) == (3 if orientation_axes == POINTING else 9)
+    assert np.count_nonzero(task.cost) == (3 if keep == POINTING else 9)
 
 
-@pytest.mark.parametrize("orientation_axes", [POINTING, WHOLE])
-def test_nodes_are_turned_as_they_shall_be(planner, motion, orientation_axes):
+@pytest.mark.parametrize("keep", [POINTING, WHOLE])
+def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
     """Some nodes of each stage are within 0.1 rad, with the tip in place; the last joint serves where all counts."""
-    objective = replace(Objective.of(planner.limits.arm), axis_weights=axis_weights(orientation_axes))
+    objective = replace(Objective.of(planner.limits.arm), axis_weights=axis_weights(keep))
     targets = objective.targets(*motion[:2], rotations=motion[2])
-    nodes = planner.reachability_map.nodes(targets, 60, np.random.default_rng(0))
+    nodes = planner.arms[0].reachability_map.nodes(targets, 60, np.random.default_rng(0))
     owner = np.repeat(np.arange(len(TIME)), np.diff(nodes.first))
     angles = targets[owner].axis_angles(nodes.q)
     assert all(angles[owner == i].min() < 0.1 for i in range(len(TIME)))
     assert targets[owner].tip_error(nodes.q).max() < 1e-3
     assert_allclose(nodes.cost, targets[owner].cost(nodes.q))
     middle = 0.5 * (planner.limits.lower + planner.limits.upper)[6]
-    assert (np.ptp(nodes.q[:, 6]) > 1.0) == (orientation_axes == WHOLE)
-    assert orientation_axes == WHOLE or np.abs(nodes.q[:, 6] - middle).max() < 1e-9
+    assert (np.ptp(nodes.q[:, 6]) > 1.0) == (keep == WHOLE)
+    assert keep == WHOLE or np.abs(nodes.q[:, 6] - middle).max() < 1e-9
 
 
 def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion):
@@ -76,10 +76,10 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion):
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     given = {"time": 2.0 * TIME, "path": path, "damping": 0.01}
-    planned = {**given, "planner": planner, "planning_effort": "quick"}
-    free = plan_motion(panda, profile, **planned)
+    planned = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner, "planning_effort": "quick"}
+    free = plan_motion(panda, profile, **planned).arms[0]
     assert free.orientation_error is None
-    kept = plan_motion(panda, profile, rotations=rotations, **planned)
+    kept = plan_motion(panda, profile, rotations=rotations, **planned).arms[0]
     tips = panda.forward(free.joint_positions)[:, :3, 2]
     beside = np.arccos(np.clip(np.sum(tips * rotations[:, :, 2], axis=1), -1.0, 1.0))
     assert np.median(kept.orientation_error) < 0.1 < np.median(beside)
@@ -95,11 +95,11 @@ def test_wrong_orientations_are_told(panda, motion):
     profile, path, rotations = motion
     given = {"time": TIME, "path": path}
     with pytest.raises(InvalidInputError, match=r"rotations\[0\] must be a rotation"):
-        plan_motion(panda, profile, rotations=2.0 * rotations, **given)
+        plan_motion(panda, profile, rotations=2.0 * rotations, time=TIME, paths=path)
     with pytest.raises(InvalidInputError, match=r"rotations must have shape \(12, 3, 3\)"):
         track(panda, profile, rotations=rotations[:5], **given)
     with pytest.raises(UnknownNameError, match="orientation_axes"):
-        plan_motion(panda, profile, rotations=rotations, orientation_axes="all", **given)
+        plan_motion(panda, profile, rotations=rotations, orientation_axes="all", time=TIME, paths=path)
     with pytest.raises(InvalidInputError, match="direction must not be zero"):
         facing([0.0, 0.0, 0.0], POINTING)
     z = Rotation.random(rng=0).as_matrix()[:, 2]

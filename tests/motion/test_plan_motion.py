@@ -23,9 +23,9 @@ TOUCH = 1e-3
 """A motion may be so much nearer than the floor, which is found by a search, with its tip in place."""
 
 
-def plan_motion(*arguments, **options):
+def plan_motion(arm, profile, path=None, **options):
     """Plan with little effort."""
-    return motion.plan_motion(*arguments, **{"planning_effort": "quick"} | options)
+    return motion.plan_motion(arm, profile, paths=path, **{"planning_effort": "quick"} | options)
 
 
 def motion_of(arm, pace=1.5, seed=0):
@@ -62,8 +62,8 @@ def planned(panda, planner, wanted):
 
 def require_laws(plan, speed_scale=1.0):
     """What holds for every planned motion."""
-    limits, q = plan.limits, plan.control_positions
-    step = np.diff(plan.control_time)
+    limits, q = plan.limits, plan.arms[0].control_positions
+    step = np.diff(plan.arms[0].control_time)
     assert_allclose(step, step[0])
     for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
         share = np.abs(np.diff(q, order, axis=0)) / step[0] ** order / most
@@ -72,9 +72,9 @@ def require_laws(plan, speed_scale=1.0):
     assert limits.arm.within_limits(q).all()
     for end in (q[:4], q[-4:]):
         assert_array_equal(np.diff(end, axis=0), 0.0)
-    assert (np.diff(plan.time) >= np.diff(plan.demonstrated_time) / speed_scale * (1.0 - 1e-9)).all()
-    assert plan.control_time[0] == 0.0
-    assert (plan.pointwise_best >= 0.0).all()
+    assert (np.diff(plan.arms[0].time) >= np.diff(plan.arms[0].demonstrated_time) / speed_scale * (1.0 - 1e-9)).all()
+    assert plan.arms[0].control_time[0] == 0.0
+    assert (plan.arms[0].pointwise_best >= 0.0).all()
 
 
 def test_the_tip_stays_on_its_path_between_sparse_points(panda, planner):
@@ -86,8 +86,8 @@ def test_the_tip_stays_on_its_path_between_sparse_points(panda, planner):
         panda, (frame @ panda.manipulability(q) @ frame)[every], path=panda.forward(q)[every, :3, 3], time=TIME[every],
         planner=planner, rate=200.0,
     )  # fmt: skip
-    way = CubicSpline(TIME[every], plan.path)(np.linspace(TIME[0], TIME[-1], 400))
-    tips = panda.forward(plan.control_positions)[:, :3, 3]
+    way = CubicSpline(TIME[every], plan.arms[0].path)(np.linspace(TIME[0], TIME[-1], 400))
+    tips = panda.forward(plan.arms[0].control_positions)[:, :3, 3]
     assert np.linalg.norm(tips[:, None] - way, axis=2).min(axis=1).max() < 0.02
 
 
@@ -95,22 +95,22 @@ def test_leaps_of_the_recording_are_named(planned):
     """Points at either end of a step that is far and quicker than those around are jumps, of path or ellipsoids."""
     n = len(TIME)
     path, ellipsoids = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n), np.tile(np.eye(3), (n, 1, 1))
-    assert not replace(planned, path=path, target=ellipsoids).jumps.any()
+    assert not replace(planned.arms[0], path=path, target=ellipsoids).jumps.any()
     path[9:] += 0.2
     ellipsoids[4:] *= 3.0
-    leaping = replace(planned, path=path, target=ellipsoids)
+    leaping = replace(planned.arms[0], path=path, target=ellipsoids)
     assert np.flatnonzero(leaping.jumps).tolist() == [3, 4, 8, 9]
     told = as_numbers(facts_of(leaping))["motion"]["jumps"]
     assert told["points"] == 4
-    assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.position_error[[3, 4, 8, 9]].max())
+    assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.arms[0].position_error[[3, 4, 8, 9]].max())
 
 
 def test_room_is_measured_between_the_points(planned, planner):
     """No control step next to the closest point is nearer to a collision than what is told."""
-    at = int(np.argmin(planner.collisions.clearance(planned.joint_positions)))
-    beside = np.abs(planned.control_time - planned.time[at]) < 0.02
-    nearest = planner.collisions.clearance(planned.control_positions[beside]).min()
-    assert planned.room.clearance <= nearest + 1e-4
+    at = int(np.argmin(planner.collisions.clearance(planned.arms[0].joint_positions)))
+    beside = np.abs(planned.arms[0].control_time - planned.arms[0].time[at]) < 0.02
+    nearest = planner.collisions.clearance(planned.arms[0].control_positions[beside]).min()
+    assert planned.clearance.distance <= nearest + 1e-4
 
 
 @pytest.mark.parametrize("name", ["panda", "crane"])
@@ -119,20 +119,20 @@ def test_any_arm_follows_itself(panda, planner, name):
     arm = {"panda": panda, "crane": CRANE}[name]
     plan = plan_motion(arm, **wanted_of(arm), rate=500.0, planner=planner if name == "panda" else None)
     require_laws(plan)
-    assert np.median(plan.distance) < 0.1
-    assert np.percentile(plan.position_error, 95) <= plan.position_tolerance
-    assert plan.room.share == 0.0
-    assert plan.room.known == (name == "panda")
-    assert ("shapes of links" in plan.room.why) != plan.room.known
+    assert np.median(plan.arms[0].distance) < 0.1
+    assert np.percentile(plan.arms[0].position_error, 95) <= plan.arms[0].position_tolerance
+    assert plan.clearance.share == 0.0
+    assert plan.clearance.known == (name == "panda")
+    assert ("shapes of links" in plan.clearance.why) != plan.clearance.known
 
 
 def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
     """The floor is below the distance where the tip is in place; the ratio of both is the pointwise_ratio."""
     require_laws(planned)
-    assert_array_equal(planned.target, wanted["profile"])
-    in_place = planned.position_error < 1e-4
-    assert (planned.distance - planned.pointwise_best)[in_place].min(initial=0.0) > -TOUCH
-    ratio = np.sqrt(np.mean(planned.distance**2) / np.mean(planned.pointwise_best**2))
+    assert_array_equal(planned.arms[0].target, wanted["profile"])
+    in_place = planned.arms[0].position_error < 1e-4
+    assert (planned.arms[0].distance - planned.arms[0].pointwise_best)[in_place].min(initial=0.0) > -TOUCH
+    ratio = np.sqrt(np.mean(planned.arms[0].distance ** 2) / np.mean(planned.arms[0].pointwise_best ** 2))
     assert planned.pointwise_ratio == pytest.approx(ratio)
     assert ratio < 1.2
     assert as_numbers(facts_of(planned))["motion"]["over_node_floor"] == pytest.approx(ratio)
@@ -141,9 +141,14 @@ def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
 def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planned):
     """Of two tolerances each is kept, and what is allowed brings the ellipsoids nearer."""
     near = plan_motion(panda, **wanted, planner=planner, position_tolerance=2e-4)
-    assert np.percentile(near.position_error, 95) <= 2e-4 < np.percentile(planned.position_error, 95) <= 5e-3
-    assert np.mean(planned.distance**2) < np.mean(near.distance**2)
-    assert near.position_tolerance == 2e-4
+    assert (
+        np.percentile(near.arms[0].position_error, 95)
+        <= 2e-4
+        < np.percentile(planned.arms[0].position_error, 95)
+        <= 5e-3
+    )
+    assert np.mean(planned.arms[0].distance ** 2) < np.mean(near.arms[0].distance ** 2)
+    assert near.arms[0].position_tolerance == 2e-4
 
 
 def test_tempo_is_the_largest_speed(panda, planner):
@@ -155,33 +160,33 @@ def test_tempo_is_the_largest_speed(panda, planner):
     )
     require_laws(slow, 0.5)
     require_laws(fast, 20.0)
-    assert 2.4 <= slow.control_time[-1] < 2.6
-    assert fast.control_time[-1] < 1.0
+    assert 2.4 <= slow.arms[0].control_time[-1] < 2.6
+    assert fast.arms[0].control_time[-1] < 1.0
     assert fast.limit_use.shares[1:].max() > 0.95
 
 
 def test_same_seed_same_bytes(panda, planner, wanted):
     """Two runs from the same seed are equal bit for bit."""
     first, again = (plan_motion(panda, **part_of(wanted), planner=planner, random_state=3) for _ in range(2))
-    assert_array_equal(first.control_positions, again.control_positions)
-    assert_array_equal(first.pointwise_best, again.pointwise_best)
+    assert_array_equal(first.arms[0].control_positions, again.arms[0].control_positions)
+    assert_array_equal(first.arms[0].pointwise_best, again.arms[0].pointwise_best)
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, wanted, planned):
     """There is no error of the tip, and the distance is no larger than with the tip on its path."""
     alone = plan_motion(panda, wanted["profile"], time=TIME, planner=planner)
     require_laws(alone)
-    assert alone.position_error is None
-    assert np.mean(alone.pointwise_best) < np.mean(planned.pointwise_best)
-    assert np.mean(alone.distance) < np.mean(planned.distance)
+    assert alone.arms[0].position_error is None
+    assert np.mean(alone.arms[0].pointwise_best) < np.mean(planned.arms[0].pointwise_best)
+    assert np.mean(alone.arms[0].distance) < np.mean(planned.arms[0].distance)
 
 
 def test_out_of_reach_is_told_and_no_error(panda, planner, wanted):
     """Where the path leaves what the arm can reach, the result says so at each point, and keeps all limits."""
     far = plan_motion(panda, **wanted | {"path": wanted["path"] + [2.0, 0.0, 0.0]}, planner=planner)
     require_laws(far)
-    assert set(far.status) <= {"position missed", "joint limit"}
-    assert far.position_error.min() > 1.0
+    assert set(far.arms[0].status) <= {"position missed", "joint limit"}
+    assert far.arms[0].position_error.min() > 1.0
     assert {"position-error", "targets-missed"} <= set(facts_of(far).warning_keys)
 
 
@@ -190,8 +195,8 @@ def test_home_is_where_it_begins_and_ends(panda, planner, wanted):
     home = 0.5 * (planner.limits.lower + planner.limits.upper)
     plan = plan_motion(panda, **wanted, planner=planner, home=home)
     require_laws(plan)
-    assert_allclose(plan.control_positions[[0, -1]], [home, home], atol=1e-9)
-    assert 0.0 < plan.time[0] < plan.time[-1] < plan.control_time[-1]
+    assert_allclose(plan.arms[0].control_positions[[0, -1]], [home, home], atol=1e-9)
+    assert 0.0 < plan.arms[0].time[0] < plan.arms[0].time[-1] < plan.arms[0].control_time[-1]
 
 
 def test_two_points_are_a_motion(panda, planner, wanted):
@@ -201,21 +206,21 @@ def test_two_points_are_a_motion(panda, planner, wanted):
     same = {name: values[[0, 0]] for name, values in two.items()} | {"time": TIME[:2]}
     rest = plan_motion(panda, **same, planner=planner)
     require_laws(rest)
-    assert np.ptp(rest.control_positions, axis=0).max() < 0.01
+    assert np.ptp(rest.arms[0].control_positions, axis=0).max() < 0.01
 
 
 def test_lowest_points_are_those_of_the_links(panda, planned):
     """The lowest point is below all origins, each link's is at its time, and fingers count."""
-    run = Execution(panda, None, planned, planned, planned.room, np.full(len(TIME), 0.1))
+    run = Execution(panda, None, planned.arms[0], planned.arms[0], planned.clearance, np.full(len(TIME), 0.1))
     lowest = {point.link: point for point in run.lowest_of_links}
-    poses = panda.link_poses(planned.control_positions)
+    poses = panda.link_poses(planned.arms[0].control_positions)
     assert run.lowest == run.lowest_of_links[0]
     for link, (points, _) in panda.look.shapes():
         joint = panda.chain.frames[link].joint
         if joint:
             heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]
             assert run.lowest.height <= lowest[link].height <= heights.min() + 1e-9
-            row = int(np.argmin(np.abs(planned.control_time - lowest[link].time)))
+            row = int(np.argmin(np.abs(planned.arms[0].control_time - lowest[link].time)))
             assert heights[row] < lowest[link].height + 3e-3 + 0.2 * (link == "panda_hand")
 
 

@@ -5,11 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import linprog
 
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.home_motion import with_approach
+from maniport.motion.plan.path_speed import fill_speeds
 from maniport.motion.plan.time_parameterization import retime
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
@@ -158,3 +160,27 @@ def test_home_and_back():
     for wrong, message in (([0, 0, 9], "outside the limits"), ([[0, 0, 0]], "one posture"), ([0, 0], "one value")):
         with pytest.raises(InvalidInputError, match=message):
             with_approach(timed, limits, wrong)
+
+
+def test_speeds_are_the_largest_of_linear_programs():
+    """Backward and forward passes by SciPy's linear programs give the same speeds."""
+    random, n, m = np.random.default_rng(3), 12, 8
+    a, b = random.standard_normal((n, m)), 3.0 * random.standard_normal((n, m))
+    a[::3, :3] = 0.0
+    steps, limits, speeds = random.uniform(0.02, 0.1, n), random.uniform(0.1, 1.0, n + 1), np.empty(n + 1)
+    fill_speeds(a, b, steps, limits, speeds)
+
+    def program(i, cost, end, fixed):
+        sides = np.stack([a[i], b[i]], axis=1)
+        rows = np.concatenate([sides, -sides, [[2.0 * steps[i], 1.0], [-2.0 * steps[i], -1.0]]])
+        bounds = [(None, None), fixed]
+        return linprog(cost, rows, np.append(np.ones(2 * m), [end, 0.0]), bounds=bounds).x
+
+    expected = np.zeros(n + 1)
+    for i in range(n - 1, -1, -1):
+        expected[i] = program(i, [0.0, -1.0], expected[i + 1], (0.0, limits[i]))[1]
+    expected[0] = 0.0
+    for i in range(n):
+        u, x = program(i, [-1.0, 0.0], expected[i + 1], (expected[i], expected[i]))
+        expected[i + 1] = x + 2.0 * steps[i] * u
+    np.testing.assert_allclose(speeds, np.sqrt(expected), atol=1e-6)

@@ -49,7 +49,7 @@ def objects(small_result):
     profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
-        icp = mp.RiemannianICP(damping=0.01, n_resamples=2, random_state=0, search=Search(n_starts=2)).fit(
+        icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(
             teacher, student
         )
     bank = mp.SeedBank.build(panda, 1024, 0)
@@ -63,8 +63,7 @@ def objects(small_result):
         "Identifiability": icp.identifiability_,
         "SeedBank": bank,
         "Placement": small_result.execution.placement,
-        "PlannedMotion": small_result.execution.plan,
-        "TrackResult": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
+        "ArmMotion": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
@@ -76,7 +75,7 @@ def objects(small_result):
 
 NAMES = (
     "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
-    "SeedBank", "Placement", "PlannedMotion", "TrackResult", "FeasibleEllipsoids", "Alignment",
+    "SeedBank", "Placement", "ArmMotion", "FeasibleEllipsoids", "Alignment",
     "ProfileGMM", "Execution", "TransferResult", "Evaluation",
 )  # fmt: skip
 

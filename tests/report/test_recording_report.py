@@ -56,7 +56,7 @@ def test_what_would_tell_more_is_told_of_the_arm_that_is_fitted(side):
     few = recording.select([name for name in recording.names if not name.endswith(("FIN", "OHAND", "IHAND"))])
     page = as_markdown(recording_facts(few, side=side))
     assert f"The {side} arm can be fitted as it is" in page
-    assert ("--arm left" in page.splitlines()[-1]) == (side == "left")
+    assert ("--side left" in page.splitlines()[-1]) == (side == "left")
 
 
 def test_a_contradicted_arm_is_warned_of():

@@ -12,7 +12,8 @@ import pytest
 import maniport as mp
 from maniport.arms.collisions import Lowest
 from maniport.errors import on_the_command_line
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.trajectory import Clearance
+from maniport.pipeline.config import Config
 from maniport.pipeline.execution import Execution
 from maniport.report import as_html, as_markdown, as_numbers, facts_of
 from maniport.report.console import Console
@@ -32,10 +33,10 @@ def complete(result):
     n = len(result.time)
     tracked = {"distance": np.full(n, 0.01), "position_error": np.zeros(n), "status": ("followed",) * n,
                "achieved": result.execution.motion.target}  # fmt: skip
-    fit = replace(result.fit, determined=np.ones_like(result.fit.determined), quality_warnings=())
+    fit = replace(result.fit, determined=np.ones_like(result.fit.observable), quality_warnings=())
     execution = replace(result.execution, gap=np.zeros(len(result.time)))
     execution = replace(execution, motion=replace(execution.motion, **tracked))
-    return replace(result, fit=fit, execution=execution, warnings=())
+    return replace(result, fit=fit, execution=execution, warnings=(), config=Config())
 
 
 def test_green_needs_that_nothing_is_open(small_result):
@@ -56,7 +57,7 @@ def test_green_needs_that_nothing_is_open(small_result):
     outlier = np.where(np.arange(n) == 0, 3.1 * tolerance, 0.0)
     for key, changes in {
         "assumed-acceleration-limits": {"plan": replace(execution.plan, limits=guessed)},
-        "unchecked-collisions": {"room": Room()},
+        "unchecked-collisions": {"room": Clearance()},
         "missing-meshes": {"room": above},
         "position-error": {"motion": replace(execution.motion, position_error=outlier)},
         "longest-axis": {"motion": replace(execution.motion, target=np.tile(across[0], (n, 1, 1)),
@@ -110,7 +111,7 @@ def test_what_should_not_be_run_is_not_advised(small_result):
     )
     assert quick.summary.text.startswith("It exceeds its limits of velocity")
     assert "--speed-scale 0.5" in quick.summary.command
-    hit = Room(True, "", 0.25, -0.01, 0.0, ("a", "b"))
+    hit = Clearance(True, "", 0.25, -0.01, 0.0, ("a", "b"))
     struck = facts_of(replace(whole, execution=replace(whole.execution, room=hit)))
     assert struck.summary.text.startswith("The robot collides in 25.0% of the time.")
     held = np.arange(len(motion.held)) == 0
@@ -132,19 +133,18 @@ def test_a_tip_beside_its_path_is_advised_what_may_help(small_result):
     ):
         motion = replace(execution.motion, **off, position_tolerance=tolerance)
         moved = replace(execution, motion=motion, placement=placement)
-        summary = facts_of(replace(small_result, execution=moved)).summary
+        summary = facts_of(replace(small_result, execution=moved, config=Config())).summary
         assert words in summary.command
         assert summary.title.startswith("Position not tracked; ellipsoids tracked")
 
 
 def test_the_next_command_keeps_what_was_asked_for(small_result):
-    """A table, a file of limits or half the speed_scale hold for the next motion, too, which is slower than that."""
+    """It takes run.yaml and half of its speed scale; the orientation of a hand, which a profile lacks, is dropped."""
     execution, off = small_result.execution, np.full(len(small_result.time), 0.05)
-    asked = replace(execution, options={"--table": "-0.1", "--speed-scale": "0.5", "--limits": "my limits.yaml"})
-    moved = replace(asked, motion=replace(execution.motion, position_error=off, position_tolerance=0.005))
-    words = shlex.split(facts_of(replace(small_result, execution=moved)).summary.command)
-    for name, value in (("--table", "-0.1"), ("--speed-scale", "0.25"), ("--limits", "my limits.yaml")):
-        assert words.count(name) == 1
+    config = Config().changed(speed_scale=0.5, orientation="demonstrated")
+    moved = replace(execution, motion=replace(execution.motion, position_error=off, position_tolerance=0.005))
+    words = shlex.split(facts_of(replace(small_result, execution=moved, config=config)).summary.command)
+    for name, value in (("--config", "{folder}/run.yaml"), ("--speed-scale", "0.25"), ("--orientation", "free")):
         assert words[words.index(name) + 1] == value
 
 

@@ -126,13 +126,3 @@ def test_stopping_early_warns_and_states_the_gradient(random_spd):
     stated = float(re.search(r"gradient norm (\S+);", str(caught[0].message)).group(1))
     assert_allclose(stated, gradient_norm(center, x), rtol=1e-2)
     assert caught[0].filename == __file__
-
-
-@pytest.mark.parametrize(("d", "spread"), [(2, 0.5), (3, 0.5), (12, 0.2), (3, 3.0)])
-def test_means_under_other_weights_are_means(d, spread, random_spd):
-    """With one Hessian for all they are found as one by one, where the points lie far apart, too."""
-    rng = np.random.default_rng(d)
-    x = spd.whiten(points := spd.powm(random_spd(rng, (30,), d), spread), spd.mean(points))
-    weights = [rng.multinomial(30, np.full(30, 1.0 / 30)) / 30 for _ in range(3)]
-    for weight, found in zip(weights, newton.means_nearby(x, weights), strict=True):
-        assert spd.distance(found, spd.mean(x, weight)) < 1e-5

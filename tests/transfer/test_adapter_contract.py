@@ -65,14 +65,14 @@ def test_a_fit_that_fails_midway_leaves_the_adapter_as_it_was(name, random_spd):
         fresh.transform(teacher)
 
 
-class Deaf(mp.RawCopy):
+class Deaf(mp.IdentityMap):
     """Forgets the base_rotation."""
 
     def _mounted(self, points):
         return points
 
 
-class Greedy(mp.RawCopy):
+class Greedy(mp.IdentityMap):
     """Changes what it is given."""
 
     def _fit_or_restore(self, teacher, student, learn):
@@ -81,7 +81,7 @@ class Greedy(mp.RawCopy):
         return self
 
 
-class Skewed(mp.RawCopy):
+class Skewed(mp.IdentityMap):
     """Loses symmetry."""
 
     def _map(self, points):

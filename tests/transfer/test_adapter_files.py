@@ -92,22 +92,17 @@ def test_truncated_and_altered_files_are_refused(saved, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": "maniport-adapter-99"}, r"format 'maniport-adapter-99'; this version reads 'maniport-adapter-2'"),
-        ({"method": "Magic"}, r"holds a 'Magic'; this version knows .*ParallelTransport"),
-        ({"method": "RigidAdapter"}, r"this version knows"),
-        ({"method": None}, r"this version knows"),
-        ({"parameters": {"colour": "red"}}, r"damaged.*unknown parameters \['colour'\]"),
-        ({"parameters": [1, 2]}, r"damaged"),
-        (
-            {"fitted": {"base_rotation_": None, "dispersion_ratio_": "one"} | DAMPINGS},
-            r"damaged.*dispersion_ratio_ must be finite",
-        ),
-        (
-            {"fitted": {"base_rotation_": 1.0, "dispersion_ratio_": 1.0} | DAMPINGS},
-            r"damaged.*base_rotation_ .* \(3, 3\)",
-        ),
-        ({"fitted": {}}, r"damaged.*missing attributes .*released_damping_"),
-        (None, r"damaged"),
+        ({"format": "maniport-adapter-99"}, "maniport-adapter-99"),
+        ({"method": "Magic"}, "Magic"),
+        ({"method": "RigidAdapter"}, "RigidAdapter"),
+        ({"method": None}, "None"),
+        ({"parameters": {"colour": "red"}}, "colour"),
+        ({"parameters": [1, 2]}, "damaged"),
+        ({"fitted": {"base_rotation_": None, "dispersion_ratio_": "one"} | DAMPINGS}, "dispersion_ratio_"),
+        ({"fitted": {"base_rotation_": 1.0, "dispersion_ratio_": 1.0} | DAMPINGS}, "base_rotation_"),
+        ({"fitted": {}}, "released_damping_"),
+        ({"fitted": {"base_rotation_": None, "dispersion_ratio_": 1.0, "transform": 1} | DAMPINGS}, "transform"),
+        (None, "damaged"),
     ],
 )
 def test_other_contents_are_refused(saved, change, message):

@@ -43,7 +43,7 @@ def test_geodesic_search_never_raises_its_cost(random_spd):
     teacher, student = random_spd(rng, 60, 3), random_spd(rng, 80, 3)
     for trim in (0.0, 0.2):
         adapter = mp.RiemannianICP(
-            correspondence=GeodesicCorrespondence(trim=trim), search=Search(n_starts=0, compete=False)
+            correspondence=GeodesicCorrespondence(trim=trim), search=Search(n_starts=0, require_improvement=False)
         ).fit(teacher, student)
         assert np.all(np.diff(adapter.history_) <= 1e-9)
         assert adapter.converged_

@@ -36,7 +36,7 @@ def test_toy_of_the_paper(seed, most_singular, panda, random_map):
     ellipsoids = panda.manipulability(panda.sample(110, rng, sequence="uniform"))
     teacher, new = ellipsoids[:100], ellipsoids[100:]
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(n_resamples=0, random_state=seed, search=Search(most_singular=most_singular))
+    adapter = mp.RiemannianICP(random_state=seed, search=Search(most_singular=most_singular))
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert rmse(adapter.transform(new), truth.apply(new)) < 1e-6
     assert adapter.converged_
@@ -50,7 +50,7 @@ def test_toy_of_other_sizes(d, seed, most_singular, random_spd, random_map):
     rng = np.random.default_rng(seed)
     teacher, new = random_spd(rng, 100, d), random_spd(rng, 10, d)
     truth = random_map(rng, teacher)
-    adapter = mp.RiemannianICP(n_resamples=0, random_state=seed, search=Search(most_singular=most_singular))
+    adapter = mp.RiemannianICP(random_state=seed, search=Search(most_singular=most_singular))
     adapter.fit(teacher, rng.permutation(truth.apply(teacher)))
     assert rmse(adapter.transform(new), truth.apply(new)) < 1e-6
 
@@ -117,10 +117,10 @@ def unequal(random_spd):
 def test_best_iterate_is_kept(unequal):
     """The cost is the lowest of the history, and never above the one at parallel transport's start."""
     for seed in range(5):
-        adapter = mp.RiemannianICP(random_state=seed, search=Search(compete=False)).fit(*unequal)
+        adapter = mp.RiemannianICP(random_state=seed, search=Search(require_improvement=False)).fit(*unequal)
         assert adapter.cost_ == adapter.history_.min()
         assert len(adapter.history_) == adapter.n_iter_ + 1
-        start = mp.RiemannianICP(search=Search(n_starts=0, compete=False)).fit(*unequal)
+        start = mp.RiemannianICP(search=Search(n_starts=0, require_improvement=False)).fit(*unequal)
         assert adapter.cost_ <= start.cost_ <= start.history_[0]
         assert adapter.stop_reason_
 

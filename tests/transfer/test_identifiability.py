@@ -89,6 +89,3 @@ def test_flat_axis_turns_with_the_students_base(random_rotation):
     other = identify(CloudPair(moved, fixed), turn @ start, center)
     np.testing.assert_allclose(other.curvature, plain.curvature, atol=1e-4)
     assert abs(other.flat_axes[0] @ turn @ plain.flat_axes[0]) > np.cos(np.deg2rad(0.5))
-
-
-# ---- optima and resampling ----------------------------------------------------------------------------------------

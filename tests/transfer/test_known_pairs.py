@@ -11,7 +11,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
 from maniport.transfer import EllipsoidCorrespondence, Search
-from maniport.transfer.icp.starts import rotations_of_pairs
+from maniport.transfer.icp.initialization import rotations_of_pairs
 from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
 
 # how the search ends is tested here, not what becomes of its result
@@ -23,7 +23,7 @@ DEFAULTS = Search()
 
 def icp(search=DEFAULTS, **options):
     """Make an adapter that keeps what its search finds."""
-    return mp.RiemannianICP(search=replace(search, compete=False), **{"n_resamples": 0, **options})
+    return mp.RiemannianICP(search=replace(search, require_improvement=False), **options)
 
 
 def about_z(angle):

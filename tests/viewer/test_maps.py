@@ -38,7 +38,7 @@ def test_a_given_adapter_keeps_its_mounting(arms, domains):
 class Few:
     """Two methods of others."""
 
-    names = ("parallel-transport", "raw-copy")
+    names = ("parallel-transport", "identity")
 
     def __init__(self, methods):
         self.fit = methods.fit
@@ -49,17 +49,17 @@ def test_dragging_the_mounting_fits_all_methods(methods):
     refitting = Refitting(Few(methods), np.eye(3))
     try:
         before = refitting.maps
-        refitting.want(np.eye(3), "raw-copy")
+        refitting.want(np.eye(3), "identity")
         assert not refitting.busy
         for angle in (10, 20, 30):
             wanted = Rotation.from_euler("z", angle, degrees=True).as_matrix()
-            refitting.want(wanted, "raw-copy")
+            refitting.want(wanted, "identity")
         assert refitting.settle()
         for name, chosen in refitting.maps.items():
             assert chosen is not before[name]
             assert chosen.base_rotation == pytest.approx(wanted)
         with pytest.raises(InvalidInputError, match="base_rotation"):
-            refitting.want(np.diag([1.0, 1.0, -1.0]), "raw-copy")
+            refitting.want(np.diag([1.0, 1.0, -1.0]), "identity")
     finally:
         refitting.close()
 
@@ -67,7 +67,7 @@ def test_dragging_the_mounting_fits_all_methods(methods):
 def test_errors_of_fits_are_raised_by_the_maps(methods):
     """Those of the thread, too."""
     few, gate = Few(methods), threading.Event()
-    refitting = Refitting(few, np.eye(3), first=("raw-copy",))
+    refitting = Refitting(few, np.eye(3), first=("identity",))
 
     def fail(name, base_rotation):
         assert gate.wait(60.0)
@@ -75,7 +75,7 @@ def test_errors_of_fits_are_raised_by_the_maps(methods):
 
     few.fit = fail
     refitting.begin()
-    assert set(refitting.maps) == {"raw-copy"}
+    assert set(refitting.maps) == {"identity"}
     gate.set()
     refitting.settle()
     with pytest.raises(InvalidInputError, match="no such thing"):

@@ -46,8 +46,8 @@ def test_every_method_can_be_chosen(make_state):
         assert state.robot.within_limits(frame.student_joints)
         assert np.isfinite(frame.distance)
         assert frame.position_error is None
-    assert targets["raw-copy"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
-    names = ("raw-copy", METHOD, "nearest-neighbor")
+    assert targets["identity"] == pytest.approx(state.sides[0].teacher.manipulability(POSE), abs=1e-6)
+    names = ("identity", METHOD, "nearest-neighbor")
     for one, other in zip(names, names[1:] + names[:1], strict=True):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
@@ -59,9 +59,9 @@ def test_every_method_can_be_chosen(make_state):
 def test_the_robot_comes_nearer_within_its_speed(make_state):
     """Without jumps, even after a long stop; the best configuration found is no worse."""
     state = make_state()
-    before = advance(state, "raw-copy", seconds=0.0).student_joints
+    before = advance(state, "identity", seconds=0.0).student_joints
     for seconds in (FRAME, 10.0):
-        after = advance(state, "raw-copy", POSE + 0.4, seconds=seconds).student_joints
+        after = advance(state, "identity", POSE + 0.4, seconds=seconds).student_joints
         assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
         before = after
     distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]

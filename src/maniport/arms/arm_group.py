@@ -350,5 +350,5 @@ def _require_agreement(chains: tuple[Chain, Chain], names: tuple[str, str], coun
 
 def two_bases() -> str:
     """Describe the options that place two robots, for messages."""
-    given = "--base-left and --base-right, such as 0 0.3 0 0 and 0 -0.3 0 0"
+    given = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
     return given if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

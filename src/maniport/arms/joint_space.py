@@ -1,6 +1,5 @@
 """The joint coordinates of an arm or a pair, with samples and limits, and the ellipsoids of what moves one frame."""
 
-import inspect
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,15 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import ShownInNotebooks
+from maniport.util.sobol import sobol
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator
-
-# SciPy 1.15 renamed the argument; the older name is to disappear.
-_SEED = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
 
 
 class JointSpace(ShownInNotebooks):
@@ -62,8 +58,7 @@ class JointSpace(ShownInNotebooks):
         if sequence == "uniform":
             unit = generator.random((count, self.dof))
         else:
-            sobol = qmc.Sobol(self.dof, scramble=True, **{_SEED: generator})
-            unit = sobol.random_base2((count - 1).bit_length())[:count]
+            unit = sobol(self.dof, (count - 1).bit_length(), generator)[:count]
         return np.clip(self.lower + unit * (self.upper - self.lower), self.lower, self.upper)
 
     def within_limits(self, q: ArrayLike) -> Any:

@@ -1,32 +1,25 @@
-"""Kinematics of a chain through Pinocchio: tight loops over joint positions, without checks."""
+"""Kinematics of a chain for many configurations, without checks."""
 
-import threading
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from maniport.arms.chain import PRISMATIC, Chain
 from maniport.util.validation import Array
 
 
 class Kinematics:
-    """A Pinocchio model of a chain."""
+    """Poses and Jacobians of a chain."""
 
     def __init__(self, chain: Chain):
         self._chain = chain
         self._trivial = np.array_equal(chain.coupling, np.eye(len(chain.joints))) and not np.any(chain.offset)
-        self._model = model = pin.Model()
-        model.name = chain.name
-        parent = 0
-        for joint in chain.joints:
-            kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
-            parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
-        frame = chain.frames[chain.frame]
-        placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
-        self._tip = model.addFrame(placed)
-        self._joint_ids = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
-        self._own = _Workspace(model, self._tip)
+        count, frame = len(chain.joints), chain.frames[chain.frame]
+        self._placements = np.array([joint.placement for joint in chain.joints], dtype=np.float64).reshape(count, 4, 4)
+        self._axes = np.array([joint.axis for joint in chain.joints], dtype=np.float64).reshape(count, 3)
+        self._slides = np.array([joint.kind == PRISMATIC for joint in chain.joints], dtype=np.bool_)
+        self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
+        self._links = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
 
     def positions(self, q: Array) -> Array:
         """Positions of the chain's joints, shape (n, joints), for degrees of freedom, shape (n, dof)."""
@@ -41,64 +34,32 @@ class Kinematics:
         return np.asarray(flat.reshape(*jacobians.shape[:-1], flat.shape[1]))
 
     def forward(self, positions: Array) -> Array:
-        """Poses of the tip, shape (n, 4, 4)."""
-        model, data, compute = self._model, self._own.data, pin.framesForwardKinematics
-        (rotation, origin), (poses, rotations, origins) = self._own.tip, _poses(len(positions))
-        for i, q in enumerate(positions):
-            compute(model, data, q)  # places a handful of frames more quickly than a second call places one
-            rotations[i], origins[i] = rotation, origin
-        return poses
+        """Poses of the end effector, shape (n, 4, 4)."""
+        return self._motion(positions, 0)[0]
 
     def jacobian(self, positions: Array) -> Array:
-        """Jacobians of the tip with respect to the chain's joints, linear rows first, shape (n, 6, joints)."""
-        model, data, tip = self._model, self._own.data, self._tip
-        compute, axes = pin.computeFrameJacobian, pin.LOCAL_WORLD_ALIGNED
-        jacobians = np.empty((len(positions), 6, model.nv))
-        into = _as_pinocchio_shapes(jacobians)
-        for i, q in enumerate(positions):
-            into[i] = compute(model, data, q, tip, axes)
-        return jacobians
+        """Jacobians of the end effector in the chain's joints, linear rows first, shape (n, 6, joints)."""
+        return self.motion(positions)[1]
 
     def motion(self, positions: Array) -> tuple[Array, Array]:
-        """What `forward` and `jacobian` give, by one pass over the chain."""
-        model, data, tip = self._model, self._own.data, self._tip
-        compute, axes = pin.computeFrameJacobian, pin.LOCAL_WORLD_ALIGNED
-        (rotation, origin), (poses, rotations, origins) = self._own.tip, _poses(len(positions))
-        jacobians = np.empty((len(positions), 6, model.nv))
-        into = _as_pinocchio_shapes(jacobians)
-        for i, q in enumerate(positions):
-            into[i] = compute(model, data, q, tip, axes)  # which places the frame, too
-            rotations[i], origins[i] = rotation, origin
-        return poses, jacobians
+        """Results of `forward` and `jacobian`, in one pass over the chain."""
+        return self._motion(positions, len(positions))
 
     def joint_poses(self, positions: Array, joints: Sequence[str]) -> Array:
         """Poses of joints' frames after their motion, shape (n, k, 4, 4)."""
-        model, data = self._model, self._own.data
-        ids = [self._joint_ids[name] for name in joints]
-        poses = np.empty((len(positions), len(ids), 4, 4))
-        for i, q in enumerate(positions):
-            pin.forwardKinematics(model, data, q)
-            for k, joint in enumerate(ids):
-                poses[i, k] = data.oMi[joint].homogeneous
+        from maniport.arms.chain_kernels import fill_link_poses
+
+        n, count = positions.shape
+        rotations, origins = np.empty((n, count + 1, 3, 3)), np.empty((n, count + 1, 3))
+        parents = np.arange(count)
+        fill_link_poses(positions, parents, self._placements, self._axes, self._slides, rotations, origins)
+        links, poses = [self._links[name] for name in joints], np.zeros((n, len(joints), 4, 4))
+        poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations[:, links], origins[:, links], 1.0
         return poses
 
+    def _motion(self, positions: Array, n_jacobians: int) -> tuple[Array, Array]:
+        from maniport.arms.chain_kernels import fill_motion  # here: Numba takes a quarter of a second to load
 
-class _Workspace(threading.local):
-    """Where Pinocchio leaves what it computes, one for each thread; `tip` shows the rotation and origin there."""
-
-    def __init__(self, model: pin.Model, tip: int):
-        self.data = model.createData()
-        pose = self.data.oMf[tip]
-        self.tip: tuple[Array, Array] = pose.rotation, pose.translation
-
-
-def _poses(count: int) -> tuple[Array, Array, Array]:
-    """Poses to fill, shape (count, 4, 4), and their rotations and origins in the same memory."""
-    poses = np.zeros((count, 4, 4))
-    poses[:, 3, 3] = 1.0
-    return poses, poses[:, :3, :3], poses[:, :3, 3]
-
-
-def _as_pinocchio_shapes(jacobians: Array) -> Array:
-    """The same memory in the shapes that Pinocchio answers in: a column alone is a vector."""
-    return jacobians[..., 0] if jacobians.shape[-1] == 1 else jacobians
+        poses, jacobians = np.empty((len(positions), 4, 4)), np.empty((n_jacobians, 6, len(self._axes)))
+        fill_motion(positions, self._placements, self._axes, self._slides, *self._frame, poses, jacobians)
+        return poses, jacobians

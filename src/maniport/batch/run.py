@@ -143,7 +143,7 @@ def transfer_batch(
     order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
     arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
     _claim(folder)
-    rows, step = dict[Pair, Row](), Step(tell, "look for what is done")
+    rows, step = dict[Pair, Row](), Step(tell, "Check earlier results")
     tasks = list(_tasks(order, found, arms, overwrite, rows, count))
     step.end(f"{len(rows)} of {len(found) * len(arms)} pairs")
     kept, pairs = len(rows), [(source.name, robot.name) for source in found for robot in arms]

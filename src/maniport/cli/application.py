@@ -1,42 +1,57 @@
-"""The application, its exit codes, and the options that several commands share."""
+"""The application: commands generated from functions and the options of `maniport.pipeline.config`, and exit codes."""
 
 import inspect
-import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand
 
+from maniport.cli.positions import in_si_units
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
+from maniport.pipeline.config import OPTIONS, SECTIONS, Config
 from maniport.report.console import Console
 from maniport.util.defaults import RECORDINGS
+from maniport.util.options import Option
 from maniport.version import __version__
 
-Verb = Callable[..., None]
-
-
-class _Verbs(TyperGroup):
-    """The commands: panels in help pages, plain lines in error messages, which can be searched."""
-
-    def main(self, *args: Any, **options: Any) -> Any:
-        """Run a command."""
-        self.rich_markup_mode = None
-        return super().main(*args, **options)
-
+UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
+PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}
+RECORDING = f"Recording: {', '.join(RECORDINGS)}, a folder of keypoints, or a bundled name."
 
 app = typer.Typer(
     name="maniport",
-    cls=_Verbs,
-    help="Let a robot arm take over the way a person uses their arm.",
+    help="Transfer manipulability from a human arm to a robot arm.",
     no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+
+def main() -> None:
+    """Run the command line: exit code 0 when done, 2 for wrong input, with one sentence on standard error."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # encodings without ✓ get a question mark
+    try:
+        with on_the_command_line():
+            sys.exit(app(prog_name="maniport", standalone_mode=False))
+    except UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()
+            sys.exit(2)
+        message = error.format_message()
+    except ManiportError as error:
+        message = str(error)
+    except OSError as error:  # such as a name that is too long
+        where = f"{error.filename!s:.80}: " if error.filename else ""
+        message = f"{where}{error.strerror or error}"
+    print(f"maniport: {printable(message)}", file=sys.stderr)
+    sys.exit(2)
 
 
 def _version(wanted: bool) -> None:
@@ -48,135 +63,145 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version.")] = False,
-    mesh_folder: Annotated[
-        list[Path] | None,
-        typer.Option(
-            exists=True, file_okay=False, help="Folder from which robots may take meshes besides their own; repeatable."
-        ),
-    ] = None,
 ) -> None:
-    for folder in mesh_folder or ():  # readers of robots look in the folders of ROS
-        before = os.environ.get("ROS_PACKAGE_PATH")
-        os.environ["ROS_PACKAGE_PATH"] = os.pathsep.join([str(folder.absolute()), *([before] if before else [])])
+    """Define the options of the application."""
 
 
-def main() -> None:
-    """Run the command line; errors end with exit code 2 and one sentence."""
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")  # encodings without ✓ get a question mark
-    try:
-        with on_the_command_line():
-            app()
-    except ManiportError as error:
-        print(f"maniport: {error}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:  # such as a name that is too long
-        where = f"{error.filename!s:.80}: " if error.filename else ""
-        print(f"maniport: {printable(f'{where}{error.strerror or error}')}", file=sys.stderr)
-        sys.exit(2)
+class _Command(TyperCommand):
+    """A command whose help page has the options in groups."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options; those that are not common with ``--help-all`` only."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            hidden, parameter.hidden = getattr(parameter, "hidden", False), False  # type: ignore[attr-defined]
+            row = parameter.get_help_record(ctx)
+            parameter.hidden = hidden  # type: ignore[attr-defined]
+            if row is not None and (not hidden or "all" in ctx.meta):
+                title = getattr(parameter, "rich_help_panel", None)
+                groups.setdefault(title or ("Options" if row[0].startswith("-") else "Arguments"), []).append(row)
+        for title, rows in groups.items():
+            with formatter.section(title):
+                formatter.write_dl(rows, col_max=32)
 
 
-def group(
-    parameter: str, options: Callable[..., Any], make: Callable[..., Any] | None = None, **defaults: Any
-) -> Callable[[Verb], Verb]:
-    """Give commands a group of options.
+def _help_all(context: typer.Context, wanted: bool) -> None:
+    """Print the help page with all options."""
+    if wanted:
+        context.meta["all"] = True
+        typer.echo(context.get_help())
+        raise typer.Exit
+
+
+HelpAll = Annotated[
+    bool, typer.Option("--help-all", callback=_help_all, is_eager=True, help="Show help with all options.")
+]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")]
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option("--config", help="YAML file of options, as run.yaml in a result folder.", metavar="FILE"),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and the result table.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print the complete report.")]
+
+
+def command(
+    *names: str, example: str, defaults: Config | None = None, without: Iterable[str] = (), common: Iterable[str] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Add a command whose parameters `config` and `console` come from generated options.
 
     Parameters
     ----------
-    parameter : str
-        Parameter of the command that takes the result of `make`.
-    options : callable
-        Its parameters are the options.
-    make : callable, optional
-        Called with the values of the options, by name; default: `options` itself.
-    **defaults
-        Defaults that differ for these commands.
+    *names : str
+        Sections of the configuration, or options.
+    example : str
+    defaults : Config, optional
+        Defaults of the command.
+    without : iterable of str
+        Options of the sections that the command does not have.
+    common : iterable of str
+        Further options that ``--help`` shows.
     """
-    make = options if make is None else make
-    written = inspect.signature(options, eval_str=True).parameters
-    shared = {name: one.replace(default=defaults.get(name, one.default)) for name, one in written.items()}
+    defaults = defaults or Config()
+    chosen = [
+        described if name not in common else _common(described)
+        for name, (section, described) in OPTIONS.items()
+        if {name, section} & set(names) and described.typed and name not in without
+    ]
 
-    def decorate(verb: Verb) -> Verb:
-        own = inspect.signature(verb, eval_str=True).parameters.values()
-
+    def decorate(verb: Callable[..., None]) -> Callable[..., None]:
         @wraps(verb)
-        def with_options(**given: Any) -> None:
-            made = make(**{name: given.pop(name) for name in shared})
-            verb(**given, **{parameter: made})
+        def run(**typed: Any) -> None:
+            typed.pop("help_all")
+            console = Console(typed.pop("json"), typed.pop("quiet"), typed.pop("verbose"))
+            values = {option.name: typed.pop(option.name) for option in chosen}
+            file = typed.pop("config_file", None)
+            parameters = inspect.signature(verb).parameters
+            made: dict[str, Any] = {"config": _config(defaults, chosen, file, values), "console": console}
+            verb(**typed, **{name: value for name, value in made.items() if name in parameters})
 
-        every = [*(one for one in own if one.name != parameter), *shared.values()]
-        every.sort(key=lambda one: one.default is not inspect.Parameter.empty)
-        with_options.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]
-        with_options.__annotations__ = {one.name: one.annotation for one in every}
-        return with_options
+        own = inspect.signature(verb, eval_str=True).parameters.values()
+        shared: dict[str, Any] = {"help_all": HelpAll, "json": Json, "quiet": Quiet, "verbose": Verbose}
+        parameters = [parameter for parameter in own if parameter.name not in ("config", "console")]
+        parameters += [_parameter(option, defaults) for option in chosen]
+        if chosen:
+            parameters.append(_keyword("config_file", ConfigFile, None))
+        parameters += [_keyword(name, kind, False) for name, kind in shared.items()]
+        parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        app.command(cls=_Command, epilog=f"Example: {example}")(run)
+        return verb
 
     return decorate
 
 
-def require_none(options: Mapping[str, Any], what: str, why: str) -> None:
-    """Raise if an option was given; `what` says what it is for, `why` the reason for which it is refused here."""
-    for name, value in options.items():
-        if value is not None:
-            raise InvalidInputError(f"--{name} {what}; {why}")
+def _common(described: Option) -> Option:
+    return replace(described, common=True)
 
 
-Seed = Annotated[int, typer.Option("--seed", help="Random seed.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and the output of --json.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the folder of --output.")]
-Person = Annotated[str, typer.Option("--person", help="Model of the human arm: myoarm or rhuman.")]
-Side = Annotated[
-    str,
-    typer.Option(
-        "--arm",
-        help="Arm of the person: right, left, or auto, the one that moves more; for transfer and view also both.",
-    ),
-]
-Height = Annotated[
-    float | None, typer.Option("--height", help="Body height [m], for lengths that are unknown otherwise.")
-]
-Robot = Annotated[str, typer.Option("--robot", help="Name of an arm, or its URDF, MJCF or xacro file.")]
-METHODS = "icp, length-field, parallel-transport, nearest-neighbor, mean-transport, raw-copy"
-Method = Annotated[str, typer.Option("--method", help=f"Transfer method: auto, {METHODS}.")]
-NamedMethod = Annotated[str, typer.Option("--method", help=f"Transfer method: {METHODS}.")]
-Kind = Annotated[str, typer.Option("--kind", help="velocity or force ellipsoids.")]
-Part = Annotated[str, typer.Option("--part", help="translation, rotation or full.")]
-Damping = Annotated[float, typer.Option("--damping", help="Relative damping of singular ellipsoids; 0 for none.")]
-RECORDING = f"A recording: {', '.join(RECORDINGS)}, or a folder of keypoints."
-Share = Annotated[
-    float, typer.Option("--damping", help="Damping before comparison, as a share of the mean eigenvalue.")
-]
-Floor = Annotated[
-    float | None, typer.Option("--eigenvalue-floor", help="Lift eigenvalues below it, instead of damping.")
-]
-Mounting = Annotated[
-    tuple[float, float, float],
-    typer.Option("--base-rotation", help="Roll, pitch, yaw [deg] from the teacher's base frame to the student's."),
-]
+def _config(defaults: Config, chosen: list[Option], file: Path | None, typed: dict[str, Any]) -> Config:
+    """Return the defaults, changed by a file and by what was typed."""
+    names = {option.name for option in chosen}
+    config = defaults
+    if file is not None:
+        config = Config.load(file, defaults, {*names, "recording"})
+    values = {
+        option.name: option.parse(typed[option.name]) for option in chosen if typed[option.name] not in (None, [])
+    }
+    return in_si_units(config.changed(**values), values)
 
 
-def _console(
-    as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON, and nothing else.")] = False,
-    quiet: Quiet = False,
-) -> Console:
-    return Console(as_json, quiet)
+def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
-prints = group("console", _console)  # Gives a command that has a parameter `console` the options of printing
+def _parameter(option: Option, defaults: Config) -> inspect.Parameter:
+    """Make the parameter of an option; None stands for a value that was not typed."""
+    section = OPTIONS[option.name][0]
+    default = getattr(getattr(defaults, section) if section else defaults, option.name)
+    plain = option.kind in (bool, int, float) and not option.choices
+    several = option.repeated or (option.element is str and option.kind in (tuple, Mapping))
+    kind = option.kind if plain else list[str] if several else str
+    settings = typer.Option(
+        *([option.flag] if option.kind is not bool else [f"{option.flag}/--no-{option.flag[2:]}"]),
+        help=option.description(default),
+        hidden=not option.common,
+        metavar=option.placeholder,
+        rich_help_panel=PANELS.get(section),
+        autocompletion=(lambda: list(option.choices)) if option.choices else None,
+    )
+    return _keyword(option.name, Annotated[kind | None, settings], None)
 
 
-def regularization(damping: float, eigenvalue_floor: float | None) -> dict[str, float | None]:
-    """Return damping and floor for the library: one of them, or neither."""
-    if eigenvalue_floor is not None:
-        return {"damping": None, "eigenvalue_floor": eigenvalue_floor}
-    return {"damping": None if damping == 0 else damping, "eigenvalue_floor": None}
-
-
-def rotation(base_rotation: tuple[float, float, float]) -> Any:
-    """Rotation matrix from roll, pitch, yaw [deg] about fixed axes, as in URDF."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("xyz", base_rotation, degrees=True).as_matrix()
+def require_none(config: Config, section: str, why: str) -> None:
+    """Raise if an option of a section differs from its default."""
+    part, usual = getattr(config, section), SECTIONS[section]()
+    for name, (place, option) in OPTIONS.items():
+        if place == section and getattr(part, name) != getattr(usual, name):
+            raise InvalidInputError(f"{option.flag} cannot be used here: {why}")
 
 
 def require_npz(path: Path) -> None:

@@ -1,56 +1,74 @@
-"""The command that describes an arm, a file or a folder of results."""
+"""Commands on names and files: describe them, and draw the figures of a result."""
 
+import shlex
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import Height, Seed, Side, app, prints
-from maniport.cli.recorded import Recorded, takes_recording
-from maniport.cli.robots import Chain, takes_chain
+from maniport.cli.application import command, require_none
+from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.report.metrics import Metric, Report, Section, facts_of, warning
 from maniport.report.renderings import PAGE, SUMMARY
 from maniport.util.defaults import AUTO, RECORDINGS
 
 
-@app.command(
-    epilog="Example: maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json"
+@command(
+    *("unit", "vertical_axis", "fps", "start", "stop", "markers", "side", "height"),
+    *("frame", "joints", "base", "lock", "mesh_folders"),
+    example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )
-@takes_chain
-@takes_recording
-@prints
 def info(
-    chain: Chain,
-    recorded: Recorded,
+    config: Config,
     console: Console,
     what: Annotated[
-        str,
-        typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a folder of results."),
+        str, typer.Argument(help="Name of an arm, or a file: recording, robot, ellipsoids, adapter; a result folder.")
     ],
-    side: Side = AUTO,
-    height: Height = None,
-    seed: Seed = 0,
 ) -> None:
-    """Describe an arm, a recording, a file of ellipsoids or a folder of results."""
-    console.tell(_facts(what, chain, recorded, side, height))
+    """Describe an arm, a recording, ellipsoids or results."""
+    console.tell(_description(what, config))
 
 
-def _facts(what: str, chain: Chain, recorded: Recorded, side: str, height: float | None) -> Report:
+@command(example="maniport figures maniport-demo -o paper/figures")
+def figures(
+    console: Console,
+    result: Annotated[Path, typer.Argument(help="Folder of transfer, demo, track or learn.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for the figures; default: that of the result.")
+    ] = None,
+) -> None:
+    """Draw the figures of a saved result as PNG and SVG files."""
+    from maniport.report.figures import write_figures
+
+    with console.progress() as progress:
+        progress("Draw figures", 0.0)
+        files = write_figures(result, output)
+        progress("Draw figures", 1.0, f"{len(files)} files")
+    console.finish({"files": [str(file) for file in files]}, "\n".join(map(str, files)))
+
+
+def _description(what: str, config: Config) -> Report:
     """Describe what a name or a path stands for."""
     if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
-        recorded.require_none(f"{what!r} holds results")
-        chain.require_none(f"{what!r} holds results")
+        require_none(config, "human", f"{what!r} is a folder of results")
+        require_none(config, "robot", f"{what!r} is a folder of results")
         return _of_results(Path(what))
     if _is_recording(what):
-        chain.require_none(f"{what!r} is a recording")
+        require_none(config, "robot", f"{what!r} is a recording")
         from maniport.report.recording import recording_facts
 
-        return recording_facts(recorded.read(what), recorded.roles(), side, command=recorded.command(what))
-    recorded.require_none(f"{what!r} is none")
+        human = config.human
+        words = " ".join(config.changed(markers=None, side=AUTO).words("human"))
+        return recording_facts(
+            human.read(what), human.roles(), human.side, command=f"{shlex.quote(what)} {words}".strip()
+        )
+    recording = config.changed(side=AUTO, height=None)
+    require_none(recording, "human", f"{what!r} is no recording")
     if Path(what).suffix.lower() != ".npz":
-        return _of_robot(what, chain, side, height)
-    chain.require_none(f"{what!r} is none")
+        return _of_robot(what, config)
+    require_none(config, "robot", f"{what!r} holds arrays")
     return _of_arrays(what)
 
 
@@ -73,14 +91,17 @@ def _is_recording(what: str) -> bool:
     return what in SHIPPED
 
 
-def _of_robot(what: str, chain: Chain, side: str, height: float | None) -> Report:
-    """Tell of an arm and of the other ends that its robot has; of the ends alone where there are several to choose."""
+def _of_robot(what: str, config: Config) -> Report:
+    """Describe an arm and the limbs of its robot; the limbs alone if none of several was chosen."""
     from maniport.arms.loaders import robot_limbs
     from maniport.report.robot import robot_facts
 
     limbs, default = robot_limbs(what)
-    to_choose = limbs and default is None and chain.frame is None and chain.joints is None
-    return robot_facts(what, limbs, None if to_choose else chain.load(what, side, height))
+    robot = replace(config.robot, robot=(what,))
+    if limbs and default is None and not robot.frame and not robot.joints:
+        return robot_facts(what, limbs, None)
+    arm: Any = robot.load(side=config.human.side, height=config.human.height)
+    return robot_facts(what, limbs, arm)
 
 
 def _of_arrays(path: str) -> Report:

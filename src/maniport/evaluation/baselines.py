@@ -17,10 +17,10 @@ from maniport.util.optional import how_to_install, pyriemann_transfer
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_choice
 
-RAW_COPY, RECENTRING, TRANSPORT, LOOKUP = "raw-copy", "mean-transport", "parallel-transport", "nearest-neighbor"
+IDENTITY, RECENTRING, TRANSPORT, LOOKUP = "identity", "mean-transport", "parallel-transport", "nearest-neighbor"
 PROCRUSTES = "procrustes"  # Baselines by their names in `maniport.transfer.METHODS`, but for `Procrustes`
 
-ROWS = (RAW_COPY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first
+ROWS = (IDENTITY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first
 
 EVERY_ROW = (*METHODS, PROCRUSTES)  # All methods that an adapter may be compared with
 

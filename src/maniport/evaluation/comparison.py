@@ -105,7 +105,7 @@ def evaluate(
     methods = [own, *baselines_for(adapter, own.name, rows, pairs, fitted)]
     options = {"pairs": pairs} if pairs is not None and "pairs" in signature(adapter.fit).parameters else {}
     search = {"bank": bank, "n_starts": n_starts, "n_jobs": n_jobs}
-    measured = bench.compare(methods, adapter.student_regularization, options, search, Step(progress, "measure"))
+    measured = bench.compare(methods, adapter.student_regularization, options, search, Step(progress, "Evaluate baselines"))
     noise = Row("student's own fresh samples", energy_distance=bench.energy_distance(bench.fresh))
     return Evaluation(
         measured,

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import spearmanr
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
@@ -19,6 +18,7 @@ from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter
 from maniport.transfer.length_field.report import AXIS_MOVED
 from maniport.transfer.rotation_group import rotation_angle
+from maniport.util.ranks import rank_correlation
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_points
 
@@ -278,7 +278,7 @@ def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
         raise InvalidInputError(
             f"original does not vary: all of its pairwise distances are {original[0]:.3g}; structure compares them"
         )
-    rank = float(spearmanr(mapped, original).statistic) if np.ptp(mapped) > STILL else 0.0
+    rank = rank_correlation(mapped, original) if np.ptp(mapped) > STILL else 0.0
     distinct = original > STILL
     ratios = mapped[distinct] / original[distinct]
     scale = float(np.median(ratios))

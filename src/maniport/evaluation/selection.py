@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.evaluation.baselines import RAW_COPY, RECENTRING, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, RECENTRING, TRANSPORT
 from maniport.evaluation.comparison import evaluate
 from maniport.evaluation.verdict import Evaluation, Row
 from maniport.feasibility import knowing
@@ -80,20 +80,19 @@ def choose(
     Raises
     ------
     ManiportError
-        When an input is invalid, or parallel transport cannot be fitted.
+        When an input is invalid, or neither method can be fitted.
     """
-    step = "choose the method"
+    step = "Fit transfer"
     report = progress or (lambda step, fraction, found="": None)
     report(step, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    transport = method_of(TRANSPORT, **shared).fit(*domains)
     field = knowing(method_of(FIELD, **shared), robot, spec, bank)
     failures = _failures(field, domains, spec)
     report(step, 0.7)
-    adapter, method = (transport, TRANSPORT) if failures else (field, FIELD)
+    adapter, method = (method_of(TRANSPORT, **shared).fit(*domains), TRANSPORT) if failures else (field, FIELD)
     evaluation = evaluate(
         adapter,
         *domains,
@@ -102,7 +101,7 @@ def choose(
         person=person,
         spec=spec,
         name=method,
-        rows=(RAW_COPY, RECENTRING, TRANSPORT),
+        rows=(IDENTITY, RECENTRING, TRANSPORT),
         bank=bank,
         n_starts=16,  # with 48 the mean gaps are at most 3 % less
         n_domain=64,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.errors import unknown_name
-from maniport.evaluation.baselines import LOOKUP, RAW_COPY, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
 from maniport.evaluation.metrics import RMSE, STILL, Smoothness, Stability, Structure
 from maniport.transfer import METHODS
 from maniport.transfer.length_field.report import AXIS_MOVED, LEAST_STRUCTURE
@@ -165,9 +165,9 @@ class Verdict:
         return self.values.get(self.name)
 
     @property
-    def raw_copy(self) -> float | None:
+    def identity(self) -> float | None:
         """Value of the identity baseline."""
-        return self.values.get(RAW_COPY)
+        return self.values.get(IDENTITY)
 
     @property
     def best(self) -> str:
@@ -181,7 +181,7 @@ class Verdict:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values, ready for JSON."""
-        derived = {name: getattr(self, name) for name in ("value", "raw_copy", "best", "best_value")}
+        derived = {name: getattr(self, name) for name in ("value", "identity", "best", "best_value")}
         return {**asdict(self), **derived}
 
 

@@ -1,8 +1,6 @@
-"""Several demonstrations become one profile: aligned in time, averaged on the manifold, with how much they agree.
+"""Profiles learned from several demonstrations: alignment, Gaussian mixture on the manifold, tracking weights.
 
-`align` brings demonstrations of unequal pace to common times; `ProfileGMM` learns the ellipsoid at every time or
-position and its covariance; `tracking_weights` turns that covariance into what a tracking task needs: follow closely
-where the demonstrations agree, loosely where not. Arrays only, of any SPD data.
+The functions take arrays of any SPD matrices.
 """
 
 from maniport.learning.alignment import Alignment, align

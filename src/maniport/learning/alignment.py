@@ -1,4 +1,4 @@
-"""Demonstrations of unequal pace brought to common times."""
+"""Alignment of demonstrations of unequal pace in time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,15 +24,15 @@ class Alignment(ShownInNotebooks):
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Of the reference: in seconds where times were given, else running from 0 to 1.
+        Times of the reference: [s] if times were passed, else from 0 to 1.
     ellipsoids : ndarray, shape (k, n, d, d)
-        Each demonstration as it is at these times.
+        Each demonstration at these times.
     paths : tuple of ndarray, shape (l, 2)
         For each demonstration the matched indices (of the reference, of the demonstration), in order.
     distances : ndarray, shape (k,)
         sqrt(Σ d²) along each path, d the affine-invariant distance of matched ellipsoids; 0 for the reference.
     reference : int
-        Which demonstration gave the times.
+        Index of the demonstration with these times.
     """
 
     time: Array
@@ -51,12 +51,12 @@ class Alignment(ShownInNotebooks):
         Parameters
         ----------
         signals : sequence of k array_like, shape (n_i, ...)
-            One for each demonstration, in the order and of the length of its profile.
+            One for each demonstration, of the length of its profile.
 
         Returns
         -------
         ndarray, shape (k, n, ...)
-            Arithmetic mean of what is matched with each time.
+            Arithmetic mean of the values matched with each time.
 
         Raises
         ------
@@ -68,18 +68,21 @@ class Alignment(ShownInNotebooks):
         arrays = [as_finite(signal, f"signals[{index}]") for index, signal in enumerate(signals)]
         for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
             require_shape(array, f"signals[{index}]", (path[-1, 1] + 1, *arrays[0].shape[1:]))
-        return np.stack([_averages(array, path) for array, path in zip(arrays, self.paths, strict=True)])
+        warped = []
+        for array, path in zip(arrays, self.paths, strict=True):
+            starts = _starts(path)
+            counts = np.diff(np.r_[starts, len(path)])
+            sums = np.add.reduceat(array[path[:, 1]], starts)
+            warped.append(sums / counts.reshape(-1, *[1] * (array.ndim - 1)))
+        return np.stack(warped)
 
     def stacked(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """All demonstrations one after another, as ``ProfileGMM().fit(*alignment.stacked())`` takes them.
+        """Concatenate all demonstrations for ``ProfileGMM().fit(*alignment.stacked())``.
 
         Returns
         -------
-        inputs : ndarray, shape (k n,)
-            Times.
-        ellipsoids : ndarray, shape (k n, d, d)
-        groups : ndarray, shape (k n,)
-            Which demonstration each point belongs to.
+        inputs, ellipsoids, groups : ndarray, shapes (k n,), (k n, d, d) and (k n,)
+            Times, ellipsoids, and the index of the demonstration of each point.
         """
         k, n, d, _ = self.ellipsoids.shape
         return np.tile(self.time, k), self.ellipsoids.reshape(k * n, d, d), np.repeat(np.arange(k), n)
@@ -94,9 +97,9 @@ def align(
     """Bring demonstrations of the same motion to common times by dynamic time warping.
 
     Each demonstration is matched with the reference so that Σ d² over the matched pairs is least, d the
-    affine-invariant distance. Where several of its ellipsoids are matched with one time, their Fréchet mean is taken.
+    affine-invariant distance. Several ellipsoids that are matched with one time are replaced by their Fréchet mean.
     Neither a congruence of all ellipsoids nor a reversal of all times changes the matching. Only shapes are compared:
-    where a demonstration stands still its times are not determined.
+    while a demonstration rests its times are not determined.
 
     Parameters
     ----------
@@ -105,7 +108,7 @@ def align(
     times : sequence of array_like, shape (n_i,), optional
         Strictly increasing [s]. Only those of the reference enter the result.
     reference : int, optional
-        Whose times to take. Default: the medoid, whose summed distance to the others is least.
+        Index of the demonstration with the common times. Default: the medoid, with the least sum of distances.
     progress : callable, optional
         Called with the name of a step and the fraction done.
 
@@ -118,36 +121,36 @@ def align(
     clocks = _checked_times(times, data)
     k = len(data)
     chosen = None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
-    step = Step(progress, "align the demonstrations")
+    step = Step(progress, "Align demonstrations")
     search, match = pieces(step, k * (k - 1) / 2 if reference is None else 0.0, k)
     chosen = _medoid(data, search) if chosen is None else chosen
-    matches = [matched(data[chosen], one, same=i == chosen) for i, one in enumerate(counted(data, k, match))]
-    paths = tuple(path for path, _ in matches)
-    warped = [_means(profile, path) for profile, path in zip(data, paths, strict=True)]
+    matches = [matched(data[chosen], other, same=i == chosen) for i, other in enumerate(counted(data, k, match))]
+    paths, distances = zip(*matches, strict=True)
+    warped = np.stack([_means(profile, path) for profile, path in zip(data, paths, strict=True)])
     step.end(f"{k} demonstrations, {len(clocks[chosen])} times")
-    return Alignment(clocks[chosen].copy(), np.stack(warped), paths, np.array([far for _, far in matches]), chosen)
+    return Alignment(clocks[chosen].copy(), warped, paths, np.array(distances), chosen)
 
 
 def matched(reference: Array, profile: Array, same: bool = False) -> tuple[Path, float]:
-    """Indices of two profiles that belong together, shape (l, 2), and sqrt(Σ d²) along them."""
+    """Return matched indices of two profiles, shape (l, 2), and sqrt(Σ d²) along them."""
     if same:
         return np.repeat(np.arange(len(profile))[:, None], 2, axis=1), 0.0
     path, cost = cheapest_path(distance_unchecked(reference[:, None], profile[None]) ** 2)
     return path, float(np.sqrt(cost))
 
 
-def _medoid(data: list[Array], tell: Part) -> int:
-    """Index of the demonstration with the least summed distance to the others."""
+def _medoid(data: list[Array], progress: Part) -> int:
+    """Return the index of the demonstration with the least sum of distances to the others."""
     between = np.zeros((len(data), len(data)))
     pairs = list(combinations(range(len(data)), 2))
-    for a, b in counted(pairs, len(pairs), tell):
+    for a, b in counted(pairs, len(pairs), progress):
         between[a, b] = between[b, a] = matched(data[b], data[a])[1]
     return int(np.argmin(between.sum(axis=0)))
 
 
 def _means(profile: Array, path: Path) -> Array:
-    """Fréchet means of the ellipsoids that are matched with each index of the reference."""
-    starts = np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
+    """Return Fréchet means of the ellipsoids that are matched with each index of the reference."""
+    starts = _starts(path)
     warped: Array = profile[path[starts, 1]]
     for index, several in enumerate(np.split(path[:, 1], starts[1:])):
         if len(several) > 1:
@@ -155,10 +158,9 @@ def _means(profile: Array, path: Path) -> Array:
     return warped
 
 
-def _averages(signal: Array, path: Path) -> Array:
-    starts = np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
-    counts = np.diff(np.r_[starts, len(path)])
-    return np.asarray(np.add.reduceat(signal[path[:, 1]], starts) / counts.reshape(-1, *[1] * (signal.ndim - 1)))
+def _starts(path: Path) -> Path:
+    """Return where the rows of each index of the reference begin."""
+    return np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
 
 
 def _checked_profiles(profiles: Sequence[ArrayLike]) -> list[Array]:
@@ -178,7 +180,7 @@ def _checked_times(times: Sequence[ArrayLike] | None, data: list[Array]) -> list
 
 
 def cheapest_path(costs: Array) -> tuple[Path, float]:
-    """Cheapest path through a matrix of costs from its first entry to its last: dynamic time warping."""
+    """Return the cheapest path from the first to the last entry of a cost matrix: dynamic time warping."""
     n, m = costs.shape
     total = np.full((n + 1, m + 1), np.inf)
     total[0, 0] = 0.0

@@ -1,6 +1,6 @@
-"""ProfileGMM: a profile and its covariance from several demonstrations.
+"""Gaussian mixture of a profile over several demonstrations.
 
-The covariance was measured by leaving one demonstration out: the share of its ellipsoids, 3×3 at 40 times, inside the
+The covariance was measured by holding out one demonstration: the share of its ellipsoids, 3×3 at 40 times, inside the
 95 % ellipsoid of the others; mean over 5 draws of 4, 6 and 10 synthetic demonstrations, 3 or 6 components. Where
 demonstrations deviate smoothly, as people do: 0.01 to 0.82 without `groups`, 0.81 to 0.97 with. Where all points
 deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
@@ -34,11 +34,8 @@ from maniport.util.validation import Array, as_count, as_finite, as_generator, a
 
 FILE_FORMAT = "maniport-profile-1"
 
-_ARRAYS = (
-    *("weights_", "input_means_", "means_", "covariances_"),
-    *("converged_", "history_", "log_likelihood_", "bic_curve_"),
-)
-"""Arrays and numbers of a fitted model that a file holds."""
+_MIXTURE = "weights_", "input_means_", "means_", "covariances_"
+_SAVED = (*_MIXTURE, "converged_", "history_", "log_likelihood_", "bic_curve_")
 
 
 class ProfileGMM(ShownInNotebooks, Estimator):
@@ -51,11 +48,10 @@ class ProfileGMM(ShownInNotebooks, Estimator):
     Parameters
     ----------
     n_components : int, optional
-        Number of Gaussians. Default: the one, up to `max_components`, with the least BIC.
+        Number of Gaussians. Default: that with the least BIC, up to `max_components` or as many as the points allow.
     max_components : int
-        Largest number that BIC may choose; fewer are tried where there are too few points.
     regularization : float
-        Added to the variances in log coordinates and, times the variance of the inputs, to those of the inputs.
+        Added to the variances in log coordinates and, times the variance of the inputs, to theirs.
     n_init : int
         Number of k-means starts; the most likely result is kept.
     max_iter : int
@@ -76,13 +72,13 @@ class ProfileGMM(ShownInNotebooks, Estimator):
     log_likelihood_ : float
         Mean over the training points.
     history_ : ndarray
-        Mean log-likelihood after each EM step. It may fall a little, as in a curved space the Fréchet mean is not quite
-        the most likely one: by up to 3e-5 at ellipsoids 0.3 apart, 1e-3 at 1, 1e-2 at 2.
+        Mean log-likelihood after each EM step. As the Fréchet mean is not quite the most likely one in a curved space,
+        it may fall: by up to 3e-5 at ellipsoids 0.3 apart, 1e-3 at 1, 1e-2 at 2.
     converged_ : bool
     n_demonstrations_ : int or None
         Number of different `groups`.
     bic_curve_ : ndarray
-        BIC of 1, 2, … components where it chose; else of the one model.
+        BIC of each number of components that was tried.
 
     References
     ----------
@@ -133,8 +129,8 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         ellipsoids : array_like, shape (n, d, d)
             SPD.
         groups : array_like, shape (n,), optional
-            Which demonstration each point belongs to. Give it whenever a demonstration deviates smoothly: `predict`
-            then returns the covariance that so few observations justify. Default: all points are independent.
+            Demonstration of each point, needed where demonstrations deviate smoothly: `predict` then returns the
+            covariance that so few observations justify. Default: all points are independent.
         progress : callable, optional
             Called with the name of a step and the fraction done.
 
@@ -146,7 +142,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         ------
         NotSPDError, InvalidInputError
             When an ellipsoid is not SPD, lengths differ, all inputs are equal, there are fewer than p + m + 1 points
-            for each component, groups do not fit, or a parameter is wrong. The model then is what it was before.
+            for each component, groups do not fit, or a parameter is wrong. The model then stays unchanged.
 
         Warns
         -----
@@ -164,11 +160,11 @@ class ProfileGMM(ShownInNotebooks, Estimator):
             "max_iter": as_count(self.max_iter, "max_iter"),
             "tol": as_number(self.tol, "tol", above=0.0),
         }
-        step = Step(progress, "fit the mixture")
+        step = Step(progress, "Fit Gaussian mixture")
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
             fits = [
-                most_likely(x, points, count, generator, tell, **checked)
-                for count, tell in zip(candidates, pieces(step, *candidates), strict=True)
+                most_likely(x, points, count, generator, part, **checked)
+                for count, part in zip(candidates, pieces(step, *candidates), strict=True)
             ]
         curve = np.array([fit.mixture.bic(len(x) * fit.log_likelihood, len(x)) for fit in fits])
         best = fits[int(np.argmin(curve))]
@@ -189,7 +185,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         return self
 
     def predict(self, inputs: ArrayLike, return_covariance: bool = False) -> Array | tuple[Array, Array]:
-        """Ellipsoids expected at the inputs, by Gaussian mixture regression.
+        """Return the ellipsoids expected at the inputs, by Gaussian mixture regression.
 
         Parameters
         ----------
@@ -202,9 +198,8 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         -------
         ellipsoids : ndarray, shape (n, d, d)
         covariance : ndarray, shape (n, m, m)
-            The 4th-order covariance as a matrix, dimensionless: of vec(log(P^-½ X P^-½)) in Mandel form, P being the
-            ellipsoid predicted and X one of a demonstration, m = d (d + 1) / 2. `covariance_tensor` gives the tensor,
-            `tracking_weights` the weights for a tracking task.
+            Covariance of vec(log(P^-½ X P^-½)) in Mandel form, P being the predicted ellipsoid and X one of a
+            demonstration, m = d (d + 1) / 2; see `covariance_tensor` and `tracking_weights`.
 
         Raises
         ------
@@ -220,18 +215,18 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         return (centers, covariance) if return_covariance else centers
 
     def score_samples(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> Array:
-        """Log-likelihood, shape (n,), of inputs and ellipsoids together, as `fit` takes them."""
+        """Return the log-likelihood, shape (n,), of inputs and ellipsoids together."""
         mixture = self._mixture()
         points = as_points(ellipsoids, "ellipsoids", mixture.ellipsoids.shape[-1], minimum=1)
         x = as_inputs(inputs, len(points), mixture.inputs.shape[1])
         return np.asarray(logsumexp(mixture.log_joint(mixture.deviations(x, points)), axis=1))
 
     def score(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
-        """Mean of `score_samples`: larger is better."""
+        """Return the mean of `score_samples`; larger is better."""
         return float(self.score_samples(inputs, ellipsoids).mean())
 
     def bic(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
-        """Bayesian information criterion, −2 log L + parameters · log n (Schwarz 1978): smaller is better."""
+        """Return the Bayesian information criterion −2 log L + parameters · log n (Schwarz 1978); smaller is better."""
         samples = self.score_samples(inputs, ellipsoids)
         return self._mixture().bic(float(samples.sum()), len(samples))
 
@@ -240,11 +235,11 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         self._mixture()
         parameters = self.get_params(deep=False)
         if isinstance(parameters["random_state"], np.random.Generator):
-            parameters["random_state"] = None  # its state says nothing about the fitted model
+            parameters["random_state"] = None  # its state is not that of the fit
         plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
         content = {"format": FILE_FORMAT, "parameters": plain, "demonstrations": self.n_demonstrations_}
         header = json.dumps(content, sort_keys=True)
-        arrays = {name: np.asarray(getattr(self, name)) for name in _ARRAYS}
+        arrays = {name: np.asarray(getattr(self, name)) for name in _SAVED}
         save_arrays(path, {"profile_model": np.array(header), **arrays})
 
     @classmethod
@@ -256,7 +251,7 @@ class ProfileGMM(ShownInNotebooks, Estimator):
         FileFormatError
             When the file cannot be read or holds something else.
         """
-        arrays = load_arrays(path, "profile model", ("profile_model", *_ARRAYS))
+        arrays = load_arrays(path, "profile model", ("profile_model", *_SAVED))
         try:
             header = json.loads(str(arrays["profile_model"]))
             if header["format"] != FILE_FORMAT:
@@ -264,10 +259,10 @@ class ProfileGMM(ShownInNotebooks, Estimator):
             model = cls(**header["parameters"])
             count = header["demonstrations"]
             model.n_demonstrations_ = None if count is None else as_count(count, "demonstrations")
-            for name in _ARRAYS:
+            for name in _SAVED:
                 value = as_finite(arrays[name], name) if name != "converged_" else arrays[name].astype(bool)
                 setattr(model, name, value.item() if value.ndim == 0 else value)
-            _require_mixture(model.weights_, model.input_means_, model.means_, model.covariances_)
+            _require_mixture(*(getattr(model, name) for name in _MIXTURE))
             model.n_components_, model.n_features_in_ = model.input_means_.shape
         except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
             raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None

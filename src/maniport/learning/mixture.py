@@ -1,4 +1,4 @@
-"""Gaussian mixtures on R^p × SPD(d): checks of their data, the EM iteration with its starts, regression."""
+"""Gaussian mixtures on R^p × SPD(d): input checks, EM iteration, regression."""
 
 import warnings
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from maniport.spd.mean import mean
 from maniport.util.progress import Part, counted
 from maniport.util.validation import Array, as_count, as_finite, require_shape
 
-STARVED = 1e-8  # A component that explains less than this many points keeps its mean and covariance
+MIN_WEIGHT = 1e-8  # A component that explains fewer points keeps its mean and covariance
 
 
 def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -> Array:
@@ -37,7 +37,7 @@ def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -
 
 
 def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
-    """Count the labels that tell the demonstrations apart; None when there are none."""
+    """Return the number of different labels; None without labels."""
     if groups is None:
         return None
     labels = np.asarray(groups)
@@ -47,28 +47,28 @@ def count_demonstrations(groups: ArrayLike | None, points: int) -> int | None:
     except TypeError as error:
         raise InvalidInputError(f"groups must be labels of one kind, such as whole numbers: {error}") from None
     if count < 2:
-        raise InvalidInputError("groups must tell at least 2 demonstrations apart: one says nothing about agreement")
+        raise InvalidInputError(f"groups must hold at least 2 different labels; found {count}")
     return count
 
 
 def points_each(d: int, inputs: int = 1) -> int:
-    """How many ellipsoids d × d each component needs at least, with so many inputs."""
+    """Return the least number of ellipsoids d × d for a component."""
     return inputs + d * (d + 1) // 2 + 1
 
 
-def component_counts(wanted: Any, most: Any, x: Array, points: Array) -> range:
-    """Numbers of components to try: the wanted one, or with None all up to `most` that the points allow."""
+def component_counts(count: Any, most: Any, x: Array, points: Array) -> range:
+    """Return the numbers of components to try: `count`, or up to `most` that the points allow."""
     d, p = points.shape[-1], x.shape[1]
     each = points_each(d, p)
-    room = len(x) // each
-    if wanted is None:
-        low, high = 1, min(as_count(most, "max_components"), max(room, 1))
+    allowed = len(x) // each
+    if count is None:
+        low, high = 1, min(as_count(most, "max_components"), max(allowed, 1))
     else:
-        low = high = as_count(wanted, "n_components")
-    if high > room:
+        low = high = as_count(count, "n_components")
+    if high > allowed:
         raise InvalidInputError(
-            f"{high} component{'s' if high > 1 else ''} need{'s' if high == 1 else ''} at least {high * each} "
-            f"ellipsoids, {each} each for {p} input{'s' if p > 1 else ''} and {d}×{d} matrices; found {len(x)}"
+            f"{high} components need {high * each} ellipsoids, {each} each for {p} inputs and {d}×{d} matrices, "
+            f"found {len(x)}"
         )
     return range(low, high + 1)
 
@@ -83,24 +83,24 @@ class Mixture:
     covariances: Array  # of [x − mean; whitened Mandel coordinates at the Fréchet mean], (K, p + m, p + m)
 
     def deviations(self, inputs: Array, points: Array) -> Array:
-        """Tangent vectors, shape (K, n, p + m), of inputs (n, p) and points (n, d, d) at each component."""
+        """Return tangent vectors (K, n, p + m) of inputs (n, p) and points (n, d, d) at each component."""
         return np.concatenate(
             [inputs - self.inputs[:, None], coordinates(self.ellipsoids[:, None], points[None])], axis=-1
         )
 
     def log_joint(self, deviations: Array) -> Array:
-        """Logarithms of weight times density, shape (n, K), in each component's own tangent space."""
+        """Return logarithms of weight times density, shape (n, K), in the tangent space of each component."""
         return np.log(self.weights) + log_density(deviations, self.covariances)
 
     def bic(self, log_likelihood: float, n: int) -> float:
-        """Bayesian information criterion −2 log L + parameters · log n (Schwarz 1978) of n points."""
+        """Return the Bayesian information criterion of n points."""
         count, s = self.covariances.shape[:2]
         free = count - 1 + count * s + count * s * (s + 1) // 2
         return float(-2.0 * log_likelihood + free * np.log(n))
 
 
 def log_density(deviations: Array, covariances: Array) -> Array:
-    """Log-density, shape (n, K), of centred Gaussians (K, s, s) at deviations (K, n, s)."""
+    """Return the log-density (n, K) of centered Gaussians (K, s, s) at deviations (K, n, s)."""
     factors = np.linalg.cholesky(covariances)
     whitened = np.linalg.solve(factors, np.swapaxes(deviations, -1, -2))
     log_root = np.sum(np.log(np.diagonal(factors, axis1=-2, axis2=-1)), axis=-1)
@@ -110,7 +110,7 @@ def log_density(deviations: Array, covariances: Array) -> Array:
 
 @dataclass(frozen=True)
 class Fit:
-    """Where EM ended: the best mixture seen, its mean log-likelihood, and the log-likelihood after each step."""
+    """Result of EM: the best mixture, its mean log-likelihood, and the log-likelihood after each step."""
 
     mixture: Mixture
     log_likelihood: float
@@ -142,24 +142,24 @@ def expectation_maximization(
 def maximize(
     inputs: Array, points: Array, shares: Array, ridge: Array, before: Mixture | None
 ) -> tuple[Mixture, Array]:
-    """Return the mixture that the shares (n, K) ask for, and the deviations from its means."""
+    """Return the most likely mixture for the shares (n, K), and the deviations from its means."""
     counts = shares.sum(axis=0)
-    fed = np.maximum(counts, STARVED)
-    means = (shares.T @ inputs) / fed[:, None]
+    total = np.maximum(counts, MIN_WEIGHT)
+    means = (shares.T @ inputs) / total[:, None]
     ellipsoids = np.empty((len(counts), *points.shape[1:]))
     for k, count in enumerate(counts):
-        if count < STARVED and before is not None:
+        if count < MIN_WEIGHT and before is not None:
             means[k], ellipsoids[k] = before.inputs[k], before.ellipsoids[k]
         else:
             ellipsoids[k] = mean(points, shares[:, k])
-    weights = fed / fed.sum()
+    weights = total / total.sum()
     bare = Mixture(weights, means, ellipsoids, np.empty(0))
     deviations = bare.deviations(inputs, points)
-    weighted = deviations * (shares.T / fed[:, None])[..., None]
+    weighted = deviations * (shares.T / total[:, None])[..., None]
     covariances = np.swapaxes(weighted, -1, -2) @ deviations
     covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
     if before is not None:
-        covariances = np.where((counts < STARVED)[:, None, None], before.covariances, covariances)
+        covariances = np.where((counts < MIN_WEIGHT)[:, None, None], before.covariances, covariances)
     return Mixture(weights, means, ellipsoids, covariances), deviations
 
 
@@ -168,26 +168,26 @@ def most_likely(
     points: Array,
     count: int,
     generator: np.random.Generator,
-    tell: Part,
+    progress: Part,
     *,
     regularization: float,
     n_init: int,
     max_iter: int,
     tol: float,
 ) -> Fit:
-    """Fit `count` components from several starts and return the most likely; `tell` takes the fraction done."""
+    """Fit `count` components from several starts and return the most likely."""
     d, p = points.shape[-1], inputs.shape[1]
     ridge = regularization * np.r_[np.full(p, np.var(inputs, axis=0).mean()), np.ones(d * (d + 1) // 2)]
     starts = n_init if count > 1 else 1
     fits = [
         expectation_maximization(inputs, points, k_means_shares(inputs, points, count, generator), ridge, tol, max_iter)
-        for _ in counted(range(starts), starts, tell)
+        for _ in counted(range(starts), starts, progress)
     ]
     return max(fits, key=lambda fit: fit.log_likelihood)
 
 
 def k_means_shares(inputs: Array, points: Array, count: int, generator: np.random.Generator) -> Array:
-    """Shares (n, K) of zeros and ones, from k-means on the inputs and on whitened coordinates at the Fréchet mean."""
+    """Return shares (n, K) of zeros and ones, from k-means on inputs and whitened coordinates at the Fréchet mean."""
     if count == 1:
         return np.ones((len(points), 1))
     parts = inputs - inputs.mean(axis=0), coordinates(mean(points), points)
@@ -203,7 +203,7 @@ def k_means_shares(inputs: Array, points: Array, count: int, generator: np.rando
 
 def _tightest(features: Array, count: int, generator: np.random.Generator, runs: int = 4) -> NDArray[np.intp]:
     """Return the labels of the tightest of several k-means++ runs; no cluster is empty."""
-    found = []
+    clusterings = []
     for _ in range(runs):
         seed = int(generator.integers(2**31))
         try:
@@ -211,12 +211,12 @@ def _tightest(features: Array, count: int, generator: np.random.Generator, runs:
         except ClusterError:  # Lloyd's steps emptied a cluster: assign to the starts, which are points
             _, labels = kmeans2(features, count, iter=1, minit="++", seed=seed)
         centers = np.stack([features[labels == k].mean(axis=0) for k in range(count)])
-        found.append((float(np.sum((features - centers[labels]) ** 2)), labels))
-    return np.asarray(min(found, key=lambda run: run[0])[1])
+        clusterings.append((float(np.sum((features - centers[labels]) ** 2)), labels))
+    return np.asarray(min(clusterings, key=lambda run: run[0])[1])
 
 
 def regress(mixture: Mixture, inputs: Array) -> tuple[Array, Array]:
-    """Conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid, given inputs (n, p)."""
+    """Return the conditional mean (n, d, d) and covariance (n, m, m) of the ellipsoid, given inputs (n, p)."""
     p = mixture.inputs.shape[1]
     spread, cross = mixture.covariances[:, :p, :p], mixture.covariances[:, :p, p:]
     slopes = np.linalg.solve(spread, cross)  # Σ_xx⁻¹ Σ_xy, (K, p, m)
@@ -236,7 +236,7 @@ def regress(mixture: Mixture, inputs: Array) -> tuple[Array, Array]:
 
 
 def _errors(mixture: Mixture, centers: Array, ahead: Array) -> Array:
-    """Whitened tangents e_k at centers (n, d, d), shape (n, K, d, d); `ahead` are the offsets at M_k."""
+    """Return whitened tangents e_k at centers (n, d, d), shape (n, K, d, d); `ahead` are the offsets at M_k."""
     root, inverse_root = roots(mixture.ellipsoids)
     values, vectors = whitened_eigh(inverse_root, centers[:, None])
     rotations = roots(centers)[1][:, None] @ root @ compose(np.sqrt(values), vectors)
@@ -244,7 +244,7 @@ def _errors(mixture: Mixture, centers: Array, ahead: Array) -> Array:
 
 
 def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
-    """Conditional means (n, d, d), each started from what its most likely component says."""
+    """Return conditional means (n, d, d), started at the prediction of the most likely component."""
     rows, best = np.arange(len(shares)), shares.argmax(axis=1)
     centers = congruence(
         roots(mixture.ellipsoids)[0][best], apply(ahead[rows, best], bounded(np.exp, "the prediction at these inputs"))
@@ -267,7 +267,7 @@ def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
             return centers
     warnings.warn(
         f"the conditional mean of {len(moving)} of {len(shares)} inputs stopped after {max_steps} steps, "
-        f"the last of length up to {last[moving].max():.3g}; wanted {tolerance:g}",
+        f"the last of length up to {last[moving].max():.3g}; the tolerance is {tolerance:g}",
         ConvergenceWarning,
         stacklevel=4,
     )
@@ -275,7 +275,7 @@ def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
 
 
 def posterior_covariance(covariance: Array, demonstrations: int) -> Array:
-    """Predictive covariance (n, m, m), given the maximum-likelihood one of k demonstrations."""
+    """Return the predictive covariance (n, m, m) from the maximum-likelihood one of k demonstrations."""
     k, m = demonstrations, covariance.shape[-1]
     unbiased = k / (k - 1) * covariance
     variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m

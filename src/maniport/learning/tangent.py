@@ -4,11 +4,11 @@ The coordinates of X at P are vec(log(P^-½ X P^-½)), a vector of m = d (d + 1)
 distance. Parallel transport from P₁ to P₂ along their geodesic, E L Eᵀ with E = (P₂ P₁⁻¹)^½, becomes a rotation of
 them: V → Q V Qᵀ with Q = P₂^-½ E P₁^½ = P₂^-½ P₁^½ (P₁^-½ P₂ P₁^-½)^½, which is orthogonal.
 
-A tracking task has the error e = vec(log(M^-½ A M^-½)) with the ellipsoid M now and the target A. The covariance C of a
-profile is that of v = vec(log(A^-½ M A^-½)), the same tangent vector, up to sign, before parallel transport from M to
+A tracking task has the error e = vec(log(M^-½ A M^-½)) with the present ellipsoid M and the target A. The covariance C
+of a profile is that of v = vec(log(A^-½ M A^-½)), the same tangent vector, up to sign, before transport from M to
 A. So vᵀ C⁻¹ v = eᵀ Ô C⁻¹ Ôᵀ e, where Ô acts on Mandel vectors as the orthogonal polar factor of M^-½ A^½ does
-(equation 27 of docs/method.md); `weights_at` returns it. It is the identity where M and A have the same axes, else it
-rotates by 0.7°, 2.6° and 6.0° at distances of 0.12, 0.47 and 1.1 (median of 500 random pairs of 3×3).
+(equation 27 of docs/method.md). It rotates by 0.7°, 2.6° and 6.0° at distances of 0.12, 0.47 and 1.1 (median of 500
+random pairs of 3×3).
 """
 
 import numpy as np
@@ -22,43 +22,42 @@ from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_number,
 
 
 def coordinates(centers: Array, points: Array) -> Array:
-    """Whitened Mandel coordinates, shape (..., m), of points at centers, shapes (..., d, d) that broadcast."""
+    """Return whitened Mandel coordinates (..., m) of points at centers, shapes (..., d, d) that broadcast."""
     values, vectors = whitened_eigh(roots(centers)[1], points)
     return to_vector(compose(np.log(values), vectors))
 
 
 def turns(starts: Array, ends: Array) -> Array:
-    """Rotations Q, shape (..., d, d), that parallel transport is in whitened coordinates."""
+    """Return the rotations Q (..., d, d) of parallel transport in whitened coordinates."""
     root, inverse_root = roots(starts)
     values, vectors = whitened_eigh(inverse_root, ends)
     return np.asarray(roots(ends)[1] @ root @ compose(np.sqrt(values), vectors))
 
 
 def on_vectors(rotations: Array) -> Array:
-    """Orthogonal matrices, shape (..., m, m), by which V → Q V Qᵀ acts on Mandel vectors; Q of shape (..., d, d)."""
+    """Return the orthogonal matrices (..., m, m) of V → Q V Qᵀ on Mandel vectors; Q has shape (..., d, d)."""
     images = congruence(rotations[..., None, :, :], mandel_basis(rotations.shape[-1]))
     return np.swapaxes(to_vector(images), -1, -2)
 
 
 def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = False) -> Array:
-    """Return weights with which a task tracks closely where demonstrations agree, and loosely where not.
+    """Return the weights of a tracking task: large where demonstrations agree.
 
     Parameters
     ----------
     covariance : array_like, shape (n, m, m)
         Of a profile, in whitened Mandel coordinates at its ellipsoids; see `ProfileGMM.predict`.
     damping : float
-        ρ ≥ 0: the weights are (C + ρ c I)⁻¹, c the mean variance over all times and directions. It bounds how much
-        more an agreed direction may count: at most 1 + 1 / ρ times as much as one of mean variance.
+        ρ ≥ 0: the weights are (C + ρ c I)⁻¹, c the mean variance over all times and directions. A direction has at most
+        1 + 1 / ρ times the weight of one of mean variance.
     root : bool
-        Return W^½, symmetric, instead of W.
+        Return W^½, symmetric, for tasks that multiply error and Jacobian by a matrix before squaring them.
 
     Returns
     -------
     ndarray, shape (n, m, m)
-        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); their mean weight,
-        tr(W) / m averaged over the n times, is one. A task that multiplies its error and Jacobian by a matrix before
-        squaring them takes W^½ (`root=True`). On the basis of e, see `weights_at`.
+        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); its mean weight, tr(W) / m
+        averaged over the n times, is one. On the basis of e, see `weights_at`.
 
     Raises
     ------
@@ -71,10 +70,10 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1, root: bool = F
     values = values / max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
     variance = float(values.mean())
     if variance <= 0:
-        raise InvalidInputError("covariance must not be zero at all times: nothing then tells the weights apart")
+        raise InvalidInputError("covariance must not be zero at all times")
     values = np.maximum(values, 0.0) + rho * variance
     if np.any(values <= SPD_TOLERANCE * variance):
-        raise InvalidInputError("covariance is singular at some time: its weights need a damping above 0")
+        raise InvalidInputError("covariance is singular at some time; use a damping above 0")
     weights = 1.0 / values
     weights /= weights.mean()
     weights = np.sqrt(weights) if root else weights
@@ -134,9 +133,9 @@ def covariance_tensor(ellipsoids: ArrayLike, covariance: ArrayLike) -> Array:
 def _as_covariance(value: ArrayLike, name: str = "covariance", d: int | None = None) -> Array:
     """Convert to symmetric positive-semidefinite matrices (..., m, m); m may exceed the sizes of ellipsoids."""
     array = as_finite(value, name)
-    wanted = "m" if d is None else str(d * (d + 1) // 2)
-    if array.ndim < 2 or array.shape[-1] != array.shape[-2] or (d is not None and array.shape[-1] != int(wanted)):
-        raise InvalidInputError(f"{name} must have shape (..., {wanted}, {wanted}); found {array.shape}")
+    size = "m" if d is None else str(d * (d + 1) // 2)
+    if array.ndim < 2 or array.shape[-1] != array.shape[-2] or (d is not None and array.shape[-1] != int(size)):
+        raise InvalidInputError(f"{name} must have shape (..., {size}, {size}); found {array.shape}")
     if not array.size:
         raise InvalidInputError(f"{name} must not be empty; found shape {array.shape}")
     transposed = np.swapaxes(array, -1, -2)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.mocap.frame_kernel import frame_terms
+from maniport.mocap.directions import frame_terms
 from maniport.motion.kernels import step_within_limits
 from maniport.util.jit import kernel, part
 

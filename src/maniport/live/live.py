@@ -107,7 +107,7 @@ class Live:
         _require_types(person, adapter, robot, spec, path)
         as_count(random_state, "random_state", minimum=0)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
-        own_clock, preparation = MotionClock(clock), Step(progress, "prepare live control")
+        own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
         if (size := len(adapter.teacher_mean_)) != spec.size:
             raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")

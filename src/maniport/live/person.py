@@ -18,12 +18,18 @@ from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import manipulability, squared
 from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.mocap import ArmFit
-from maniport.mocap.arm_ik import held_by
-from maniport.mocap.cleaning import LEAST_LEAP
+from maniport.mocap.arm_path import (
+    FASTEST_JOINT,
+    KEY_RATE,
+    MOTION_SCALE,
+    RESIDUAL_SCALE,
+    joint_priors,
+    nearest_samples,
+    sample_directions,
+)
+from maniport.mocap.cleaning import MIN_JUMP
 from maniport.mocap.data_quality import MEASUREMENT_ERROR, PRIOR
 from maniport.mocap.directions import Directions
-from maniport.mocap.initial_path import KEY_RATE, MOTION_SCALE, RESIDUAL_SCALE, likest, sampled
-from maniport.mocap.jumps import FASTEST_JOINT
 from maniport.mocap.observation import vectors_of
 from maniport.mocap.path_solver import LEAST_GAIN
 from maniport.mocap.roles import SHORTEST, Basis, across_role, direction, points_of
@@ -58,12 +64,12 @@ class Person:
         self._linear = np.stack([*vectors.values(), *trunk]).astype(np.float64)
         directions = Directions(self.arm, tuple(vectors), np.empty((0, len(vectors), 3)))
         self._body, self._weights = directions.arrays()
-        self._samples, self._sampled_directions = sampled(directions)
-        held = held_by(self.arm, roles)
+        self._samples, self._sampled_directions = sample_directions(directions)
+        held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
         self._noise = (2 * np.pi * held.cutoff) ** 4
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
-        self._least_jump = LEAST_LEAP / np.array([fit.segment_lengths[name] for name in fit.segments])
+        self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
 
     def directions(self, positions: Array) -> Array | None:
         """Directions (k, 3) in the trunk frame of points (n, 3), nan where not seen; None without arm or trunk."""
@@ -94,7 +100,7 @@ class Person:
         The standard deviation of the unknown velocities is 20 rad/s.
         """
         n, start_weights = self.arm.dof, np.where(np.isnan(targets[:, 0]), 0.0, self._weights)
-        starts = self._samples[likest(targets[None], self._sampled_directions)[0]]
+        starts = self._samples[nearest_samples(targets[None], self._sampled_directions)[0]]
         starts = starts.copy() if near is None else np.concatenate([near[None], starts])
         costs, information, no_prior = np.empty(len(starts)), np.empty((len(starts), n, n)), np.zeros((n, n))
         seen = np.nan_to_num(targets)

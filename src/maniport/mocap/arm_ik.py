@@ -1,35 +1,39 @@
-"""Joint angles of a human arm from a recording."""
+"""Joint angles of one or several human arms from a recording."""
 
 import warnings
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from maniport.arms import PERSONS, Arm
-from maniport.arms.chain import SIDES
+from maniport.arms import PERSONS
+from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import as_height, human_arm
-from maniport.errors import InvalidInputError, ManiportWarning, argument, typed
-from maniport.mocap.arm_ik_result import ArmFit
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, argument, spoken, typed
+from maniport.mocap.arm_fit import ArmFit, HumanMotion
+from maniport.mocap.arm_path import JUMP_OPTIONS, solve_arm, treat_jumps
+from maniport.mocap.cleaning import as_smoothing
 from maniport.mocap.data_quality import (
     AT_LIMIT,
-    MOST_FRAMES,
-    doubts_of,
-    notes_of,
+    calibration_pose,
+    fit_notes,
+    fit_warnings,
+    gap_warning,
     observability,
-    open_joints,
 )
-from maniport.mocap.directions import Directions, require_human
-from maniport.mocap.initial_path import initial_path
-from maniport.mocap.jumps import LEAPS, calibration_pose, holes, treated
+from maniport.mocap.directions import require_human
+from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.observation import Observation, observe, segment_lengths
-from maniport.mocap.path_solver import solve_long
 from maniport.mocap.recording import LONGEST_GAP, Recording
-from maniport.mocap.smoothing import as_smoothing
+from maniport.mocap.roles import assign_roles, role_position
 from maniport.util.defaults import AUTO, BOTH, KEEP
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import Array, as_choice, as_number
+
+GROUP = LEFT, RIGHT  # Order of the arms of a person
 
 
 def fit_arm(
@@ -48,7 +52,7 @@ def fit_arm(
 
     The directions of upper arm, forearm and, where their points are recorded, of hand, elbow axis and wrist axis are
     taken relative to the trunk and fitted over all frames together, within the joint limits. Unobservable joints are
-    held at zero, or at the limit next to it; see ``undetermined`` in the result.
+    held at zero, or at the limit next to it; see ``unobservable`` in the result.
 
     Parameters
     ----------
@@ -75,8 +79,7 @@ def fit_arm(
         "auto" smooths points with large noise, as keypoints of video; a number smooths all points at that cutoff
         frequency [Hz].
     jumps : {"keep", "smooth", "split"}
-        What is done where a joint is too fast: nothing; all joints are interpolated; the longest part between two
-        jumps is used.
+        Treatment of joints that are too fast: keep them; interpolate all joints; use the longest part between jumps.
 
     Raises
     ------
@@ -94,56 +97,157 @@ def fit_arm(
         the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
         exchanged.
     """
-    tall, cutoff = require_person(person, side, height, smooth, jumps)
-    longest = as_number(fill, "fill [s]", minimum=0.0)
-    step = Step(progress, "fit the person's arm")
-    fit, differences = fitted(recording, observe(recording, markers, side, longest, cutoff), person, tall, jumps, step)
-    for doubt in differences:
-        warnings.warn(doubt, ManiportWarning, stacklevel=2)
+    height, cutoff = require_person(person, side, height, smooth, jumps)
+    observation = observe(recording, markers, side, as_number(fill, "fill [s]", minimum=0.0), cutoff)
+    step = Step(progress, "Fit human arm")
+    fit, differences = _fit(recording, observation, person, height, jumps, step)
+    for text in differences:
+        warnings.warn(text, ManiportWarning, stacklevel=2)
     step.end(fit.summary)
     return fit
 
 
-def fitted(
-    recording: Recording, seen: Observation, person: str, height: float | None, jumps: str, step: Step
+def fit_arms(
+    recording: Recording,
+    person: str = "myoarm",
+    markers: Mapping[str, Mapping[str, Any]] | None = None,
+    fill: float = LONGEST_GAP,
+    progress: Progress | None = None,
+    *,
+    height: float | None = None,
+    smooth: str | float = AUTO,
+    jumps: str = KEEP,
+) -> HumanMotion:
+    """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
+
+    All arms are taken relative to one trunk, in the frames in which all are fully observed.
+
+    Parameters
+    ----------
+    recording : Recording
+        The person's trunk and both arms.
+    markers : mapping, optional
+        Points of roles for each arm, ``{"left": {...}, "right": {...}}``, as in `fit_arm`; those of the trunk are taken
+        from the right arm.
+    person, fill, progress, height, smooth, jumps : optional
+        As in `fit_arm`; so are the other errors and the warnings.
+
+    Raises
+    ------
+    RecordingError
+        When one of the arms is not recorded, or never all of them at once.
+    """
+    height, cutoff = require_person(person, AUTO, height, smooth, jumps)
+    fill = as_number(fill, "fill [s]", minimum=0.0)
+    own = markers_by_side(recording, markers)
+    observations = {side: observe(recording, own[side], side, fill, cutoff) for side in GROUP}
+    counts = ", ".join(f"{len(one.frames)} the {side} one" for side, one in observations.items())
+    common = _common(
+        observations.values(), f"no frame of {recording.source!r} has all arms; fully observed are {counts}"
+    )
+    trunk, fits = observations[RIGHT].trunk, []
+    for side, observation in observations.items():
+        step = Step(progress, f"Fit human {side} arm")
+        observation = replace(observation, frames=common, trunk=trunk)
+        fit, differences = _fit(recording, observation, person, height, jumps, step)
+        for text in differences:
+            warnings.warn(f"{side} arm: {text}", ManiportWarning, stacklevel=2)
+        step.end(fit.summary)
+        fits.append(fit)
+    common = _common(fits, f"the longest parts of {recording.source!r} without jumps of either arm share no frame")
+    fits = [fit.only(np.isin(fit.frames, common)) for fit in fits]
+    origins = np.stack([_origin(one, trunk, fit) for one, fit in zip(observations.values(), fits, strict=True)])
+    return HumanMotion(tuple(fits), origins - origins.mean(axis=0))
+
+
+def markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
+    """Return the markers of each arm, with one trunk for all."""
+    own = {} if markers is None else markers
+    if not isinstance(own, Mapping) or not set(own) <= set(GROUP):
+        raise InvalidInputError(
+            f"{spoken('markers')} of both arms must be {{'left': {{...}}, 'right': {{...}}}}; "
+            f"found {sorted(map(str, own)) if isinstance(own, Mapping) else own!r}"
+        )
+    roles, errors = {}, {}
+    for side in SIDES:
+        try:
+            roles[side] = assign_roles(recording, own.get(side), side)
+        except RecordingError as error:
+            errors[side] = error
+    if roles and errors:
+        raise RecordingError(
+            f"the recording shows the {', '.join(roles)} arm only; {', '.join(map(str, errors.values()))}. In the "
+            f"markers of both arms these points belong under {', '.join(map(repr, errors))}"
+        )
+    if errors:
+        raise errors[RIGHT]
+    if same := [role for role in ARM if roles[LEFT][role] == roles[RIGHT][role]]:
+        raise RecordingError(
+            f"{', '.join(same)} of both arms are the same points: {', '.join(roles[LEFT][same[0]])}; "
+            f"{recording.source!r} shows one arm, or the names of its points have no side"
+        )
+    trunk = {role: roles[RIGHT].get(role) for role in TRUNK}
+    return {side: {**(own.get(side) or {}), **trunk} for side in SIDES}
+
+
+def _common(parts: Collection[Observation] | Collection[ArmFit], message: str) -> NDArray[np.intp]:
+    """Return the frames that all parts have."""
+    frames = reduce(np.intersect1d, [part.frames for part in parts])
+    if not len(frames):
+        raise RecordingError(message)
+    return frames
+
+
+def _origin(observation: Observation, trunk: Array, fit: ArmFit) -> Array:
+    """Return the origin of an arm's base frame in the trunk, from the neck [m]."""
+    neck = role_position(observation.used, observation.roles["trunk_up"][1])
+    shoulder = np.sum(trunk * (observation.points["shoulder"] - neck)[:, :, None], axis=1)[fit.frames]
+    return np.asarray(np.median(shoulder - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0))
+
+
+def _fit(
+    recording: Recording, observation: Observation, person: str, height: float | None, jumps: str, step: Step
 ) -> tuple[ArmFit, list[str]]:
     """Fit an arm to an observation; return it with the large differences of model and person."""
-    notes = list(seen.notes)
-    lengths = segment_lengths(seen.points, recording.source, height, notes, recording.measured)
-    arm = human_arm(person, seen.side, lengths=lengths)
+    roles, notes = observation.roles, list(observation.notes)
+    lengths = segment_lengths(observation.points, recording.source, height, notes, recording.measured)
+    arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
-    directions = seen.directions(arm)
-    q = _solve(directions, seen.time, seen.roles, step)
-    q, kept, jumping = treated(q, seen.time, seen.frames, arm.joint_names, jumps)
-    directions = directions.take(kept)
-    left_out = holes(seen.used.time, seen.frames)
-    time, frames = seen.time[kept], seen.frames[kept]
+    directions, time = observation.directions(arm), observation.time
+    q, kept, jump_warning = treat_jumps(
+        solve_arm(directions, time, roles, step), time, observation.frames, arm.joint_names, jumps
+    )
+    directions, time = directions.take(kept), time[kept]
     angles = directions.angles(q)
-    share, reasons, beyond = observability(directions, seen.roles, q)
-    pose = calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), time)
+    share, reasons, beyond = observability(directions, roles, q)
+    texts = (
+        *observation.quality_warnings,
+        gap_warning(observation.used.time, observation.frames),
+        calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), time),
+        jump_warning,
+    )
     fit = ArmFit(
         arm=arm,
-        side_reason=seen.reason,
+        side_reason=observation.reason,
         joint_angles=_frozen(q),
         time=_frozen(time),
-        frames=_frozen(frames),
+        frames=_frozen(observation.frames[kept]),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
         twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in directions.twists(q).items()},
-        determined=_frozen(share > MOST_FRAMES),
-        seen=_frozen(share),
+        observable=_frozen(share > 0.5),
+        observable_share=_frozen(share),
         reasons=reasons,
         segment_lengths=lengths,
         at_limit=_frozen(((q - arm.lower < AT_LIMIT) | (arm.upper - q < AT_LIMIT)).mean(axis=0)),
         beyond_limit=_frozen(np.degrees(beyond)),
-        roles=seen.roles,
+        roles=roles,
         notes=tuple(notes),
-        quality_warnings=tuple(text for text in (*seen.quality_warnings, left_out, pose, jumping) if text),
+        quality_warnings=tuple(filter(None, texts)),
     )
-    differences = doubts_of(fit)
-    return replace(
-        fit, notes=(*fit.notes, *notes_of(fit)), quality_warnings=(*differences, *fit.quality_warnings)
-    ), differences
+    differences = fit_warnings(fit)
+    notes += fit_notes(fit)
+    return replace(fit, notes=tuple(notes), quality_warnings=(*differences, *fit.quality_warnings)), differences
 
 
 def require_person(
@@ -154,70 +258,11 @@ def require_person(
     if side == BOTH:
         takes = "maniport transfer and maniport view" if typed() else "fit_arms and transfer_both"
         raise InvalidInputError(
-            f"{argument('side', BOTH)}: both arms are taken by {takes}; here it is one, {', '.join((AUTO, *SIDES))}"
+            f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )
     as_choice(side, "side", (AUTO, *SIDES))
-    as_choice(jumps, "jumps", LEAPS)
+    as_choice(jumps, "jumps", JUMP_OPTIONS)
     return as_height(height), as_smoothing(smooth)
-
-
-def _solve(directions: Directions, time: Array, roles: dict[str, Any], step: Step) -> Array:
-    """Return the joint angles (n, dof) of the path."""
-    step(0.1)
-    held = held_by(directions.arm, roles)
-    start = np.clip(initial_path(directions, time), held.lower, held.upper)
-    step(0.4)
-    return solve_long(
-        lambda part: directions.take(part).residual,
-        start,
-        held.lower,
-        held.upper,
-        _smoothing(time, held.cutoff),
-        held.pull,
-        held.neutral,
-        lambda part: step(0.4 + 0.6 * part),
-    )
-
-
-@dataclass(frozen=True)
-class Held:
-    """What holds the joints besides the points; each of shape (dof,)."""
-
-    lower: Array  # limits, the same where a joint is fixed [rad]
-    upper: Array
-    pull: Array  # weight of the pull to the neutral angle
-    neutral: Array  # [rad]
-    cutoff: Array  # frequency up to which motion is followed [Hz]
-
-
-def held_by(arm: Arm, roles: Collection[str]) -> Held:
-    """Return what holds the joints of an arm whose points play these roles.
-
-    Motion that is fully observed is followed up to 30 Hz; arms move below 10 Hz, and directions of little weight, such
-    as the hand's, are followed up to about half of the cutoff. Unobservable joints move below 10 Hz, or are pulled to
-    neutral: in proportion to the inverse of their range, so that all use about the same part of it.
-    """
-    neutral = np.clip(0.0, arm.lower, arm.upper)
-    lower, upper, pull = arm.lower.copy(), arm.upper.copy(), np.zeros(arm.dof)
-    cutoff = np.full(arm.dof, 30.0)
-    for joint in open_joints(arm, roles):
-        cutoff[joint] = 10.0
-        if "hand" not in roles:
-            lower[joint] = upper[joint] = neutral[joint]
-        else:
-            pull[joint] = 0.004 * np.pi / (arm.upper[joint] - arm.lower[joint])
-    return Held(lower, upper, pull, neutral, cutoff)
-
-
-def _smoothing(time: Array, cutoff: Array) -> Array:
-    """Return the weight κ/Δt² of each joint's acceleration in each frame, (n, dof); zero at the ends and at gaps."""
-    weight = np.zeros((len(time), len(cutoff)))
-    if len(time) > 2:
-        steps = np.diff(time)
-        joined = steps < 1.5 * np.median(steps)
-        full = 1 / (2 * np.pi * cutoff * np.median(steps)) ** 2
-        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
-    return weight
 
 
 def _frozen(array: Any) -> Any:

@@ -1,28 +1,44 @@
-"""Repair of unmistakable faults of recordings; each is reported. A recording without faults stays bit-identical."""
+"""Repair of unmistakable faults of recordings, and smoothing of noise; each change is reported.
+
+A recording without faults stays bit-identical. Noise, as of video keypoints, is measured; large noise is smoothed by a
+robust spline: each track x of a point minimizes
+
+    Σ_t w_t |x_t - y_t|² + λ Σ_t |Δ³ x_t|²
+
+(Eilers, Analytical Chemistry 75, 2003, with third differences). The weights w are those of Student's distribution, so
+that outliers do not pull the track. λ has the least generalized cross-validation.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solveh_banded
+from scipy.ndimage import median_filter
+from scipy.special import comb
 
-from maniport.errors import InvalidInputError, RecordingError
+from maniport.errors import InvalidInputError, RecordingError, argument, spoken
 from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
 from maniport.mocap.roles import role_position
-from maniport.util.validation import Array
+from maniport.util.defaults import AUTO
+from maniport.util.validation import Array, as_choice, as_number
 
-LEAST_LEAP = 0.1  # Least displacement of a point that is taken for lost for a moment [m]
+MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
+
+LEAST_SHARE = 0.003
+"""Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
 
 
 def repaired(recording: Recording, points: Sequence[str], roles: Mapping[str, Any]) -> Recording:
     """Return the points that are used, without the faults below; `notes` and `quality_warnings` report the repairs."""
-    whole = exchanged_back(without_zeros(recording), points)
-    return without_leaps(in_one_unit(whole.select(points), roles))
+    whole = unswapped(without_zeros(recording), points)
+    return without_outliers(in_one_unit(whole.select(points), roles))
 
 
 def in_order(
-    time: Array, positions: Array, latest: float = 0.5, most_doubled: float = 0.1
+    time: Array, positions: Array, latest: float = 0.5, most_repeated: float = 0.1
 ) -> tuple[Array, Array, list[str]]:
     """Sort frames that are at most `latest` seconds late, and drop a small share with the time of another frame."""
     if not np.isfinite(time).all() or time.shape != positions.shape[:1] or (np.diff(time) > 0).all():
@@ -31,20 +47,20 @@ def in_order(
     if late.max() > latest:
         i = int(np.argmax(late > latest))
         raise InvalidInputError(
-            f"time goes back by {late[i]:.3g} s at index {i}, to {time[i]:g} s: frames may be late by up to "
-            f"{latest:g} s; are there several recordings in the file? Use one of them"
+            f"time decreases by {late[i]:.3g} s at index {i}, to {time[i]:g} s; frames may be late by at most "
+            f"{latest:g} s. If the file holds several recordings, split it"
         )
     order = np.argsort(time, kind="stable")
     kept = order[np.concatenate([[True], np.diff(time[order]) > 0])]
-    doubled = len(time) - len(kept)
-    if doubled > most_doubled * len(time):
+    repeated = len(time) - len(kept)
+    if repeated > most_repeated * len(time):
         raise InvalidInputError(
-            f"{doubled} of {len(time)} frames bear the time of another one, the first at index "
-            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {most_doubled:.0%} may: are times rounded too far? "
-            f"Give the frames per second"
+            f"{repeated} of {len(time)} frames have the time of another one, the first at index "
+            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {most_repeated:.0%} may. If times are rounded, "
+            f"give the frames per second ({spoken('rate')})"
         )
     notes = [f"{int((late > 0).sum())} frames were out of order in time and were sorted"] if (late > 0).any() else []
-    notes += [f"{doubled} frames with the time of another one were left out"] if doubled else []
+    notes += [f"{repeated} frames with the time of another one were omitted"] if repeated else []
     return time[kept], positions[kept], notes
 
 
@@ -59,125 +75,108 @@ def without_zeros(recording: Recording) -> Recording:
         distance = np.linalg.norm(recording.positions[:, i], axis=-1)
         step = np.linalg.norm(np.diff(recording.positions[:, i], axis=0), axis=-1)
         usual = float(np.nanmedian(step)) if np.isfinite(step).any() else 0.0
-        jump = max(0.05, 5.0 * usual)  # [m], and usual steps
         for start, stop in runs_of(zero[:, i]):
             neighbors = [distance[t] for t in (start - 1, stop) if 0 <= t < len(distance)]
-            lost[start:stop, i] = np.nanmax([0.0, *neighbors]) > jump
-    notes = [
-        f"{name}: exactly at the origin in {gone.sum()} frames, taken as missing ({when(recording.time, gone)})"
-        for name, gone in zip(recording.names, lost.T, strict=True)
-        if gone.any()
-    ]
-    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes)
+            lost[start:stop, i] = np.nanmax([0.0, *neighbors]) > max(0.05, 5.0 * usual)  # [m]
+    return _marked_missing(recording, lost, "exactly at the origin")
 
 
-def exchanged_back(recording: Recording, points: Iterable[str]) -> Recording:
-    """Exchange left and right points where they are exchanged for less than half of the frames."""
-    positions, quality_warnings = recording.positions, []
+def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0.2) -> Recording:
+    """Exchange left and right points in the frames, less than half, in which they are swapped.
+
+    Swapped points both step, by at least `least_step` [m], to where the other one was.
+    """
+    positions, texts = recording.positions.copy(), []
     pairs = {tuple(sorted((name, other_side(name)))) for name in points}
-    for first, second in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
-        wrong = _exchanged(recording.point(first), recording.point(second), recording.time)
-        if wrong.any():
-            i, j = recording.names.index(first), recording.names.index(second)
-            positions = positions.copy()
-            positions[wrong, i], positions[wrong, j] = positions[wrong, j], positions[wrong, i]
-            quality_warnings.append(
-                f"{first} and {second} had each other's places in {wrong.sum()} frames and were given back "
-                f"({when(recording.time, wrong)})"
+    for pair in sorted(pair for pair in pairs if pair[0] != pair[1] and set(pair) <= set(recording.names)):
+        columns = [recording.names.index(name) for name in pair]
+        tracks, swapped = positions[:, columns], np.zeros(len(recording), dtype=np.bool_)
+        observed = np.flatnonzero(np.isfinite(tracks).all(axis=(1, 2)))
+        for part in np.split(observed, np.flatnonzero(np.diff(recording.time[observed]) > LONGEST_GAP) + 1):
+            before, after = tracks[part[:-1]], tracks[part[1:]]
+            kept, crossed = (np.linalg.norm(to - before, axis=-1).sum(axis=1) for to in (after, after[:, ::-1]))
+            exchanges = (kept > 2 * least_step) & (crossed < 0.3 * kept)
+            if exchanges.any():
+                odd = np.concatenate([[False], np.cumsum(exchanges) % 2 == 1])
+                swapped[part] = odd if odd.mean() < 0.5 else ~odd
+        if swapped.any():
+            positions[:, columns] = np.where(swapped[:, None, None], tracks[:, ::-1], tracks)
+            texts.append(
+                f"{pair[0]} and {pair[1]} were swapped in {swapped.sum()} frames and were exchanged "
+                f"({when(recording.time, swapped)})"
             )
-    return _changed(recording, positions, quality_warnings=quality_warnings)
-
-
-def _exchanged(first: Array, second: Array, time: Array, least_step: float = 0.2) -> Bools:
-    """Mark frames in which two points are exchanged: both step to where the other one was, by `least_step` [m]."""
-    wrong = np.zeros(len(first), dtype=np.bool_)
-    seen = np.flatnonzero(np.isfinite(first).all(axis=-1) & np.isfinite(second).all(axis=-1))
-    for part in np.split(seen, np.flatnonzero(np.diff(time[seen]) > LONGEST_GAP) + 1):
-        a, b = first[part], second[part]
-        kept, crossed = (
-            np.linalg.norm(x[1:] - a[:-1], axis=-1) + np.linalg.norm(y[1:] - b[:-1], axis=-1)
-            for x, y in ((a, b), (b, a))
-        )
-        turns = (kept > 2 * least_step) & (crossed < 0.3 * kept)
-        if turns.any():
-            odd = np.concatenate([[False], np.cumsum(turns) % 2 == 1])
-            wrong[part] = odd if odd.mean() < 0.5 else ~odd
-    return wrong
+    return _changed(recording, positions, quality_warnings=texts)
 
 
 def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
     """Scale frames in which the whole body is 10, 100 or 1000 times as large or small as in most frames."""
-    alike = 1.2  # factors that differ by less than this one are the same
-    other_size = 1.6  # a smaller change of all lengths is left to the fit
-    steady = 0.5  # a change of size for longer is another unit [s]; a shorter one is a fault of points
-    lengths = _lengths(recording, roles)
-    seen = np.flatnonzero((lengths > 0).all(axis=1))
-    if not len(seen):
-        return recording
-    factors = lengths[seen] / np.quantile(lengths[seen], 0.5, axis=0, method="lower")  # of two sizes never the mean
-    low, high = factors.min(axis=1), factors.max(axis=1)
-    uniform, size = high < alike * low, np.log10(low * high) / 2
-    metric = uniform & (np.abs(size - np.round(size)) < np.log10(alike))
-    last = np.maximum(np.searchsorted(seen, np.arange(len(recording)), side="right") - 1, 0)  # where points are missing
-    power = np.where(metric, np.round(size), 0.0)[last]
-    changed = (uniform & ~metric & (np.abs(size) > np.log10(other_size)))[last]
-    for start, stop in runs_of(changed):
-        if recording.time[stop - 1] - recording.time[start] > steady:
-            times = 10 ** np.median(size[last[start:stop]])
-            raise RecordingError(
-                f"{recording.source or 'the recording'}: {recording.time[start]:.2f} to "
-                f"{recording.time[stop - 1]:.2f} s: the body is {times:.3g} times as large as in most frames; is there "
-                "a second unit or a second person in the file? Use one part of it"
-            )
-    quality_warnings = [
-        f"the body is {10.0**exponent:g} times as large as else in {(power == exponent).sum()} frames, which were "
-        f"scaled back: their unit is another one ({when(recording.time, power == exponent)})"
-        for exponent in np.unique(power[power != 0])
-    ]
-    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], quality_warnings=quality_warnings)
-
-
-def _lengths(recording: Recording, roles: Mapping[str, Any]) -> Array:
-    """Return the lengths of upper arm, forearm and trunk, shape (n_frames, 3)."""
+    similar = 1.2  # ratio up to which factors count as equal
     shoulder, elbow, wrist = (role_position(recording, roles[name]) for name in ("shoulder", "elbow", "wrist"))
     low, high = (role_position(recording, names) for names in roles["trunk_up"])
-    return np.asarray(np.linalg.norm(np.stack([elbow - shoulder, wrist - elbow, high - low], axis=1), axis=-1))
+    lengths = np.linalg.norm(np.stack([elbow - shoulder, wrist - elbow, high - low], axis=1), axis=-1)
+    observed = np.flatnonzero((lengths > 0).all(axis=1))
+    if not len(observed):
+        return recording
+    median = np.quantile(lengths[observed], 0.5, axis=0, method="lower")  # not the mean of two sizes
+    least, most = np.sort(lengths[observed] / median, axis=1)[:, [0, 2]].T
+    uniform, size = most < similar * least, np.log10(least * most) / 2
+    metric = uniform & (np.abs(size - np.round(size)) < np.log10(similar))
+    last = np.maximum(np.searchsorted(observed, np.arange(len(recording)), side="right") - 1, 0)  # also of gaps
+    power = np.where(metric, np.round(size), 0.0)[last]
+    # Smaller changes of all lengths are left to the fit, and shorter ones are faults of points.
+    for start, stop in runs_of((uniform & ~metric & (np.abs(size) > np.log10(1.6)))[last]):
+        if recording.time[stop - 1] - recording.time[start] > 0.5:
+            factor = 10 ** np.median(size[last[start:stop]])
+            raise RecordingError(
+                f"{recording.source or 'the recording'}: from {recording.time[start]:.2f} to "
+                f"{recording.time[stop - 1]:.2f} s the body is {factor:.3g} times as large as in most frames; there "
+                "may be a second unit or a second person in the file. Crop the recording"
+            )
+    texts = [
+        f"the body is {10.0**exponent:g} times as large as otherwise in {(power == exponent).sum()} frames, which were "
+        f"scaled to one unit ({when(recording.time, power == exponent)})"
+        for exponent in np.unique(power[power != 0])
+    ]
+    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], quality_warnings=texts)
 
 
-def without_leaps(recording: Recording) -> Recording:
-    """Mark points as missing in frames in which they are elsewhere for a moment and come back."""
-    positions, notes = recording.positions.copy(), []
+def without_outliers(recording: Recording) -> Recording:
+    """Mark points as missing in short runs of frames in which they are elsewhere and come back."""
     step = 1.0 / recording.rate if len(recording) > 2 else np.inf
-    for i, name in enumerate(recording.names):
-        lost = _elsewhere(positions[:, i], step)
-        if lost.any():
-            positions[lost, i] = np.nan
-            frames = f"{lost.sum()} frames, taken as missing ({when(recording.time, lost)})"
-            notes.append(f"{name}: elsewhere for a moment in {frames}")
-    return _changed(recording, positions, notes)
+    lost = [_outliers(recording.positions[:, i], step) for i in range(len(recording.names))]
+    return _marked_missing(recording, np.stack(lost, axis=1), "outlier")
 
 
-def _elsewhere(track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0) -> Bools:
-    """Mark runs up to `longest` seconds that lie far from the line between the frames around them, track (n, 3).
+def _outliers(track: Array, step: float, longest: float = 0.1, acceleration: float = 100.0) -> Bools:
+    """Mark runs up to `longest` seconds that are far from the line between the frames around them, track (n, 3).
 
-    Far is farther than `LEAST_LEAP`, and than an `acceleration` [m/s²] would move it away and back; wrists that throw
-    reach it. At most 100 frames are compared, however fast they follow one another.
+    Far is farther than `MIN_JUMP`, and than an `acceleration` [m/s²] would move it away and back; wrists that throw
+    reach it. At most 100 frames are compared, at any frame rate.
     """
     track, lost = track.copy(), np.zeros(len(track), dtype=np.bool_)
     for count in range(1, min(int(longest / step + 1e-9), 100, len(track) - 2) + 1):
-        far = np.linalg.norm(np.diff(track, axis=0), axis=-1) > 0.49 * LEAST_LEAP
+        far = np.linalg.norm(np.diff(track, axis=0), axis=-1) > 0.49 * MIN_JUMP
         first = np.flatnonzero(far[: len(far) - count] & far[count:])  # by the rule below both steps are that large
         before, after = track[first, None], track[first + count + 1, None]
         k = np.arange(1, count + 1)
         offsets = track[first[:, None] + k] - (before + k[:, None] / (count + 1) * (after - before))
         away = np.linalg.norm(offsets, axis=-1).min(axis=1)
-        least = max(LEAST_LEAP, acceleration * ((count + 1) * step) ** 2 / 8)
+        least = max(MIN_JUMP, acceleration * ((count + 1) * step) ** 2 / 8)
         with np.errstate(invalid="ignore"):
-            found = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
-        for i in k:
-            lost[found + i] = True
-            track[found + i] = np.nan
+            first = first[(away > least) & (away > np.linalg.norm(after - before, axis=-1)[:, 0])]
+        rows = first[:, None] + k
+        lost[rows], track[rows] = True, np.nan
     return lost
+
+
+def _marked_missing(recording: Recording, lost: Bools, cause: str) -> Recording:
+    """Return the recording without the marked points, lost (n_frames, n_points), with a note for each point."""
+    notes = [
+        f"{name}: {cause} in {frames.sum()} frames, taken as missing ({when(recording.time, frames)})"
+        for name, frames in zip(recording.names, lost.T, strict=True)
+        if frames.any()
+    ]
+    return _changed(recording, np.where(lost[..., None], np.nan, recording.positions), notes)
 
 
 def _changed(
@@ -188,3 +187,98 @@ def _changed(
         return recording
     notes, quality_warnings = (*recording.notes, *notes), (*recording.quality_warnings, *quality_warnings)
     return replace(recording, positions=positions, notes=notes, quality_warnings=quality_warnings)
+
+
+def as_smoothing(value: Any) -> float | None:
+    """Check the option `smooth`; return the cutoff [Hz], infinite for "off", None for "auto"."""
+    if isinstance(value, str):
+        try:
+            value = float(value)  # as the command line passes it
+        except ValueError:
+            return None if as_choice(value, "smooth", (AUTO, "off")) == AUTO else np.inf
+    return as_number(value, "smooth [Hz]", above=0.0)
+
+
+def smoothed(recording: Recording, cutoff: float | None = None, large_noise: float = 0.004) -> Recording:
+    """Smooth the noisy points, or all up to a cutoff [Hz]; `quality_warnings` reports noise and smoothing.
+
+    Points are noisy from `large_noise` in one direction [m]: optical systems have 0.0001 to 0.001, skeletons of people
+    who climb and jump 0.002, keypoints of video 0.005 to 0.02. Below 20 frames per second motion is not distinct from
+    noise, and runs of less than 12 frames are kept.
+    """
+    least = LEAST_SHARE * recording.rate
+    if cutoff is not None and cutoff < least:
+        raise InvalidInputError(
+            f"{spoken('smooth')} must be at least {least:.3g} Hz for {recording.rate:.4g} frames per second; "
+            f"found {cutoff:g}"
+        )
+    amounts = np.array([noise(recording.positions[:, i]) for i in range(len(recording.names))])
+    noisy = np.flatnonzero((amounts > large_noise) & (recording.rate >= 20.0) & (least <= _cutoffs()[-1]))
+    names = ", ".join(recording.names[i] for i in noisy)
+    text = f"{names}: noise of {_span(1e3 * amounts[noisy])} mm" if len(noisy) else ""
+    positions, cutoffs = recording.positions.copy(), []
+    for i in noisy if cutoff is None else range(len(amounts) if cutoff < np.inf else 0):
+        for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
+            if stop - start >= 12:
+                positions[start:stop, i], used = _robust_spline(positions[start:stop, i], recording.rate, cutoff)
+                cutoffs.append(used)
+    how = f"smoothed up to {_span(cutoffs)} Hz" if cutoffs else ""
+    if cutoff == np.inf and text:
+        return _changed(recording, positions, (), [f"{text}; {argument('smooth', AUTO)} smooths them"])
+    if cutoff is None and how:
+        return _changed(recording, positions, (), [f"{text}, {how}; {argument('smooth', 'off')} keeps them"])
+    return _changed(recording, positions, [f"all points {how}"] if how else ())
+
+
+def noise(track: Array, order: int = 6) -> float:
+    """Estimate the standard deviation of a track's noise in one direction [m], shape (n, 3); nan where it cannot.
+
+    Motion up to a seventh of the frame rate hardly shows in differences of sixth order.
+    """
+    differences = np.abs(np.diff(track, order, axis=0))
+    if not np.isfinite(differences).any():
+        return float("nan")
+    return float(np.nanmedian(differences) / 0.6745 / np.sqrt(comb(2 * order, order)))
+
+
+def _cutoffs() -> Array:
+    """Return candidate cutoff frequencies, at which half the amplitude is left [Hz]."""
+    return np.geomspace(0.8, 12.0, 15)
+
+
+def _span(values: Array | list[float]) -> str:
+    """Describe a range of values to two digits."""
+    low, high = f"{np.nanmin(values):.2g}", f"{np.nanmax(values):.2g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _robust_spline(track: Array, rate: float, cutoff: float | None) -> tuple[Array, float]:
+    """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
+    cutoffs = [cutoff] if cutoff is not None else [f for f in _cutoffs() if LEAST_SHARE * rate <= f < 0.45 * rate]
+    tails = 4.0  # degrees of freedom of Student's distribution
+    median_chi_squared = 2.366  # with three degrees of freedom
+    weight, least = np.ones(len(track)), max(noise(track) ** 2, 1e-18)
+    best = (np.inf, track, float(cutoffs[0]))
+    for _ in range(6):
+        best = min((_spline(track, weight, f, rate) for f in cutoffs), key=lambda spline: spline[0])
+        squares = np.sum((track - best[1]) ** 2, axis=-1)
+        # A short outlier counts less; frames where motion is too fast for the spline for longer do not.
+        scale = median_filter(squares, 15, mode="nearest") / median_chi_squared
+        weight = (tails + 3) / (tails + squares / np.maximum(scale, least))
+    return best[1], best[2]
+
+
+def _spline(track: Array, weight: Array, cutoff: float, rate: float) -> tuple[float, Array, float]:
+    """Return generalized cross-validation, smooth track and cutoff."""
+    n = len(track)
+    strength = (2 * np.sin(np.pi * min(cutoff / rate, 0.5))) ** -6.0  # half the amplitude is left at the cutoff
+    pattern, matrix = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
+    for offset in range(4):
+        for k in range(4 - offset):
+            matrix[offset, k : n - 3 + k] += strength * pattern[k] * pattern[k + offset]
+    matrix[0] += weight
+    result = solveh_banded(matrix, weight[:, None] * track, lower=True)
+    waves = (2 * np.sin(np.pi * (np.arange(n) + 0.5) / (2 * n))) ** 6
+    freedom = np.sum(1 / (1 + strength / weight.mean() * waves))
+    error = np.sum(weight * np.sum((track - result) ** 2, axis=-1)) / weight.sum()
+    return float(error / (1 - freedom / n) ** 2), np.asarray(result), cutoff

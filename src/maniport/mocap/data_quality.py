@@ -1,40 +1,29 @@
-"""Quality of an arm fit: observable joints, saturated limits, and warnings where model and person differ much."""
+"""Quality of an arm fit: observable joints, saturated limits, gaps, and differences of model and person."""
 
 from collections.abc import Collection, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import PERSONS, Arm
 from maniport.arms.chain import LEFT, RIGHT
 from maniport.arms.human import JOINTS
 from maniport.errors import argument
-from maniport.mocap.arm_ik_result import ArmFit, about_axis
+from maniport.mocap.arm_fit import ArmFit, about_axis
 from maniport.mocap.directions import AROUND, DEVIATION, ELBOW, FLEXION, TURN, Directions
 from maniport.mocap.path_solver import BLOCK, parts_of
+from maniport.mocap.recording import runs_of
 from maniport.util.validation import Array
 
 MEASUREMENT_ERROR = np.radians(1.0)
 """Assumed error of a direction of weight one [rad]; directions of less weight have more of it."""
 
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
-
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
-
-MOST_FRAMES = 0.5  # Share of the frames above which a joint that is seen counts as determined
-
-LARGE = 10.0  # Excess over a limit of the model from which a warning is given [degrees]
-
-NOTABLE = 1.0  # Excess over a limit of the model from which a note is given [degrees]
+LARGE_EXCESS, SMALL_EXCESS = 10.0, 1.0  # Excesses over a limit of the model that cause a warning or a note [degrees]
 
 
-def expected_error(slopes: Array) -> Array:
-    """Return the standard deviation of each joint angle [rad] for directions with `MEASUREMENT_ERROR`."""
-    values, vectors = np.linalg.eigh(np.einsum("nri,nrj->nij", slopes, slopes))
-    variance = 1.0 / (np.maximum(values, 0.0) / MEASUREMENT_ERROR**2 + PRIOR**-2)
-    return np.asarray(np.sqrt(np.einsum("nik,nk->ni", vectors**2, variance)))
-
-
-def open_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
+def unobservable_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
     """Return the joints that the roles leave unobservable in every frame, with the reason."""
     hand, axis = "hand" in roles, "wrist_axis" in roles
     names = arm.joint_names
@@ -42,124 +31,150 @@ def open_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
         return {}
     if axis:
         return dict.fromkeys((DEVIATION, FLEXION), "no hand point: held at the neutral angle")
+    reason = "no hand point and no wrist axis: held at the neutral angle"
     if hand:
-        shared = (
+        reason = (
             f"no wrist axis: the hand's direction gives two numbers for {names[TURN]}, {names[DEVIATION]} and "
             f"{names[FLEXION]}; of the angles that agree with it, those nearest to neutral were taken"
         )
-        return dict.fromkeys((TURN, DEVIATION, FLEXION), shared)
-    return dict.fromkeys((TURN, DEVIATION, FLEXION), "no hand point and no wrist axis: held at the neutral angle")
+    return dict.fromkeys((TURN, DEVIATION, FLEXION), reason)
 
 
 def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, tuple[str, ...], Array]:
-    """Return in what part of the frames each joint is seen, why it is not determined, and excesses over limits [rad].
+    """Return the share of frames with each joint observable, reasons if it is small, and excesses over limits [rad].
 
-    A joint is seen in frames in which its error is at most 20°.
+    A joint is observable in frames in which the standard deviation of its error is at most 20°.
     """
     arm, errors, excesses = directions.arm, [], []
     for part in parts_of(len(q), BLOCK):
         values, slopes = directions.take(part).residual(q[part])
-        errors.append(expected_error(slopes))
-        excesses.append(_excess(arm, q[part], values, slopes))
-    seen = np.mean(np.concatenate(errors) <= np.radians(20.0), axis=0)
-    reasons = [""] * arm.dof
-    for joint, reason in open_joints(arm, roles).items():
-        seen[joint], reasons[joint] = 0.0, reason
-    for joint in range(arm.dof):
-        if seen[joint] <= MOST_FRAMES and not reasons[joint]:
-            reasons[joint] = (
-                f"the points tell it in {seen[joint]:.0%} of the frames only; elsewhere other joints can make up for "
-                "it, and it is carried over smoothly"
-            )
-    return seen, tuple(reasons), np.concatenate(excesses)
+        hessian = np.swapaxes(slopes, 1, 2) @ slopes
+        eigenvalues, vectors = np.linalg.eigh(hessian)
+        variance = 1.0 / (np.maximum(eigenvalues, 0.0) / MEASUREMENT_ERROR**2 + PRIOR**-2)
+        errors.append(np.sqrt(np.einsum("nik,nk->ni", vectors**2, variance)))
+        excesses.append(_excess(arm, q[part], -(values[:, None] @ slopes)[:, 0], hessian))
+    share = np.mean(np.concatenate(errors) <= np.radians(20.0), axis=0)
+    fixed = unobservable_joints(arm, roles)
+    share[list(fixed)] = 0.0
+    reasons = [
+        fixed.get(
+            joint, "" if part > 0.5 else f"observable in {part:.0%} of the frames; elsewhere interpolated smoothly"
+        )
+        for joint, part in enumerate(share)
+    ]
+    return share, tuple(reasons), np.concatenate(excesses)
 
 
-def _excess(arm: Arm, q: Array, values: Array, slopes: Array) -> Array:
+def _excess(arm: Arm, q: Array, downhill: Array, hessian: Array) -> Array:
     """Estimate by how much each saturated joint would exceed its limit in a fit without limits."""
-    downhill = -np.einsum("nri,nr->ni", slopes, values)
-    curvature = np.einsum("nri,nrj->nij", slopes, slopes) + (MEASUREMENT_ERROR / PRIOR) ** 2 * np.eye(arm.dof)
+    curvature = hessian + (MEASUREMENT_ERROR / PRIOR) ** 2 * np.eye(arm.dof)
     step = np.linalg.solve(curvature, downhill[..., None])[..., 0]
     outward = np.where(q - arm.lower < AT_LIMIT, -1.0, np.where(arm.upper - q < AT_LIMIT, 1.0, 0.0))
     return np.where(outward * downhill > 0.0, np.maximum(outward * step, 0.0), 0.0)
 
 
-def doubts_of(fit: ArmFit) -> list[str]:
-    """Return the warnings of a fit; none where the model follows the person well."""
-    far, beyond = far_off(fit), beyond_limits(fit)
-    exchanged = [
-        _exchanged_markers(fit, axis, segment, far[about_axis(segment)])
-        for axis, segment in AROUND.items()
-        if about_axis(segment) in far
-    ]
-    return exchanged or ([_difference(fit, far, beyond)] if far or beyond else [])
+def fit_warnings(fit: ArmFit) -> list[str]:
+    """Return the warnings of a fit; none where the model follows the person well.
 
-
-def notes_of(fit: ArmFit) -> list[str]:
-    """Describe the excesses over limits of the model that are too small for a warning."""
-    small = beyond_limits(fit, NOTABLE).keys() - beyond_limits(fit).keys()
-    return [_beyond(fit, name, NOTABLE) for name in fit.joint_names if name in small]
-
-
-def far_off(fit: ArmFit) -> dict[str, float]:
-    """Return the segments and rotations that are far from the measured ones, with the median [degrees].
-
-    Far is 5° for segments. Rotations about a segment's axis have up to 15° in good recordings, as markers sit beside
-    the joints, and 36° to 169° with exchanged markers: far is 25°.
+    Residuals of segments are large from 5° (median). Rotations about a segment's axis have up to 15° in good
+    recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers: large is 25°.
     """
-    rotations = {about_axis(segment) for segment in AROUND.values()}
+    rotations = {about_axis(segment): axis for axis, segment in AROUND.items()}
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
-    return {name: median for name, median in medians.items() if median > (25.0 if name in rotations else 5.0)}
+    large = {name: median for name, median in medians.items() if median > (25.0 if name in rotations else 5.0)}
+    if exchanged := [_exchanged_markers(fit, rotations[name], large[name]) for name in large if name in rotations]:
+        return exchanged
+    beyond = _beyond_limits(fit, LARGE_EXCESS)
+    return [_difference(fit, large, beyond)] if large or beyond else []
 
 
-def beyond_limits(fit: ArmFit, excess: float = LARGE) -> dict[str, float]:
-    """Return the determined joints that exceed a limit by more than `excess` [degrees] in over 20 % of the frames."""
-    shares = (fit.beyond_limit > excess).mean(axis=0).tolist()
-    return {
-        name: share
-        for name, share, known in zip(fit.joint_names, shares, fit.determined, strict=True)
-        if known and share > 0.2
-    }
+def fit_notes(fit: ArmFit) -> list[str]:
+    """Describe the excesses over limits of the model that are too small for a warning."""
+    large = _beyond_limits(fit, LARGE_EXCESS)
+    return [_excess_text(fit, name, SMALL_EXCESS) for name in _beyond_limits(fit, SMALL_EXCESS) if name not in large]
 
 
-def _exchanged_markers(fit: ArmFit, axis: str, segment: str, median: float) -> str:
-    """Advise to exchange the two markers of a joint axis, else to leave them out."""
+def _beyond_limits(fit: ArmFit, excess: float) -> list[str]:
+    """Return the observable joints that exceed a limit by more than `excess` [degrees] in over 20 % of the frames."""
+    shares = (fit.beyond_limit > excess).mean(axis=0)
+    return [name for name, large in zip(fit.joint_names, fit.observable & (shares > 0.2), strict=True) if large]
+
+
+def _exchanged_markers(fit: ArmFit, axis: str, median: float) -> str:
+    """Advise to exchange the two markers of a joint axis, else to omit them."""
     first, second = fit.roles[axis]
     exchanged = argument("markers", {axis: [list(second), list(first)]})
     return (
-        f"the {segment} is turned {median:.0f}° (median) about its axis from where its markers put it: "
+        f"the {AROUND[axis]} is rotated by {median:.0f}° (median) about its axis from its markers: "
         f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give {exchanged}; "
-        f"where that does not help leave them out: {argument('markers', {axis: None})}"
+        f"if that does not help omit them: {argument('markers', {axis: None})}"
     )
 
 
-def _difference(fit: ArmFit, far: Mapping[str, float], beyond: Mapping[str, float]) -> str:
+def _difference(fit: ArmFit, large: Mapping[str, float], beyond: Collection[str]) -> str:
     """Describe how model and person differ, with advice."""
-    found = [_beyond(fit, name, LARGE) for name in beyond]
-    found += [f"the {name} is {median:.1f}° (median) from what was measured" for name, median in far.items()]
-    segments = bool(far.keys() & {"upper arm", "forearm"})
+    texts = [_excess_text(fit, name, LARGE_EXCESS) for name in beyond]
+    texts += [f"the {name} is {median:.1f}° (median) from the measured one" for name, median in large.items()]
+    segments = bool(large.keys() & {"upper arm", "forearm"})
     advice = []
-    if JOINTS[ELBOW] in beyond and _limit(fit, ELBOW) == fit.arm.lower[ELBOW]:
+    if JOINTS[ELBOW] in beyond and _exceeded_limit(fit, ELBOW) == fit.arm.lower[ELBOW]:
         advice.append("change the sign of one axis, if the axes are left-handed as those of Unity and Unreal")
     if segments or any(JOINTS.index(name) < TURN for name in beyond):
-        advice.append(f"see which points play which role (maniport info) and give others with {argument('markers')}")
+        advice.append(f"check the roles of the points (maniport info) and assign others with {argument('markers')}")
     if segments:
         advice.append(f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})")
     others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
-    advice += [f"try another model ({argument('person', others[0])})"] if others else []
-    return f"the model of the arm and the person differ: {'; '.join(found)}. What to do: {', or '.join(advice)}"
+    advice += [f"try another model ({argument('person', name)})" for name in others[:1]]
+    return f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
 
 
-def _limit(fit: ArmFit, joint: int) -> float:
+def _exceeded_limit(fit: ArmFit, joint: int) -> float:
     """Return the limit of a joint [rad] that it would mostly exceed."""
-    q = float(np.median(fit.joint_angles[fit.beyond_limit[:, joint] > NOTABLE, joint]))
+    q = float(np.median(fit.joint_angles[fit.beyond_limit[:, joint] > SMALL_EXCESS, joint]))
     return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda limit: abs(limit - q)))
 
 
-def _beyond(fit: ArmFit, name: str, excess: float) -> str:
+def _excess_text(fit: ArmFit, name: str, excess: float) -> str:
     joint = JOINTS.index(name)
     beyond = fit.beyond_limit[:, joint]
-    often, limit = beyond > excess, np.degrees(_limit(fit, joint))
+    often, limit = beyond > excess, np.degrees(_exceeded_limit(fit, joint))
     return (
         f"{name} would go beyond its limit of {limit:.0f}° by more than {excess:.0f}° in {100 * often.mean():.0f} % of "
         f"the frames (median of these {np.median(beyond[often]):.0f}°, largest {beyond.max():.0f}°)"
+    )
+
+
+def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:
+    """Report a T-pose or A-pose, held for 0.5 s or left at once, with which the motion begins; empty without one.
+
+    In it the elbow is nearly straight, and the arm points to the side, along the horizon (T) or lower (A).
+    """
+    upper, fore = directions["upper arm"], directions["forearm"]
+    elevation = np.degrees(np.arccos(np.clip(-upper[0, 2], -1.0, 1.0))) - 90.0  # above the horizon
+    straight = upper[0] @ fore[0] >= np.cos(np.radians(20.0))
+    if len(time) < 3 or not straight or abs(upper[0, 0]) > 0.35 or not -65.0 <= elevation <= 15.0:
+        return ""
+    rotation = np.degrees(np.max([np.arccos(np.clip(u @ u[0], -1.0, 1.0)) for u in (upper, fore)], axis=0))
+    left = int(np.argmax(rotation > 3.0))  # zero where the pose is held to the end
+    duration = float(time[left - 1] - time[0])
+    at_once = left <= 2 and rotation[left] > 15.0
+    if left == 0 or not (duration >= 0.5 or at_once):
+        return ""
+    return (
+        f"the recording begins in {'a T' if elevation > -15.0 else 'an A'}-pose, as for calibration, "
+        f"{'left at once' if at_once else f'held for {duration:.2f} s'}; to omit it crop the recording: "
+        f"{argument('start', round(float(time[left]), 2))}"
+    )
+
+
+def gap_warning(time: Array, frames: NDArray[np.intp]) -> str:
+    """Report frames that are omitted in the middle of the motion; empty without any."""
+    missing = ~np.isin(np.arange(frames[-1] + 1), frames)
+    missing[: frames[0]] = False
+    if not missing.any():
+        return ""
+    start, stop = max(runs_of(missing), key=lambda run: run[1] - run[0])
+    return (
+        f"{int(missing.sum())} frames in the middle lack points and are omitted: the motion continues on the other "
+        f"side of the gap; the longest gap is from {time[start - 1]:.2f} to {time[stop]:.2f} s"
     )

@@ -1,6 +1,6 @@
-"""Directions of segments and joint axes relative to the trunk: what a recording shows of an arm.
+"""Directions of segments and joint axes relative to the trunk, the measurements to which an arm is fitted.
 
-Only directions are compared, never positions: the place of the shoulder in the trunk is not measured, and the
+Only directions are compared, never positions: the position of the shoulder in the trunk is not measured, and the
 recorded segment lengths change with the skin. The residual of a segment is ``u(q) - u``, a difference of unit vectors;
 its length is the angle between them [rad] as long as that is small.
 """
@@ -17,6 +17,7 @@ from maniport.arms.attached import Attached, axis_of
 from maniport.arms.human import JOINTS
 from maniport.errors import InvalidInputError
 from maniport.mocap.path_solver import BLOCK, parts_of
+from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 SEGMENTS = {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist"), "hand": ("wrist", "hand")}
@@ -27,10 +28,10 @@ TURN = JOINTS.index("pro_sup")
 DEVIATION = JOINTS.index("deviation")
 FLEXION = JOINTS.index("flexion")
 
-AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint whose axis each pair of markers shows
+AXES = {"elbow_axis": ELBOW, "wrist_axis": FLEXION}  # The joint with the axis of each pair of markers
 
 AROUND = {"elbow_axis": "upper arm", "wrist_axis": "forearm"}
-"""The segment whose rotation about its own axis each pair of markers shows."""
+"""The segment that rotates about its own axis with each pair of markers."""
 
 MARKED = {"right": 1.0, "left": -1.0}
 """Sign of the axes of elbow (medial to lateral) and wrist (ulnar to radial); a left arm is a mirror image."""
@@ -38,7 +39,7 @@ MARKED = {"right": 1.0, "left": -1.0}
 WEIGHTS = {"upper arm": 1.0, "forearm": 1.0, "hand": 0.2, "elbow_axis": 0.1, "wrist_axis": 0.1}
 """Weights of the residuals, inverse to the expected error of each direction.
 
-A hand is measured over a fifth of a forearm's length. The markers beside a joint are near its axis, not on it. Both
+A hand is measured over a fifth of a forearm's length. Markers of a joint are near its axis, not on it. Both
 decide what upper arm and forearm leave open, and do not pull those two aside when the hand exceeds the model's limits.
 """
 
@@ -64,7 +65,7 @@ class Directions:
 
     arm: Arm
     names: tuple[str, ...]  # keys of `SEGMENTS`, then of `AXES`
-    targets: Array  # unit vectors, shape (n, len(names), 3); nan where not seen
+    targets: Array  # unit vectors, shape (n, len(names), 3); nan where missing
 
     def take(self, frames: NDArray[np.intp] | slice) -> "Directions":
         """Keep some frames, in any order and repeated or not."""
@@ -98,7 +99,7 @@ class Directions:
         return (*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
-        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero for what is not seen."""
+        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero where targets are missing."""
         values, slopes = self.model(q)
         weight = np.array([WEIGHTS[name] for name in self.names]) * ~np.isnan(self.targets[..., 0])
         difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
@@ -116,17 +117,17 @@ class Directions:
 
     def twists(self, q: Array) -> dict[str, Array]:
         """Return the rotations of segments about their own axis that bring joint axes to their markers [rad]."""
-        values, found = self._values(q), {}
+        values, twists = self._values(q), {}
         for axis, segment in AROUND.items():
             if axis in self.names:
                 i, along = self.names.index(axis), values[:, self.names.index(segment)]
-                model, seen = (
+                model, target = (
                     vectors - np.sum(vectors * along, axis=1)[:, None] * along
                     for vectors in (values[:, i], self.targets[:, i])
                 )
-                sine, cosine = np.sum(np.cross(model, seen) * along, axis=1), np.sum(model * seen, axis=1)
-                found[segment] = np.arctan2(sine, cosine)
-        return found
+                sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
+                twists[segment] = np.arctan2(sine, cosine)
+        return twists
 
 
 def _normalized(vector: Array, slope: Array) -> tuple[Array, Array]:
@@ -135,3 +136,82 @@ def _normalized(vector: Array, slope: Array) -> tuple[Array, Array]:
     unit = vector / length
     along = unit[..., None, :] @ slope
     return unit, (slope - unit[..., None] * along) / length[..., None]
+
+
+@kernel
+def frame_terms(  # type: ignore[no-untyped-def]
+    q, coupling, offset, products, places, slides, joints, vectors, ends, targets, weights, gradient, hessian
+):
+    """Add Jᵀr and JᵀJ of the residuals of one frame, for the live view, to gradient and hessian; return |r|²."""
+    dof, last, count, points = len(q), len(offset), len(joints), len(joints) - len(targets) + len(ends)
+    turns, origins = np.zeros((last + 1, 3, 3)), np.zeros((last + 1, 3))
+    along, places_of = np.zeros((last, 3)), np.zeros((last, 3))
+    for i in range(3):
+        turns[0, i, i] = 1.0
+    for j in range(last):
+        angle = offset[j]
+        for k in range(dof):
+            angle += coupling[j, k] * q[k]
+        sine, versed = (0.0, 0.0) if slides[j] else (np.sin(angle), 1.0 - np.cos(angle))
+        for a in range(3):
+            for b in range(3):
+                places_of[j, a] += turns[j, a, b] * places[j, 0, b]
+                along[j, a] += turns[j, a, b] * places[j, 1, b]
+            places_of[j, a] += origins[j, a]
+            origins[j + 1, a] = places_of[j, a] + (angle * along[j, a] if slides[j] else 0.0)
+            for b in range(3):
+                for c in range(3):
+                    part = products[j, 0, c, b] + sine * products[j, 1, c, b] + versed * products[j, 2, c, b]
+                    turns[j + 1, a, b] += turns[j, a, c] * part
+    values, slopes = np.zeros((count, 3)), np.zeros((count, 3, dof))
+    for n in range(count):
+        for a in range(3):
+            for b in range(3):
+                values[n, a] += turns[joints[n], a, b] * vectors[n, b]
+            if n < points:
+                values[n, a] += origins[joints[n], a]
+        for j in range(joints[n]):
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                if slides[j]:
+                    moved = along[j, a] if n < points else 0.0
+                else:
+                    at_b, at_c = (places_of[j, b], places_of[j, c]) if n < points else (0.0, 0.0)
+                    moved = along[j, b] * (values[n, c] - at_c) - along[j, c] * (values[n, b] - at_b)
+                for k in range(dof):
+                    slopes[n, a, k] += moved * coupling[j, k]
+    return add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian)
+
+
+@part
+def add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Add the terms for points (the first of the values) and directions with their derivatives."""
+    dof = len(gradient)
+    cost, slope = 0.0, np.empty((3, dof))
+    for n in range(len(targets)):
+        if weights[n] == 0.0:
+            continue
+        if n < len(ends):
+            a, b = ends[n]
+            unit = values[b] - values[a]
+            length = np.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
+            unit /= length
+            for k in range(dof):
+                stretch = 0.0
+                for i in range(3):
+                    slope[i, k] = slopes[b, i, k] - slopes[a, i, k]
+                    stretch += unit[i] * slope[i, k]
+                for i in range(3):
+                    slope[i, k] = (slope[i, k] - unit[i] * stretch) / length
+        else:
+            unit = values[points + n - len(ends)]
+            slope[:] = slopes[points + n - len(ends)]
+        square = weights[n] * weights[n]
+        for i in range(3):
+            off = unit[i] - targets[n, i]
+            cost += square * off * off
+            for k in range(dof):
+                gradient[k] += square * off * slope[i, k]
+                for m in range(dof):
+                    hessian[k, m] += square * slope[i, k] * slope[i, m]
+    return cost

@@ -1,9 +1,10 @@
 """Unit, vertical axis and rate of a file: from the caller, else from the file, else recognized from the points."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,27 +14,26 @@ from maniport.errors import FileFormatError, InvalidInputError, argument, as_tex
 from maniport.mocap.cleaning import in_order, without_zeros
 from maniport.mocap.marker_sets import find_legs, find_roles, whole_bodies
 from maniport.mocap.recording import MAX_POSITION, UP_AXES, Recording
+from maniport.mocap.roles import direction
 from maniport.util.input_limits import FRAMES, PLACES, POINTS, require_at_most
 from maniport.util.validation import Array
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "CMU": 0.0254 / 0.45}
 """Units of length [m]. ``"CMU"`` is that of the CMU motion capture database: 0.45 of it make an inch."""
 
-RECOGNIZED = ("m", "cm", "mm", "inch", "CMU")
-"""Units that are recognized; `UPPER_ARM` is narrow enough that no two of them fit one length."""
+UPPER_ARM = (0.20, 0.42)
+"""Usual lengths of an upper arm [m], from a child of ten to the tallest adults.
 
-UPPER_ARM = (0.20, 0.42)  # Usual lengths of an upper arm [m], from a child of ten to the tallest adults
+The range is narrow enough that no two of the recognized units, all but "dm", fit one length."""
 
 POSSIBLE_UPPER_ARM = (0.1, 0.6)  # Lengths of an upper arm [m] outside of which a declared unit is wrong
-
-LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
 
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """Options of the caller for reading a file; None where not given."""
+    """Options of the caller for reading a file; None for the values of the file."""
 
-    scale: float | None = None  # unit of length [m]
+    unit: str | None = None  # one of `UNITS`
     up: str | None = None  # vertical axis, one of `UP_AXES`
     rate: float | None = None  # frames per second
 
@@ -45,36 +45,45 @@ class ImportOptions:
         time: ArrayLike | None = None,
         unit: str = "",
         up: str = "",
-        by: str = "as the file says",
         usual: str = "z",
+        origin: str = "stated in the file",
         notes: Sequence[str] = (),
-        unit_by: str = "as the file says",
+        quality_warnings: Sequence[str] = (),
+        measured: bool = True,
     ) -> Recording:
-        """Make the recording in metres, with notes on what was given, read and recognized."""
-        with np.errstate(over="ignore"):  # of numbers with more digits
-            places = np.array(positions, dtype=np.float64)
+        """Make the recording in meters, with notes on the unit, the vertical axis and the rate.
+
+        `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
+        points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
+        and `up` are empty where the file does not state them; `origin` describes why they are these. `usual` is the
+        vertical axis if neither the file nor the points determine it. The rest is as in `Recording`.
+
+        Raises
+        ------
+        FileFormatError
+            When the values are no recording, or unit or rate are unknown.
+        """
+        with np.errstate(over="ignore"):  # of wider floating-point types
+            points = np.array(positions, dtype=np.float64)
         unique = _numbered(names)
-        found = [*notes, *(["names that occur more than once were numbered"] if unique != list(names) else [])]
-        require_at_most(len(names), POINTS, "points", file)
-        require_at_most(len(places), FRAMES, "frames", file)
-        require_at_most(places.size // 3, PLACES, "places (frames × points)", file)
-        if places.ndim != 3 or places.shape[1:] != (len(unique), 3) or not places.size:
+        if unique != list(names):
+            notes = [*notes, "names that occur more than once were numbered"]
+        require_at_most(len(unique), POINTS, "points", file)
+        require_at_most(len(points), FRAMES, "frames", file)
+        require_at_most(points.size // 3, PLACES, "places (frames × points)", file)
+        if points.ndim != 3 or points.shape[1:] != (len(unique), 3) or not points.size:
             raise FileFormatError(
-                f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {places.shape}"
+                f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {points.shape}"
             )
-        places[~(np.abs(places) <= MAX_POSITION).all(axis=-1)] = np.nan
-        if np.isnan(places).all():
+        points[~(np.abs(points) <= MAX_POSITION).all(axis=-1)] = np.nan
+        if np.isnan(points).all():
             raise FileFormatError(f"{file}: every point is missing in every frame")
-        tracks = {name: places[:, i] for i, name in enumerate(unique)}
-        scale, unit_note = _in_metres(tracks, self.scale, str(file), unit, unit_by)
-        axis, up_note = _vertical(tracks, self.up, usual, up, by)
         if self.rate is not None:
-            found.insert(0, f"frames per second given by the caller: {self.rate:g}")
-            time = np.arange(len(places)) / self.rate
+            notes = [f"frames per second set by the caller: {self.rate:g}", *notes]
+            time = np.arange(len(points)) / self.rate
         elif time is None:
             raise FileFormatError(
-                f"{file}: the file does not say how fast its frames follow one another; "
-                f"give {argument('rate')} the frames per second"
+                f"{file}: the file states no frame rate; give {argument('rate')} in frames per second"
             )
         times = np.asarray(time)
         if times.ndim != 1 or times.dtype.kind not in "fiu":
@@ -82,24 +91,70 @@ class ImportOptions:
                 f"{file}: time must be numbers [s] of shape (n,); found {times.dtype} of shape {times.shape}"
             )
         try:
-            times, recognized = _in_seconds(times.astype(np.float64))
-            times, places, ordered = in_order(times, places)
-            notes = (unit_note, up_note, *found, *recognized, *ordered)
-            return without_zeros(Recording(tuple(unique), places * scale, times, axis, as_text(file.name), notes))
+            times, converted = _in_seconds(times.astype(np.float64))
+            times, points, ordered = in_order(times, points)
+            source = as_text(file.name)
+            raw = Recording(tuple(unique), points, times, usual, source, (), tuple(quality_warnings), "", measured)
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
+        scale, unit_note = self._scale(raw, file, unit, origin)
+        axis, up_note = self._vertical(raw, up, origin)
+        notes = (unit_note, up_note, *notes, *converted, *ordered)
+        return without_zeros(replace(raw, positions=raw.positions * scale, up=axis, notes=notes))
 
+    def _scale(self, recording: Recording, file: Path, declared: str, origin: str) -> tuple[float, str]:
+        """Return meters per unit, with a note on the origin."""
+        if self.unit is not None:
+            return UNITS[self.unit], f"unit set by the caller: {self.unit}"
+        unit, arm = known_unit(declared), _upper_arm(recording)
+        if unit is not None:
+            if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
+                raise FileFormatError(f"{file}: {_implausible(arm, unit, f'the unit {unit}, {origin},')}")
+            return UNITS[unit], f"unit {unit}, {origin}"
+        fitting = [] if arm is None else _fitting_units(arm[1])
+        if arm is None or not fitting:
+            why = f"the upper arm ({arm[0]}) has {arm[1]:.4g} units" if arm else "no points are those of an upper arm"
+            names = ", ".join(recording.names[:12]) + (", …" if len(recording.names) > 12 else "")
+            raise FileFormatError(
+                f"{file}: the unit of length cannot be recognized: {why}; give {argument('unit')} one of "
+                f"{', '.join(map(repr, UNITS))}. Points: {names}"
+            )
+        scale = UNITS[fitting[0]]
+        length = f"the upper arm ({arm[0]}) is {arm[1]:.4g} units long, {arm[1] * scale:.3f} m"
+        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {length}"
 
-def require_plausible(recording: Recording, unit: str | None, up: str | None) -> Recording:
-    """Compare the caller's options with the points; add data-quality warnings."""
-    quality_warnings = [*_several_bodies(recording)]
-    quality_warnings += [] if unit is None else _implausible_unit(recording, unit)
-    quality_warnings += [] if up is None else _implausible_axis(recording, up)
-    return (
-        replace(recording, quality_warnings=(*recording.quality_warnings, *quality_warnings))
-        if quality_warnings
-        else recording
-    )
+    def _vertical(self, recording: Recording, declared: str, origin: str) -> tuple[str, str]:
+        """Return the vertical axis, with a note on the origin."""
+        if self.up is not None:
+            return self.up, f"vertical axis set by the caller: {self.up}"
+        if declared in UP_AXES:
+            return declared, f"vertical axis {declared}, {origin}"
+        if pair := find_roles(recording.observed)[1].get("trunk_up"):
+            step = direction(recording, pair)
+            if (present := np.isfinite(step).all(axis=-1)).any():
+                mean = step[present].mean(axis=0)
+                axis = int(np.argmax(np.abs(mean)))
+                if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
+                    name = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
+                    low, high = map("+".join, pair)
+                    return name, f"vertical axis recognized as {name}: {high} lies above {low} along it"
+        return (
+            recording.up,
+            f"vertical axis {recording.up}, the usual one of the format, as the points do not determine it",
+        )
+
+    def checked(self, recording: Recording) -> Recording:
+        """Compare the options with the points; add data-quality warnings.
+
+        Raises
+        ------
+        InvalidInputError
+            When the unit makes an impossible upper arm.
+        """
+        texts = _several_bodies(recording)
+        texts += [] if self.unit is None else _implausible_unit(recording, self.unit)
+        texts += [] if self.up is None else _implausible_axis(recording, self.up)
+        return replace(recording, quality_warnings=(*recording.quality_warnings, *texts)) if texts else recording
 
 
 def known_unit(text: str) -> str | None:
@@ -111,11 +166,11 @@ def known_unit(text: str) -> str | None:
     return name if name in UNITS else None
 
 
-def drop_untrusted(positions: Array, trust: Array, least: float = 0.5) -> list[str]:
+def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> list[str]:
     """Mark keypoints of low confidence as missing, in place; `least` is that of MediaPipe's own drawings."""
-    low = trust < least
+    low = confidence < least
     positions[low] = np.nan
-    return [f"{low.mean():.1%} of all points are trusted less than {least} and count as missing"] if low.any() else []
+    return [f"{low.mean():.1%} of all points have a confidence below {least} and count as missing"] if low.any() else []
 
 
 def _in_seconds(time: Array) -> tuple[Array, list[str]]:
@@ -123,117 +178,60 @@ def _in_seconds(time: Array) -> tuple[Array, list[str]]:
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     for name, scale in {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}.items():
         if step * scale <= 1.0 < step:
-            return time * scale, [f"times recognised as {name}: as seconds, frames would be {step:.4g} s apart"]
+            return time * scale, [f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart"]
     return time, []
 
 
-def _in_metres(
-    points: Mapping[str, Array], scale: float | None, source: str, declared: str, by: str
-) -> tuple[float, str]:
-    """Return metres per unit, with a note on the origin."""
-    if scale is not None:
-        return scale, f"unit given by the caller: 1 unit = {scale:.5g} m"
-    unit, arm = known_unit(declared), _upper_arm(points)
-    if unit is not None:
-        low, high = POSSIBLE_UPPER_ARM
-        if arm is not None and not low <= arm[1] * UNITS[unit] <= high:
-            raise FileFormatError(
-                f"{source}: the file says its unit is {unit}, but that makes the upper arm ({arm[0]}) "
-                f"{arm[1] * UNITS[unit]:.4g} m long; {_advise_unit(arm[1])}"
-            )
-        return UNITS[unit], f"unit {unit}, {by}"
-    if arm is None:
-        names = list(points)
-        raise FileFormatError(
-            f"{source}: the unit of length cannot be recognised, for no upper arm was found among the points "
-            f"({', '.join(names[:12])}{', …' if len(names) > 12 else ''}); {_advise_unit()}"
-        )
-    name, length = arm
-    plausible = _fitting_units(length)
-    if not plausible:
-        raise FileFormatError(
-            f"{source}: the unit of length cannot be recognised: the upper arm ({name}) is {length:.4g} units long, "
-            f"and none of {', '.join(RECOGNIZED)} makes that {UPPER_ARM[0]} to {UPPER_ARM[1]} m; {_advise_unit()}"
-        )
-    scale = UNITS[plausible[0]]
-    return scale, (
-        f"unit recognised as {plausible[0]} (1 unit = {scale:.5g} m): "
-        f"the upper arm ({name}) is {length:.4g} units long, {length * scale:.3f} m"
+def _implausible(arm: tuple[str, float], unit: str, cause: str) -> str:
+    """Describe an upper arm, in the unit of the file, of implausible length, with the units that make it plausible."""
+    name, length = arm[0], arm[1] * UNITS[unit]
+    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
+    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
+    better = "".join(
+        f"; {argument('unit', fit)} makes it {arm[1] * UNITS[fit]:.3g} m" for fit in _fitting_units(arm[1])
     )
-
-
-def _advise_unit(length: float = 0.0) -> str:
-    """Advise the unit that makes a length that of an upper arm, else any unit."""
-    fitting = _fitting_units(length)
-    if fitting:
-        return f"give {argument('unit', fitting[0])}, which makes it {length * UNITS[fitting[0]]:.3g} m"
-    return f"give {argument('unit')} one of {', '.join(map(repr, UNITS))}"
+    return (
+        f"{cause} makes the upper arm ({name}) {length:.3g} m long; {'usual' if possible else 'possible'} are {low} to "
+        f"{high} m{better}"
+    )
 
 
 def _fitting_units(length: float) -> list[str]:
     """Return the recognized units in which a length is that of an upper arm."""
-    return [unit for unit in RECOGNIZED if UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
+    return [unit for unit in UNITS if unit != "dm" and UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
 
 
-def _upper_arm(points: Mapping[str, Array]) -> tuple[str, float] | None:
+def _upper_arm(recording: Recording) -> tuple[str, float] | None:
     """Find an upper arm by the names of its ends; return them and its median length in the unit of the points."""
     for side in SIDES:
-        roles = find_roles(_seen(points), side)[1]
+        roles = find_roles(recording.observed, side)[1]
         if "shoulder" in roles and "elbow" in roles:
-            length = np.linalg.norm(_mean(points, roles["elbow"]) - _mean(points, roles["shoulder"]), axis=-1)
+            length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
             length = length[np.isfinite(length)]
             if len(length):
-                median = float(np.quantile(length, 0.5, method="lower"))  # of two units never the mean
+                median = float(np.quantile(length, 0.5, method="lower"))  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
     return None
 
 
-def _vertical(points: Mapping[str, Array], up: str | None, usual: str, declared: str, by: str) -> tuple[str, str]:
-    """Return the vertical axis, with a note on the origin."""
-    if up is not None:
-        return up, f"up axis given by the caller: {up}"
-    if declared in UP_AXES:
-        return declared, f"up axis {declared}, {by}"
-    pair = find_roles(_seen(points))[1].get("trunk_up")
-    if pair is not None:
-        low, high = pair
-        step = _mean(points, high) - _mean(points, low)
-        seen = np.isfinite(step).all(axis=-1)
-        if seen.any():
-            mean = step[seen].mean(axis=0)
-            axis = int(np.argmax(np.abs(mean)))
-            if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
-                found = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-                return found, f"up axis recognised as {found}: {'+'.join(high)} lies above {'+'.join(low)} along it"
-    return usual, f"up axis taken as {usual}, the usual one: the points do not tell"
-
-
 def _several_bodies(recording: Recording) -> list[str]:
     for side in SIDES:
-        first, *others = whole_bodies(recording.seen, side) or ("",)
+        first, *others = whole_bodies(recording.observed, side) or ("",)
         if others:
-            shoulder = find_roles(recording.seen, side, others[0])[1]["shoulder"]
+            shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
             return [
                 f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a whole "
-                f"arm is taken, unless you give a point of another: {argument('markers', {'shoulder': list(shoulder)})}"
+                f"arm is used. Assign a point of another one to use that: {argument('markers', {'shoulder': shoulder})}"
             ]
     return []
 
 
 def _implausible_unit(recording: Recording, unit: str) -> list[str]:
-    arm = _upper_arm({name: recording.point(name) for name in recording.seen})
+    arm = _upper_arm(recording)
     if arm is None or UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
         return []
-    name, length = arm
-    own = length / UNITS[unit]
-    better = "".join(f"; {argument('unit', fit)} makes it {own * UNITS[fit]:.3g} m" for fit in _fitting_units(own)[:1])
-    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
-    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
-    text = (
-        f"{argument('unit', unit)} makes the upper arm ({name}) {length:.3g} m long; "
-        f"those of {'most ' if possible else ''}people have {low} to {high} m{better}"
-    )
-    if not possible:
+    text = _implausible((arm[0], arm[1] / UNITS[unit]), unit, argument("unit", unit))
+    if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
         raise InvalidInputError(f"{recording.source}: {text}")
     return [text]
 
@@ -243,45 +241,36 @@ def _implausible_axis(recording: Recording, up: str, least: float = 0.5) -> list
 
     Of people who stand, sit, climb, hang or crawl the one or the other is nearer to upright than 60°.
     """
-    pair = find_roles(recording.seen)[1].get("trunk_up")
+    pair = find_roles(recording.observed)[1].get("trunk_up")
     if pair is None:
         return []
-    low, high = ([recording.point(name) for name in names] for names in pair)
-    trunk = _upright(np.mean(high, axis=0) - np.mean(low, axis=0))
-    legs = (_upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.seen))
+    trunk = _upright(direction(recording, pair))
+    legs = (_upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.observed))
     if not trunk or trunk[up] >= least or any(leg.get(up, 0.0) >= least for leg in legs):
         return []
     likely = max(trunk, key=trunk.__getitem__)
-    off, less = (f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (up, likely))
+    angle, better = (f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (up, likely))
+    low, high = map("+".join, pair)
     return [
-        f"{argument('up', up)} lets the trunk ({'+'.join(pair[0])} to {'+'.join(pair[1])}) stand {off} off upright "
-        f"(median); {argument('up', likely)} lets it stand {less} off"
+        f"with {argument('up', up)} the trunk ({low} to {high}) is {angle} from upright (median); "
+        f"with {argument('up', likely)} it is {better} from upright"
     ]
 
 
 def _upright(step: Array) -> dict[str, float]:
-    """Return the cosine (median) between a body part and each axis; nothing where it is not seen."""
-    along = step[np.linalg.norm(step, axis=-1) > 0]  # without frames in which it is missing
+    """Return the cosine (median) between a body part and each axis; nothing where it is missing."""
+    along = step[np.linalg.norm(step, axis=-1) > 0]
     if not len(along):
         return {}
-    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    signs = {axis: -1.0 if axis[0] == "-" else 1.0 for axis in UP_AXES}
-    return {axis: float(np.median(sign * along[:, "xyz".index(axis[-1])])) for axis, sign in signs.items()}
+    x, y, z = np.median(along / np.linalg.norm(along, axis=-1, keepdims=True), axis=0).tolist()
+    return dict(zip(UP_AXES, (x, y, z, -x, -y, -z), strict=True))
 
 
-def _numbered(names: Sequence[str]) -> list[str]:
+def _numbered(names: Sequence[Any]) -> list[Any]:
     """Number the names that occur again."""
-    seen: Counter[str] = Counter()
-    result = []
+    count: Counter[Any] = Counter()
+    unique = []
     for name in names:
-        seen[name] += 1
-        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return result
-
-
-def _seen(points: Mapping[str, Array]) -> list[str]:
-    return [name for name, track in points.items() if np.isfinite(track).any()]
-
-
-def _mean(points: Mapping[str, Array], names: Sequence[str]) -> Array:
-    return np.asarray(np.mean([points[name] for name in names], axis=0))
+        count[name] += 1
+        unique.append(name if count[name] == 1 else f"{name}#{count[name]}")
+    return unique

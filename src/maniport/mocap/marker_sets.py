@@ -1,4 +1,4 @@
-"""Names of points by marker set: which of them show which part of the body. The names are data/marker_sets.yaml."""
+"""Marker sets: which names of points belong to which role. The names are in data/marker_sets.yaml."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -6,11 +6,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from maniport.errors import InvalidInputError, unknown_name
+from maniport.util.validation import Array
 
-Group = tuple[str, ...]  # Names of points whose mean is taken
+Group = tuple[str, ...]  # Names of points that are averaged
 
 POINTS = ("shoulder", "elbow", "wrist", "hand")  # Roles of a point, or of the mean of several
 
@@ -40,13 +42,13 @@ def load_names(file: str) -> Any:
 
 _DATA = load_names("marker_sets.yaml")
 
-DIALECTS: dict[str, Mapping[str, Sequence[Any]]] = _DATA["marker_sets"]
-"""For each marker set and role the ways to play it, the first that is recorded counts.
+MARKER_SETS: dict[str, Mapping[str, Sequence[Any]]] = _DATA["marker_sets"]
+"""For each marker set and role the alternatives; the first whose points are recorded counts.
 
-Each way is written as in the argument ``markers`` of `fit_arm`, for the right arm: a name or a list of names whose mean
-counts; for a direction a pair (from, to) of these. The marker set with most roles of the arm wins, the later one of
-equals; the trunk may come from another one. Upper and lower case, spaces, ``_``, ``.``, ``-`` and what stands before a
-colon (``Nick01:RELB``) make no difference. Entries that are added are used by `fit_arm` and `read_recording`.
+An alternative has the form of the argument ``markers`` of `fit_arm`, for the right arm: a name or names (their
+mean counts); for a direction a pair (from, to) of these. The set with most roles of the arm counts, else the later;
+the trunk may come from another one. Case, spaces, ``_``, ``.``, ``-`` and prefixes before a colon (``Nick01:RELB``) are
+ignored. `fit_arm` and `read_recording` use the entries that are added.
 """
 
 _OTHER_SIDE = {"right": "left", "Right": "Left", "RIGHT": "LEFT", "r": "l", "R": "L"}
@@ -61,7 +63,7 @@ def other_side(name: str) -> str:
     if bare.startswith(END):
         return before + colon + END + other_side(bare.removeprefix(END))
     pattern = _SIDE_WORD if _SIDE_WORD.search(bare) else _SIDE_LETTER
-    return before + colon + pattern.sub(lambda found: _OTHER_SIDE[found[0]], bare, count=1)
+    return before + colon + pattern.sub(lambda match: _OTHER_SIDE[match[0]], bare, count=1)
 
 
 def body_of(name: str) -> str:
@@ -70,7 +72,7 @@ def body_of(name: str) -> str:
 
 
 def find_roles(names: Iterable[str], side: str = "right", body: str | None = None) -> tuple[str, dict[str, Any]]:
-    """Find the marker set of a recording, and the points that play each role."""
+    """Return the marker set of a recording, and the points of each role."""
     points = list(names)
     bodies = whole_bodies(points, side)
     return _roles_among(bodies.get(body or "", next(iter(bodies.values()), points)), side)
@@ -94,18 +96,18 @@ def find_legs(names: Iterable[str]) -> list[tuple[str, str]]:
     return [(by_key[_key(low)], by_key[_key(high)]) for low, high in pairs if {_key(low), _key(high)} <= by_key.keys()]
 
 
-def ways(marker_set: str, role: str, side: str = "right") -> list[Any]:
-    """Return the ways of a marker set to play a role on one side: groups of names, or pairs of groups."""
-    where = f"DIALECTS[{marker_set!r}][{role!r}]"
-    choices = DIALECTS[marker_set].get(role, ())
+def alternatives(marker_set: str, role: str, side: str = "right") -> list[Any]:
+    """Return the alternatives of a marker set for a role on one side: groups of names, or pairs of groups."""
+    where = f"MARKER_SETS[{marker_set!r}][{role!r}]"
+    choices = MARKER_SETS[marker_set].get(role, ())
     if isinstance(choices, str):
-        raise InvalidInputError(f"{where} must be a list of choices; found {choices!r}")
+        raise InvalidInputError(f"{where} must be a list of alternatives; found {choices!r}")
     mirrored = side == "left" and role not in TRUNK  # the trunk's left is its left for either arm
     return [as_choice_of_names(role, choice, where, mirrored) for choice in choices]
 
 
 def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = False) -> Any:
-    """Check which points shall play a role; return a tuple of names, or for a direction a pair of these."""
+    """Check the points of a role; return a tuple of names, or for a direction a pair of these."""
     if role not in DIRECTIONS:
         nested = isinstance(choice, Sequence) and len(choice) == 1 and isinstance(choice[0], list | tuple)
         return _as_group(choice[0] if nested else choice, where, mirrored)  # groups are nested in pairs, and often here
@@ -128,33 +130,56 @@ def _key(name: str) -> str:
 
 def _roles_among(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
     by_key = {_key(name): name for name in reversed(names)}
-    sets = {marker_set: _roles_of_set(marker_set, by_key, side) for marker_set in reversed(DIALECTS)}
+    sets = {marker_set: _roles_of_set(marker_set, by_key, side) for marker_set in reversed(MARKER_SETS)}
     best = max(sets, key=lambda name: (sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)))
-    found = dict(sets[best])
-    for role in TRUNK:
-        if role not in found:
-            found |= next(({role: roles[role]} for roles in sets.values() if role in roles), {})
-    collars = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}  # shoulders only where an arm follows
-    if not found.keys() & set(ARM[1:]) and collars & set(map(_key, found.get("shoulder", ()))):
-        del found["shoulder"]
-        found.pop("trunk_left", None)
-    return best, {role: found[role] for role in ROLES if role in found}
+    roles = {role: names for roles in reversed(sets.values()) for role, names in roles.items() if role in TRUNK}
+    roles |= sets[best]
+    collarbones = {"rightshoulder", "leftshoulder", "rshoulder", "lshoulder"}  # shoulders only above an elbow or wrist
+    if not roles.keys() & set(ARM[1:]) and collarbones & set(map(_key, roles.get("shoulder", ()))):
+        del roles["shoulder"]
+        roles.pop("trunk_left", None)
+    return best, {role: roles[role] for role in ROLES if role in roles}
 
 
 def _roles_of_set(marker_set: str, by_key: Mapping[str, str], side: str) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for role in DIALECTS[marker_set]:
+    roles: dict[str, Any] = {}
+    for role in MARKER_SETS[marker_set]:
         if role not in ROLES:
-            raise unknown_name("role", role, ROLES, f"in DIALECTS[{marker_set!r}]")
-        recorded = (_recorded(role, way, by_key) for way in ways(marker_set, role, side))
-        found |= next(({role: names} for names in recorded if names), {})
-    return found
+            raise unknown_name("role", role, ROLES, f"in MARKER_SETS[{marker_set!r}]")
+        recorded = (_recorded(role, names, by_key) for names in alternatives(marker_set, role, side))
+        roles |= next(({role: names} for names in recorded if names), {})
+    return roles
 
 
-def _recorded(role: str, way: Any, by_key: Mapping[str, str]) -> Any:
-    """Return the recording's own names for one way to play a role; None unless all are recorded."""
+def _recorded(role: str, names: Any, by_key: Mapping[str, str]) -> Any:
+    """Return the recording's own names for one alternative; None unless all are recorded."""
     if role in DIRECTIONS:
-        pair = tuple(_recorded("", group, by_key) for group in way)
+        pair = tuple(_recorded("", group, by_key) for group in names)
         return pair if all(pair) else None
-    own = tuple(by_key.get(_key(name), "") for name in way)
+    own = tuple(by_key.get(_key(name), "") for name in names)
     return own if all(own) else None
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of points out of reach
+def arm_error(names: Sequence[str], positions: Array) -> float:
+    """Measure how unlike arms the points (n, k, 3) with these names in order are; below 1 they are arms.
+
+    Of arms the bones keep their lengths (standard deviation below 5 %) and differ by less than 15 % between the sides.
+    """
+    sides = next(
+        pair
+        for pair in (("left_", "right_"), ("L_", "R_"), ("Left", "Right"))
+        if any(name.startswith(pair[0]) for name in names)
+    )
+    chains = (("shoulder", "elbow", "wrist"), ("Shoulder", "Elbow", "Wrist"), ("Arm", "ForeArm", "Hand"))
+    chain = next(chain for chain in chains if sides[0] + chain[1] in names)
+    lengths = []
+    for side in sides:
+        points = positions[:, [names.index(side + joint) for joint in chain]].astype(np.float64)
+        bones = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+        lengths.append(bones[np.isfinite(bones).all(axis=1) & (bones > 0).all(axis=1)])
+    if not all(map(len, lengths)):
+        return np.inf
+    left, right = (np.median(bones, axis=0) for bones in lengths)
+    changes = [np.std(bones, axis=0) / np.median(bones, axis=0) / 0.05 for bones in lengths]
+    return float(np.max([*changes, np.abs(left - right) / np.maximum(left, right) / 0.15]))

@@ -1,4 +1,4 @@
-"""What a recording shows of one arm and the trunk: roles, cleaned points, fully observed frames, segment lengths."""
+"""Observation of one arm and the trunk: roles, cleaned points, fully observed frames, segment lengths."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
 from maniport.errors import RecordingError
-from maniport.mocap.cleaning import repaired
+from maniport.mocap.cleaning import repaired, smoothed
 from maniport.mocap.directions import AXES, MARKED, SEGMENTS, Directions
 from maniport.mocap.marker_sets import DIRECTIONS
 from maniport.mocap.recording import Bools, Recording, runs_of
@@ -23,7 +23,6 @@ from maniport.mocap.roles import (
     trunk_rotation,
     unit,
 )
-from maniport.mocap.smoothing import smoothed
 from maniport.util.validation import Array
 
 SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
@@ -31,7 +30,7 @@ SHORTEST_SEGMENT = 0.005  # Lower bound of the length of an arm segment [m]
 
 @dataclass(frozen=True)
 class Observation:
-    """What an arm is fitted to."""
+    """Cleaned points of one arm and the trunk, to which an arm is fitted."""
 
     side: str
     reason: str  # why that arm
@@ -40,8 +39,8 @@ class Observation:
     points: dict[str, Array]  # positions of the roles that are points [m], shape (n_frames, 3)
     trunk: Array  # rotation of the trunk frame, shape (n_frames, 3, 3)
     frames: NDArray[np.intp]  # the frames in which trunk and arm are fully observed, shape (n,)
-    notes: tuple[str, ...]  # what was done
-    quality_warnings: tuple[str, ...]  # what of it changes the outcome, but for frames that are left out
+    notes: tuple[str, ...]  # on repairs
+    quality_warnings: tuple[str, ...]  # on repairs that change the result, except omitted frames
 
     @property
     def time(self) -> Array:
@@ -66,7 +65,7 @@ def observe(
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None
     if hand is not None and np.nanmedian(np.linalg.norm(hand, axis=-1)) < SHORTEST_SEGMENT:
-        notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")  # as end sites do
+        notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")  # end sites may
         del roles["hand"], points["hand"]
     trunk = trunk_rotation(used, roles)
     frames = _complete_frames(used, points, trunk, notes)
@@ -91,8 +90,8 @@ def segment_lengths(
             length = float(np.nanmedian(np.linalg.norm(points[end] - points[start], axis=-1)))
             if length <= SHORTEST_SEGMENT or (height is None and length >= LONGEST_SEGMENT):
                 raise RecordingError(
-                    f"the {name} in {source!r} is {length:.4g} m long, from {start} to {end}; "
-                    f"allowed is {SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m; is the unit right, do the points differ?"
+                    f"the {name} in {source!r} is {length:.4g} m long, from {start} to {end}; allowed are "
+                    f"{SHORTEST_SEGMENT} to {LONGEST_SEGMENT:g} m: check the unit, and that the points differ"
                 )
             lengths[name] = length
     if height is None:
@@ -100,16 +99,14 @@ def segment_lengths(
     if not measured:
         lengths = {}
     for name in FRACTIONS:
-        by_height, (low, high) = segment_length(name, height), adult_range(name)
-        taken = f"{name}: {by_height:.3f} m by the body height of {height:g} m"
+        (low, high), reason = adult_range(name), ""
         if name not in lengths:
-            notes.append(f"{taken}, as the recording does not show it")
+            reason = "it is not recorded"
         elif not low <= lengths[name] <= high:
-            adults = f"not between {low:.3f} and {high:.3f} m, those of adults"
-            notes.append(f"{taken}, as {lengths[name]:.3g} m in the recording is {adults}")
-        else:
-            continue
-        lengths[name] = by_height
+            reason = f"the recorded {lengths[name]:.3g} m are not within {low:.3f} to {high:.3f} m, as of adults"
+        if reason:
+            lengths[name] = segment_length(name, height)
+            notes.append(f"{name}: {lengths[name]:.3f} m by the body height of {height:g} m, as {reason}")
     return lengths
 
 
@@ -120,12 +117,10 @@ def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, no
     out = np.any(list(lost.values()), axis=0)
     if out.all():
         worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
-        raise RecordingError(
-            f"no frame of {used.source!r} shows all that is needed; missing are: {worst} of the frames"
-        )
+        raise RecordingError(f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames")
     for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
         notes.append(
-            f"{stop - start} frames left out, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
+            f"{stop - start} frames omitted, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
         )
     return np.flatnonzero(~out)

@@ -83,21 +83,20 @@ def solve_path(
 ) -> Array:
     """Fit all frames together; `fixed` frames at either end stay.
 
-    Where the arm hangs straight, a joint turns far for next to no gain, and of a long path such a place is a small
-    part of the cost: hence `smallest_step` [rad].
+    Where the arm hangs straight, a joint rotates far for hardly any gain, which is a small part of the cost of a long
+    path: hence `smallest_step` [rad].
     """
 
     def cost_of(q: Array, values: Array) -> float:
-        bend = _second_difference(q) * smoothing[1:-1] if len(q) > 2 else np.zeros(1)
-        return float(np.sum(values**2) + np.sum((pull * (q - neutral)) ** 2) + np.sum(bend**2))
+        return float(np.sum(values**2) + np.sum((pull * (q - neutral)) ** 2) + np.sum(q * _banded_product(smooth, q)))
 
     n, dof = start.shape
     q, damping = start.copy(), 1e-6
+    smooth = _smoothing_bands(smoothing)
     values, slopes = residual(q)
     cost = cost_of(q, values)
-    smooth = _smoothing_bands(smoothing)
     for iteration in range(iterations):
-        gradient = (values[:, None] @ slopes)[:, 0] + pull**2 * (q - neutral) + _smoothing_gradient(q, smoothing)
+        gradient = (values[:, None] @ slopes)[:, 0] + pull**2 * (q - neutral) + _banded_product(smooth, q)
         held = _held(q, gradient, lower, upper)
         held[:fixed] = held[n - fixed :] = True
         bands = smooth + _block_bands(np.swapaxes(slopes, 1, 2) @ slopes + np.diag(pull**2), len(smooth))
@@ -162,21 +161,6 @@ def _held(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
     return np.asarray(((q <= lower) & (gradient > 0)) | ((q >= upper) & (gradient < 0)))
 
 
-def _second_difference(q: Array) -> Array:
-    return np.asarray(q[2:] - 2 * q[1:-1] + q[:-2])
-
-
-def _smoothing_gradient(q: Array, smoothing: Array) -> Array:
-    """Return half the derivative of Σ smoothing² |second difference|²."""
-    gradient = np.zeros_like(q)
-    if len(q) > 2:
-        bend = _second_difference(q) * smoothing[1:-1] ** 2
-        gradient[:-2] += bend
-        gradient[1:-1] -= 2 * bend
-        gradient[2:] += bend
-    return gradient
-
-
 def _smoothing_bands(smoothing: Array) -> Array:
     """Return the second derivative of the smoothing term as lower bands, shape (2 dof + 1, n dof)."""
     n, dof = smoothing.shape
@@ -190,6 +174,16 @@ def _smoothing_bands(smoothing: Array) -> Array:
         bands[dof, 1:-1] -= 2 * square
         bands[2 * dof, :-2] += square
     return bands.reshape(2 * dof + 1, n * dof)
+
+
+def _banded_product(bands: Array, q: Array) -> Array:
+    """Return the product of the matrix of `_smoothing_bands` and a path (n, dof), of the same shape."""
+    flat, dof = q.ravel(), q.shape[1]
+    product = bands[0] * flat
+    for offset in (dof, 2 * dof):
+        product[offset:] += bands[offset, :-offset] * flat[:-offset]
+        product[:-offset] += bands[offset, :-offset] * flat[offset:]
+    return np.asarray(product.reshape(q.shape))
 
 
 def _block_bands(blocks: Array, height: int) -> Array:

@@ -1,4 +1,4 @@
-"""Recording: named points over time, in metres, as a frozen value object."""
+"""Recording: named points over time, in meters."""
 
 import os
 from collections import Counter
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import Akima1DInterpolator
+from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 
 from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
 from maniport.util.files import save_arrays
@@ -22,8 +22,7 @@ UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
 
-LONGEST_GAP = 0.2
-"""Default length of gaps that are interpolated [s]: the time in which a hand changes its speed appreciably."""
+LONGEST_GAP = 0.2  # Default length of gaps that are interpolated [s]; within it a hand hardly changes its speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +34,7 @@ class Recording(ShownInNotebooks):
     names : sequence of str
         One name for each point, all different.
     positions : array_like, shape (n_frames, n_points, 3)
-        Positions [m] in the axes of the recording; nan where a point was not seen.
+        Positions [m] in the axes of the recording; nan where a point is missing.
     time : array_like, shape (n_frames,)
         Time [s], strictly increasing.
     up : {"x", "y", "z", "-x", "-y", "-z"}
@@ -74,11 +73,9 @@ class Recording(ShownInNotebooks):
         for array in (time, positions):
             array.setflags(write=False)
         as_choice(self.up, "up", UP_AXES)
-        object.__setattr__(self, "names", names)
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "positions", positions)
-        object.__setattr__(self, "notes", tuple(map(str, self.notes)))
-        object.__setattr__(self, "quality_warnings", tuple(map(str, self.quality_warnings)))
+        texts = {name: tuple(map(str, getattr(self, name))) for name in ("notes", "quality_warnings")}
+        for name, value in {"names": names, "time": time, "positions": positions, **texts}.items():
+            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -106,18 +103,12 @@ class Recording(ShownInNotebooks):
         return np.asarray(np.isnan(self.positions[..., 0]).mean(axis=0))
 
     @property
-    def seen(self) -> tuple[str, ...]:
+    def observed(self) -> tuple[str, ...]:
         """Names of the points that are present in some frame."""
         return tuple(name for name, part in zip(self.names, self.missing, strict=True) if part < 1)
 
     def point(self, name: str) -> Array:
-        """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing.
-
-        Raises
-        ------
-        UnknownNameError
-            When there is no such point; the message lists the points, nearest name first.
-        """
+        """Return the positions of one point [m], shape (n_frames, 3), nan where it is missing."""
         if name not in self.names:
             raise unknown_name("point", name, self.names, f"in {self.source!r}" if self.source else "")
         return np.asarray(self.positions[:, self.names.index(name)])
@@ -130,10 +121,9 @@ class Recording(ShownInNotebooks):
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep the named points, in this order."""
         selected = _listed(names)
-        points = [self.point(name) for name in selected]
-        if not points:
+        if not selected:
             raise InvalidInputError("names must hold at least one point")
-        return replace(self, names=selected, positions=np.stack(points, axis=1))
+        return replace(self, names=selected, positions=np.stack([self.point(name) for name in selected], axis=1))
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "Recording":
         """Keep the frames with start ≤ time ≤ stop [s]; a stop beyond the end is reported in `quality_warnings`.
@@ -161,25 +151,25 @@ class Recording(ShownInNotebooks):
         rate = as_number(rate, "rate", above=0)
         most = PLACES // len(self.names)
         if self.duration * rate > most:
-            raise InvalidInputError(
-                f"{spoken('rate')} must make at most {most} frames of {self.duration:g} s; found {rate:g} Hz"
-            )
+            raise InvalidInputError(f"{spoken('rate')} must be at most {most / self.duration:g} Hz; found {rate:g}")
         count = int(np.floor(self.duration * rate + 1e-9)) + 1
         time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
         right = np.clip(np.searchsorted(self.time, time), min(1, len(self) - 1), len(self) - 1)
         left = np.maximum(right - 1, 0)
-        span = np.where(right > left, self.time[right] - self.time[left], 1.0)
-        part = ((time - self.time[left]) / span)[:, None, None]
+        part = (time - self.time[left]) / np.where(right > left, self.time[right] - self.time[left], 1.0)
+        # Of a frame that coincides with a recorded one the other neighbor has no weight, even if it is nan.
+        weights = np.where(part < 1e-9, 0.0, np.where(part > 1 - 1e-9, 1.0, part))[:, None, None]
         before, after = self.positions[left], self.positions[right]
-        # A frame that coincides with a recorded one must not inherit the nan of its neighbor: 0 · nan is nan.
-        positions = np.where(part < 1e-9, before, np.where(part > 1 - 1e-9, after, (1 - part) * before + part * after))
+        positions = np.where(
+            weights == 0, before, np.where(weights == 1, after, (1 - weights) * before + weights * after)
+        )
         note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz"
         return replace(self, positions=positions, time=time, notes=(*self.notes, note))
 
     def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
         """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
 
-        A gap lasts from the last frame before it to the first frame after it. `notes` reports both kinds.
+        A gap lasts from the last frame before it to the first frame after it; `notes` reports all gaps.
         """
         longest = as_number(longest, "longest [s]", minimum=0.0)
         positions = self.positions.copy()
@@ -188,9 +178,12 @@ class Recording(ShownInNotebooks):
             missing = np.isnan(positions[:, index, 0])
             if missing.all():
                 continue
-            runs = runs_of(missing)
-            short = [run for run in runs if _is_short_gap(self.time, *run, longest)]
-            long = [run for run in runs if run not in short]
+            short: list[tuple[int, int]] = []
+            long: list[tuple[int, int]] = []
+            for start, stop in runs_of(missing):
+                inside = start > 0 and stop < len(self)
+                is_short = inside and self.time[stop] - self.time[start - 1] <= longest * (1 + 1e-9)
+                (short if is_short else long).append((start, stop))
             if short:
                 _interpolate(self.time, positions[:, index], short)
                 frames = sum(stop - start for start, stop in short)
@@ -264,16 +257,11 @@ def _count(runs: list[tuple[int, int]]) -> str:
     return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"
 
 
-def _is_short_gap(time: Array, start: int, stop: int, longest: float) -> bool:
-    return start > 0 and stop < len(time) and bool(time[stop] - time[start - 1] <= longest * (1 + 1e-9))
-
-
 def _interpolate(time: Array, track: Array, runs: list[tuple[int, int]]) -> None:
     """Fill runs of one track, shape (n_frames, 3), in place."""
-    seen = ~np.isnan(track[:, 0])
+    present = ~np.isnan(track[:, 0])
+    times, values = time[present], track[present]
+    # Akima's spline needs more than two points.
+    spline = Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, k=1)
     for start, stop in runs:
-        at = time[start:stop]
-        if seen.sum() > 2:
-            track[start:stop] = Akima1DInterpolator(time[seen], track[seen])(at)
-        else:  # Akima's spline needs more than two points
-            track[start:stop] = np.stack([np.interp(at, time[seen], track[seen, k]) for k in range(3)], axis=-1)
+        track[start:stop] = spline(time[start:stop])

@@ -1,4 +1,4 @@
-"""Synthetic recordings: what cameras would record of an arm model that moves."""
+"""Synthetic recordings of the motion of an arm model."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,7 @@ from maniport.mocap.directions import ELBOW, FLEXION, MARKED, TURN, require_huma
 from maniport.mocap.recording import Recording
 from maniport.util.validation import Array, as_finite, as_times, require_shape
 
-HALF_WIDTH = 0.03  # Distance of the points beside elbow and wrist from the middle of the joint [m]
+HALF_WIDTH = 0.03  # Distance of the markers of elbow and wrist from the center of the joint [m]
 
 TRUNK = {
     "trunk_low": (0.0, 0.0, -0.3),
@@ -21,8 +21,8 @@ TRUNK = {
 """Points of a trunk at rest [m], from the middle of the neck."""
 
 
-def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "performed") -> Recording:
-    """Record a human arm that performs a motion; `fit_arm` finds its joint angles again.
+def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = "synthetic") -> Recording:
+    """Record the motion of a human arm; `fit_arm` returns its joint angles.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
     Raises
     ------
     InvalidInputError
-        When the arm is no human one, or shapes do not agree.
+        When the arm is not a human one, or shapes do not agree.
     """
     require_human(arm)
     times, q = as_times(time), as_finite(joint_angles, "joint_angles")
@@ -51,7 +51,7 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
     ends = ("shoulder", "elbow", "wrist", "hand")
     points: dict[str, Array] = dict(zip(ends, np.moveaxis(arm.point_positions(q, ends), 1, 0), strict=True))
     straight = q.copy()
-    straight[:, TURN + 1 : FLEXION] = 0.0  # the points beside the wrist are on the forearm: deviation leaves them
+    straight[:, TURN + 1 : FLEXION] = 0.0  # markers of the wrist are on the forearm: deviation does not move them
     for joints, index, middle, low, high in (
         (q, ELBOW, "elbow", "elbow_medial", "elbow_lateral"),
         (straight, FLEXION, "wrist", "wrist_ulnar", "wrist_radial"),
@@ -59,5 +59,5 @@ def performed(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, source: str = 
         axis = MARKED[arm.side or RIGHT] * HALF_WIDTH * arm.axis_direction(joints, arm.joint_names[index])
         points[low], points[high] = points[middle] - axis, points[middle] + axis
     neck = np.array([0.0, middle_of(arm), 0.0])
-    points |= {name: np.tile(neck + place, (len(q), 1)) for name, place in TRUNK.items()}
+    points |= {name: np.tile(neck + point, (len(q), 1)) for name, point in TRUNK.items()}
     return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, "z", source)

@@ -13,13 +13,10 @@ from maniport.motion.search.seed_bank import SeedBank
 
 if TYPE_CHECKING:
     from maniport.motion.arm_model import robot_model
-    from maniport.motion.both.follow import TrackedArms, track_arms
-    from maniport.motion.both.plan import plan_arms
-    from maniport.motion.both.planned_arms import PlannedArms
-    from maniport.motion.both.planner import ArmsPlanner
+    from maniport.motion.arm_motion import ArmMotion
     from maniport.motion.exports import export_motion
     from maniport.motion.follow.follower import Control
-    from maniport.motion.follow.track_result import TrackResult
+    from maniport.motion.follow.track_arms import track_arms
     from maniport.motion.follow.tracker import track
     from maniport.motion.limits import BrakingLimit, CollisionLimit
     from maniport.motion.motion_limits import LimitUse, MotionLimits
@@ -28,21 +25,20 @@ if TYPE_CHECKING:
     from maniport.motion.plan.home_motion import with_approach
     from maniport.motion.plan.plan_control import PlanControl
     from maniport.motion.plan.plan_motion import plan_motion
-    from maniport.motion.plan.planned_motion import PlannedMotion
     from maniport.motion.plan.planner import Planner
     from maniport.motion.plan.reachability_map import ReachabilityMap
     from maniport.motion.plan.time_parameterization import Timed, retime
+    from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
+    from maniport.motion.robot_motion import RobotMotion
     from maniport.motion.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
+    from maniport.motion.trajectory import Clearance, Trajectory
 
 _LAZY = {
     "arm_model": ("robot_model",),
-    "both.follow": ("TrackedArms", "track_arms"),
-    "both.plan": ("plan_arms",),
-    "both.planned_arms": ("PlannedArms",),
-    "both.planner": ("ArmsPlanner",),
+    "arm_motion": ("ArmMotion",),
     "exports": ("export_motion",),
     "follow.follower": ("Control",),
-    "follow.track_result": ("TrackResult",),
+    "follow.track_arms": ("track_arms",),
     "follow.tracker": ("track",),
     "limits": ("BrakingLimit", "CollisionLimit"),
     "motion_limits": ("LimitUse", "MotionLimits"),
@@ -51,46 +47,49 @@ _LAZY = {
     "plan.home_motion": ("with_approach",),
     "plan.plan_control": ("PlanControl",),
     "plan.plan_motion": ("plan_motion",),
-    "plan.planned_motion": ("PlannedMotion",),
     "plan.planner": ("Planner",),
     "plan.reachability_map": ("ReachabilityMap",),
     "plan.time_parameterization": ("Timed", "retime"),
+    "problem": ("Cost", "MotionProblem", "RelativePositionCost"),
+    "robot_motion": ("RobotMotion",),
     "tasks": ("ManipulabilityEllipsoidTask", "OrientationTask", "PositionTask"),
+    "trajectory": ("Clearance", "Trajectory"),
 }
 """Names by module, loaded on first use, since Pink and its solvers take their time to import."""
 _HOMES = {name: module for module, names in _LAZY.items() for name in names}
 
 __all__ = [
-    "ArmsPlanner",
+    "ArmMotion",
     "BrakingLimit",
+    "Clearance",
     "CollisionLimit",
     "Control",
+    "Cost",
     "FeasibleEllipsoids",
     "FeasibleProjector",
     "FeasibleSearch",
     "LimitUse",
     "ManipulabilityEllipsoidTask",
     "MotionLimits",
+    "MotionProblem",
     "Objective",
     "OrientationTask",
     "Place",
     "Placement",
     "PlanControl",
-    "PlannedArms",
-    "PlannedMotion",
     "Planner",
     "PositionTask",
     "ReachabilityMap",
+    "RelativePositionCost",
+    "RobotMotion",
     "SeedBank",
     "Timed",
-    "TrackResult",
-    "TrackedArms",
+    "Trajectory",
     "export_motion",
     "feasibility_gap",
     "nearest_feasible",
     "place_path",
     "place_paths",
-    "plan_arms",
     "plan_motion",
     "retime",
     "robot_model",

@@ -15,21 +15,21 @@ from maniport.domain import sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.mocap import Recording, fit_arms
 from maniport.motion import (
-    ArmsPlanner,
+    ArmMotion,
     MotionLimits,
     Placement,
     PlanControl,
-    PlannedArms,
-    PlannedMotion,
     Planner,
+    RobotMotion,
     feasibility_gap,
     place_paths,
-    plan_arms,
+    plan_motion,
 )
 from maniport.motion.arm_model import why_not_trackable
-from maniport.motion.both.together import PLACED, RELATIVE
 from maniport.motion.effort import as_effort
 from maniport.motion.objective import Damping
+from maniport.motion.plan.plan_motion import PLACED, RELATIVE
+from maniport.motion.plan.planner import ArmPlanner
 from maniport.motion.search.pointwise import interpolated_distance
 from maniport.pipeline.both_result import BothResult
 from maniport.pipeline.execution import Execution, placed_rows
@@ -45,7 +45,7 @@ from maniport.util.defaults import AUTO, DAMPING, KEEP, METHOD, PERSON, STUDENT_
 from maniport.util.progress import Progress, untold
 from maniport.util.validation import Array, as_choice
 
-KNOW = "get to know the robot"
+KNOW = "Sample robot"
 TURNED_APART = 5.0  # Where two adapters turn ellipsoids by more than this apart, that is told [degrees]
 
 
@@ -94,7 +94,7 @@ def transfer_both(
     tips : {"placed", "relative"}
         Whether the tips are on the paths of the hands, or only as the hands are beside one another.
     **control
-        How the motion is planned; see `maniport.motion.plan_arms`.
+        How the motion is planned; see `maniport.motion.plan_motion`.
 
     Raises
     ------
@@ -155,12 +155,12 @@ class BothJob:
         fits = fit_arms(motion, **self.whose, progress=self.tell)
         shown = [
             replace(job.shown_by(motion, fit), hand=path)
-            for job, fit, path in zip(self.each, fits.each, fits.hands, strict=True)
+            for job, fit, path in zip(self.each, fits.arms, fits.hands, strict=True)
         ]
         planner = self.planner()
         known = self.known(planner)
         found = [job.adapted(one, robot) for job, one, robot in zip(self.each, shown, known, strict=True)]
-        planned: PlannedArms | None = None
+        planned: RobotMotion | None = None
         executions: list[Execution | None] = [None, None]
         if planner is not None:
             planned, executions = self.moved(planner, shown, found)
@@ -169,7 +169,7 @@ class BothJob:
         )
         return BothResult(fits, self.arms, left, right, planned, ())
 
-    def planner(self) -> ArmsPlanner | None:
+    def planner(self) -> Planner | None:
         """What plans the motion of both; None where they shall or can not move."""
         if self.control is None:
             return None
@@ -180,25 +180,25 @@ class BothJob:
         settings, seed = self.control, self.each[0].seed
         assert isinstance(settings.motion_limits, MotionLimits)
         self.tell(KNOW, 0.0)
-        planner = ArmsPlanner.of(
+        planner = Planner.of(
             settings.motion_limits, self.spec.velocity, settings.collisions, np.random.default_rng(seed)
         )
-        self.tell(KNOW, 1.0, " and ".join(f"{len(one.reachability_map)} postures" for one in planner.each))
+        self.tell(KNOW, 1.0, " and ".join(f"{len(one.reachability_map)} postures" for one in planner.arms))
         return planner
 
-    def known(self, planner: ArmsPlanner | None) -> tuple[RobotModel, RobotModel]:
+    def known(self, planner: Planner | None) -> tuple[RobotModel, RobotModel]:
         """Get to know what each arm can make, in postures in which neither collides with the other."""
-        job, step = self.each[0], "sample the domains of the robot's arms"
+        job, step = self.each[0], "Sample robot ellipsoids"
         self.tell(step, 0.0)
         apart = None if planner is None else planner.collisions
         domains = sample_domains(self.arms, job.sizes[1], job.seed + 1, spec=self.spec, collisions=apart)
         self.tell(step, 1.0, f"{job.sizes[1]} ellipsoids of each")
-        planners, random = (None, None) if planner is None else planner.each, np.random.default_rng(job.seed)
+        planners, random = (None, None) if planner is None else planner.arms, np.random.default_rng(job.seed)
         return RobotModel(planners[0], domains[0], random), RobotModel(planners[1], domains[1], random)
 
     def moved(
-        self, planner: ArmsPlanner, shown: Sequence[Shown], found: Sequence[TransferOutput]
-    ) -> tuple[PlannedArms, list[Execution | None]]:
+        self, planner: Planner, shown: Sequence[Shown], found: Sequence[TransferOutput]
+    ) -> tuple[RobotMotion, list[Execution | None]]:
         """Let the arms follow their target ellipsoids along the paths of the hands, which get one place."""
         assert self.control is not None
         job, settings = self.each[0], self.control
@@ -210,11 +210,11 @@ class BothJob:
         placed = place_paths(
             [one.hand[rows] for one in shown],
             [profile[rows] for profile in profiles],
-            [one.limits.arm for one in planner.each],
+            [one.limits.arm for one in planner.arms],
             turn=_common_turn([one.adapter.turn_ for one in found]),
             workspace=settings.workspace,
-            reachability_maps=[one.reachability_map for one in planner.each],
-            banks=[one.bank for one in planner.each],
+            reachability_maps=[one.reachability_map for one in planner.arms],
+            banks=[one.bank for one in planner.arms],
             planning_effort=settings.planning_effort,
             random_state=np.random.default_rng(job.seed),
             **{**same, "time": time[rows]},
@@ -231,16 +231,16 @@ class BothJob:
         rotations, free = self.turned(shown, placed), None
         if rotations is not None:
             quiet = {**asked_for, "progress": turned_freely(self.tell)}
-            free = plan_arms(planner.arms, **quiet, random_state=np.random.default_rng(job.seed))
-        planned = plan_arms(
-            planner.arms, **asked_for, rotations=rotations, random_state=np.random.default_rng(job.seed)
+            free = plan_motion(planner.group, **quiet, random_state=np.random.default_rng(job.seed))
+        planned = plan_motion(
+            planner.group, **asked_for, rotations=rotations, random_state=np.random.default_rng(job.seed)
         )
-        freely = (None, None) if free is None else free.each
+        freely = (None, None) if free is None else free.arms
         places = placed if self.tips == PLACED else (None, None)
         executions: list[Execution | None] = [
-            Execution(arm, place, plan, plan, plan.room, self.gap(plan, own), own.collisions, loose, job.seed)
+            Execution(arm, place, plan, plan, planned.clearance, self.gap(plan, own), own.collisions, loose, job.seed)
             for arm, place, plan, own, loose in zip(
-                self.arms.arms, places, planned.each, planner.each, freely, strict=True
+                self.arms.arms, places, planned.arms, planner.arms, freely, strict=True
             )
         ]
         return planned, executions
@@ -258,7 +258,7 @@ class BothJob:
             for one, place, whose in zip(each, placed, shown, strict=True)
         ]
 
-    def gap(self, plan: PlannedMotion, planner: Planner) -> Array:
+    def gap(self, plan: ArmMotion, planner: ArmPlanner) -> Array:
         """Feasibility gap of an arm's targets."""
         assert self.control is not None
         same: dict[str, Any] = {"spec": plan.spec, "damping": plan.damping, "progress": self.tell}

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from maniport.arms import ArmGroup
-from maniport.mocap import ArmFits, Recording
-from maniport.motion import PlannedArms
+from maniport.mocap import HumanMotion, Recording
+from maniport.motion import RobotMotion
+from maniport.pipeline.config import Config
 from maniport.pipeline.execution import JOINT_FILES, SavedResult
 from maniport.pipeline.result import TransferResult
 from maniport.util.atomic_io import folder_written_whole
@@ -21,12 +22,12 @@ class BothResult(SavedResult):
 
     Attributes
     ----------
-    fits : ArmFits
+    fits : HumanMotion
         Both arms of the person, in the same frames.
     robot : ArmGroup
     left, right : TransferResult
         What became of each arm: its ellipsoids, adapter, evaluation, and its part of the motion.
-    motion : PlannedArms or None
+    motion : RobotMotion or None
         The motion of both, with one time; None where the robot was not moved.
     warnings : tuple of str
         What the steps warned of that concern both.
@@ -34,12 +35,13 @@ class BothResult(SavedResult):
 
     data_files = DATA_FILES
 
-    fits: ArmFits
+    fits: HumanMotion
     robot: ArmGroup
     left: TransferResult
     right: TransferResult
-    motion: PlannedArms | None
+    motion: RobotMotion | None
     warnings: tuple[str, ...]
+    config: Config | None = None  # How the transfer was requested
 
     @property
     def each(self) -> tuple[TransferResult, TransferResult]:
@@ -66,5 +68,5 @@ class BothResult(SavedResult):
     def write_data(self, folder: Path) -> None:
         """Write the joint positions of both arms into an existing folder, if the robot was moved."""
         if self.motion is not None:
-            self.motion.save_joints_csv(folder / JOINT_FILES[0])
+            self.motion.trajectory.save_joints_csv(folder / JOINT_FILES[0])
             self.motion.save_joints(folder / JOINT_FILES[1])

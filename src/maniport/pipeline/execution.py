@@ -1,8 +1,7 @@
 """A robot's motion along a profile: what it is, where its distance comes from, and its files."""
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -13,9 +12,10 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.carried import lowest_points
-from maniport.motion import Placement, PlannedMotion, TrackResult
+from maniport.motion import ArmMotion, Placement
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
-from maniport.motion.plan.planned_motion import Room
+from maniport.motion.trajectory import Clearance
+from maniport.pipeline.config import Config
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import ShownInNotebooks
@@ -54,16 +54,15 @@ class Execution(SavedResult):
 
     robot: Arm
     placement: Placement | None  # Where the hand path was placed
-    plan: PlannedMotion  # The motion as it was planned and timed
-    motion: TrackResult  # The joint trajectory and what it achieves: the plan, or what a tracker makes of it
-    room: Room  # How near the motion comes to a collision
+    plan: ArmMotion  # The motion as it was planned and timed
+    motion: ArmMotion  # The joint trajectory and what it achieves: the plan, or what a tracker makes of it
+    room: Clearance  # How near the motion comes to a collision
     gap: Array  # (n,)
     collisions: Collisions | None = None  # What the robot was kept apart from
-    free: PlannedMotion | None = None  # The same with the orientation of the tip free, where it is not
+    free: ArmMotion | None = None  # The same with the orientation of the tip free, where it is not
     random_state: int | None = 0  # Seed of the searches, where it is known
     sources: tuple[str, ...] = ()  # The files that profile and path came from, as far as they did
-    # What else was asked for on the command line, as it was typed there, such as ``{"--table": "0"}``
-    options: Mapping[str, str] = field(default_factory=dict)
+    config: Config | None = None  # How the motion was requested
 
     def __repr__(self) -> str:
         return f"Execution({self.robot.name!r}, {self.motion!r})"
@@ -87,6 +86,7 @@ class Execution(SavedResult):
     @property
     def parts(self) -> "Parts":
         """Where the mean distance comes from."""
+        assert self.plan.pointwise_best is not None
         mean, floor, gap = (float(np.mean(one)) for one in (self.motion.distance, self.plan.pointwise_best, self.gap))
         return Parts(gap, floor - gap, mean - floor)
 

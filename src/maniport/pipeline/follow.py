@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,6 @@ from maniport.motion import (
     Placement,
     PlanControl,
     Planner,
-    TrackResult,
     feasibility_gap,
     place_path,
     plan_motion,
@@ -22,8 +21,8 @@ from maniport.motion import (
 )
 from maniport.motion.effort import as_effort
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.plan.planned_motion import Room
 from maniport.motion.search.pointwise import interpolated_distance
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.execution import Execution, placed_rows
 from maniport.pipeline.turns import turned_freely, turned_tips
 from maniport.util.defaults import DAMPING
@@ -67,7 +66,7 @@ def follow(
         rows, times = placed_rows(len(points)), as_times(time, count=len(points))
         placement = place_path(
             points[rows], ellipsoids[rows], planner.limits.arm, time=times[rows], whole=points if reaching else None,
-            turn=turn, bank=planner.bank, reachability_map=planner.reachability_map, workspace=settings.workspace, planning_effort=settings.planning_effort,
+            turn=turn, bank=planner.arms[0].bank, reachability_map=planner.arms[0].reachability_map, workspace=settings.workspace, planning_effort=settings.planning_effort,
             random_state=generator, **same,
         )  # fmt: skip
         return placement, interpolated_distance(rows, placement.distance, len(points))
@@ -80,21 +79,24 @@ def follow(
             target, tips = placement.turned(as_finite(profile, "profile")), placement.apply(path)
         planned = planning | {
             "time": time,
-            "path": tips,
+            "paths": tips,
             "planner": planner,
-            "pointwise_best": floor,
+            "pointwise_bests": floor,
             "random_state": generator,
         }
         if rotations is not None or direction is not None:
-            free = plan_motion(arm, target, **planned, **same | {"progress": turned_freely(progress)})
+            free = plan_motion(arm, target, **planned, **same | {"progress": turned_freely(progress)}).arms[0]
             turned = turned_tips(rotations, direction, placement, len(free.time), settings.orientation_axes)
-        plan = plan_motion(arm, target, rotations=turned, **planned, **same)
-        motion, room = cast(TrackResult, plan), plan.room
+        whole = plan_motion(arm, target, rotations=turned, **planned, **same)
+        motion, room = whole.arms[0], whole.clearance
+        plan = motion
         if tracking:
             more = tracking | {"reference": plan.joint_positions, "rotations": turned}
             motion = track(arm, target, time=plan.time, path=tips, **more, **same)
-            room = Room.of(planner.collisions, motion)
-        gap = feasibility_gap(arm, target, bank=planner.bank, **as_effort(settings.planning_effort).of_gap, **same)
+            room = Clearance.of(planner.collisions, motion)
+        gap = feasibility_gap(
+            arm, target, bank=planner.arms[0].bank, **as_effort(settings.planning_effort).of_gap, **same
+        )
         return Execution(robot, placement, plan, motion, room, gap, planner.collisions, free, seed)
 
     if path is None or not place:

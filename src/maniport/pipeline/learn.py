@@ -18,7 +18,6 @@ from maniport.learning.agreement import agreement
 from maniport.learning.mixture import points_each
 from maniport.mocap import Recording, fit_arm, read_recording
 from maniport.mocap.arm_ik import require_person
-from maniport.mocap.repetitions import repetitions
 from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import AUTO, DAMPING, KEEP, PERSON
@@ -61,7 +60,7 @@ def learn(
         At least two demonstrations: recordings, or segments of them.
     segments : "auto" or sequence, one entry for each recording, optional
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
-        (`maniport.mocap.repetitions`); None for the whole recording.
+        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
     person, markers, side, height, smooth, jumps : optional
         For all recordings; see `fit_arm`.
     spec : EllipsoidSpec
@@ -158,7 +157,7 @@ def _demonstrations(
 ) -> list[Demonstration]:
     """Fit an arm to each recording, and cut the fits."""
     found: list[Demonstration] = []
-    step = Step(progress, "fit an arm to each recording")
+    step = Step(progress, "Fit human arms")
     for given, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
         recording = given if isinstance(given, Recording) else read_recording(given)
         found += _cut(recording, segments, whose)
@@ -182,7 +181,7 @@ def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator
             )
     fit = fit_arm(recording, **whose)
     quality_warnings = tuple(f"{source}: {doubt}" for doubt in (*recording.quality_warnings, *fit.quality_warnings))
-    for segment in repetitions(fit) if segments == AUTO else segments:
+    for segment in fit.repetitions() if segments == AUTO else segments:
         start, stop = segment or (first, last)
         frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
         if frames < FEWEST:
@@ -212,7 +211,7 @@ def _count(time: Array, rate: float = 30.0, most: int = 1500) -> int:
 
 def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
     """Fit a mixture of so many Gaussians, or of as many as the BIC says."""
-    step, data = Step(progress, "learn the profile"), alignment.stacked()
+    step, data = Step(progress, "Learn profile"), alignment.stacked()
     room = len(data[1]) // points_each(data[1].shape[-1])
     tried = [one for one in (1, 2, 4, 8, 16, 32) if one <= max(room, 1)] if count is None else [count]
     best: ProfileGMM | None = None

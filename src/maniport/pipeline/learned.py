@@ -9,6 +9,7 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.learning import Alignment, ProfileGMM
 from maniport.learning.agreement import Agreement
 from maniport.mocap import ArmFit, Recording
+from maniport.pipeline.config import Config
 from maniport.pipeline.execution import SavedResult
 from maniport.spd.regularization import Regularization
 from maniport.util.files import save_arrays, save_ellipsoids, save_path
@@ -76,6 +77,7 @@ class LearnedProfile(SavedResult):
     path: Array
     agreement: Agreement
     random_state: int
+    config: Config | None = None  # How the profile was requested
 
     def __repr__(self) -> str:
         return (

@@ -7,6 +7,7 @@ import numpy as np
 from maniport.evaluation import Choice
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import Planner
+from maniport.motion.plan.planner import ArmPlanner
 from maniport.transfer import DomainAdapter
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
@@ -37,7 +38,7 @@ class Shown:
 class RobotModel:
     """What is known of a robot before it is shown anything, so that many recordings may share it."""
 
-    planner: Planner | None  # None where the robot shall or can not move
+    planner: Planner | ArmPlanner | None  # None where the robot shall or can not move
     domain: Array  # (m, d, d)
     # As the planner left it: each motion draws from a copy, so that none depends on another
     random: np.random.Generator

@@ -9,6 +9,7 @@ import numpy as np
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
+from maniport.pipeline.config import Config
 from maniport.pipeline.execution import DATA_FILES as MOTION_FILES
 from maniport.pipeline.execution import Execution, SavedResult
 from maniport.transfer import DomainAdapter
@@ -53,6 +54,8 @@ class TransferResult(SavedResult):
         What the steps warned of.
     choice : Choice or None
         How the method was chosen, where none was named.
+    config : Config or None
+        How the transfer was requested.
     """
 
     data_files = DATA_FILES
@@ -75,6 +78,7 @@ class TransferResult(SavedResult):
     base_rotation: Array
     warnings: tuple[str, ...]
     choice: Choice | None = None
+    config: Config | None = None
 
     def __repr__(self) -> str:
         motion = None if self.execution is None else self.execution.motion

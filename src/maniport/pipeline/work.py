@@ -22,6 +22,7 @@ from maniport.mocap import ArmFit, Recording, fit_arm, read_recording
 from maniport.motion import PlanControl, Planner, SeedBank
 from maniport.motion.arm_model import why_not_trackable
 from maniport.motion.objective import Damping
+from maniport.motion.plan.planner import ArmPlanner
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.follow import controls, follow
 from maniport.pipeline.learned import LearnedProfile
@@ -36,7 +37,7 @@ T = TypeVar("T")
 
 FREE, DEMONSTRATED = "free", "demonstrated"  # Two ways in which the robot's tip may be turned
 
-BESIDE = ("raw-copy", "mean-transport", "parallel-transport")  # What the chosen method is compared with
+BESIDE = ("identity", "mean-transport", "parallel-transport")  # What the chosen method is compared with
 
 
 @dataclass(frozen=True)
@@ -150,17 +151,17 @@ class Job:
 
     def read(self, recording: Recording | str | Path) -> Recording:
         """Read a recording, which is a motion."""
-        self.tell("read the recording", 0.0)
+        self.tell("Read recording", 0.0)
         motion = recording if isinstance(recording, Recording) else read_recording(recording)
         if len(motion) < FEWEST:
             raise RecordingError(f"frames of {motion.source!r}: {len(motion)}; at least {FEWEST} are needed")
-        self.tell("read the recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
+        self.tell("Read recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
         return motion
 
     def _known(self) -> RobotModel:
         random = np.random.default_rng(self.seed)
         planner = self.planner(random)
-        step, count = "sample the robot's domain", self.sizes[1]
+        step, count = "Sample robot ellipsoids", self.sizes[1]
         self.tell(step, 0.0)
         apart = None if planner is None else planner.collisions
         domain = sample_domain(self.robot, count, self.seed + 1, spec=self.spec, collisions=apart)
@@ -174,18 +175,20 @@ class Job:
         if reason := why_not_trackable(self.robot, self.spec):
             warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
             return None
-        self.tell("get to know the robot", 0.0)
+        self.tell("Sample robot", 0.0)
         planner = PlanControl(**controls(self.control)[0]).planner(self.robot, self.spec.velocity, generator)
-        self.tell("get to know the robot", 1.0, f"{len(planner.reachability_map)} postures")
+        self.tell("Sample robot", 1.0, f"{len(planner.arms[0].reachability_map)} postures")
         return planner
 
-    def bank(self, planner: Planner | None) -> SeedBank | None:
+    def bank(self, planner: Planner | ArmPlanner | None) -> SeedBank | None:
         """The planner's samples of the robot where they are of these ellipsoids."""
-        return planner.bank if planner is not None and self.spec.kind == "velocity" else None
+        if planner is None or self.spec.kind != "velocity":
+            return None
+        return planner.bank if isinstance(planner, ArmPlanner) else planner.arms[0].bank
 
     def teacher(self, person: Arm) -> Array:
         """The domain of the person's arm."""
-        step, count = "sample the person's domain", self.sizes[0]
+        step, count = "Sample human ellipsoids", self.sizes[0]
         self.tell(step, 0.0)
         domain = sample_domain(person, count, self.seed, spec=self.spec)
         self.tell(step, 1.0, f"{count} ellipsoids of {person.name}")
@@ -203,13 +206,13 @@ class Job:
                 random_state=self.seed, progress=self.tell, **self.adapter,
             )  # fmt: skip
             return choice.adapter, choice
-        self.tell("fit the adapter", 0.0)
+        self.tell("Fit transfer", 0.0)
         adapter = knowing(self.adapter, self.robot, self.spec, bank, self.seed)
         adapter.fit(teacher, known.domain)
         if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
             text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
             warnings.warn(text, ManiportWarning, stacklevel=2)
-        self.tell("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
+        self.tell("Fit transfer", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
         return adapter, None
 
     def execute(self, found: TransferOutput, shown: Shown, known: RobotModel) -> Execution:
@@ -224,7 +227,7 @@ class Job:
             **self.turned(shown.fit),
             spec=self.spec.velocity,
             damping=damping,
-            planner=known.planner,
+            planner=known.planner if isinstance(known.planner, Planner) else None,
             random_state=copy.deepcopy(known.random),
             progress=self.tell,
             **self.control,

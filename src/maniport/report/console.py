@@ -21,11 +21,12 @@ from maniport.report.renderings import as_markdown, as_numbers, as_terminal, pla
 from maniport.util.progress import Progress
 
 DONE = "✓ "
+NAME_WIDTH = 26  # column of the results of steps
 
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Show the steps of long work in a terminal or a notebook: a bar while one is in progress, a line when it ends.
+    """Print the steps of long work in a terminal or a notebook: a bar while a step runs, a line when it ends.
 
     In a pipe, a file or the log of a job only the lines are written, to standard error.
 
@@ -37,16 +38,26 @@ def progress() -> Iterator[Progress]:
     Examples
     --------
     >>> import maniport as mp
-    >>> with mp.progress() as tell:  # doctest: +SKIP
-    ...     result = mp.transfer_recording("walk.bvh", progress=tell)
+    >>> with mp.progress() as progress:  # doctest: +SKIP
+    ...     result = mp.transfer_recording("walk.bvh", progress=progress)
     """
     console = _standard_error()
-    with _notebook_steps() if console.is_jupyter else _steps(console) as tell:
-        yield tell
+    with _notebook_steps() if console.is_jupyter else _steps(console) as report:
+        yield report
 
 
 class Console:
-    """Results on standard output, progress on standard error."""
+    """Results on standard output, progress on standard error.
+
+    Parameters
+    ----------
+    as_json : bool
+        Whether results are printed as JSON, without progress.
+    quiet : bool
+        Whether nothing but the result table is printed.
+    verbose : bool
+        Whether the complete report is printed instead of its summary.
+    """
 
     def __init__(self, as_json: bool = False, quiet: bool = False, verbose: bool = False):
         self.as_json, self.quiet, self.verbose = as_json, quiet, verbose
@@ -57,15 +68,19 @@ class Console:
         """Print a line during the work."""
         _print_line(self._err, "", text)
 
+    def warn(self, text: str) -> None:
+        """Print a warning during the work."""
+        _print_line(self._err, "! ", text)
+
     def tell(self, report: Report, output: str = "", **more: Any) -> None:
-        """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or in full."""
+        """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
         more |= {"output": output} if output else {}
-        short = report.summary is not None and output
-        parts = [as_markdown(report)] if self.verbose or not short else []
-        self.finish({**as_numbers(report), **more}, "\n".join(parts), markdown=True)
-        if short and not (self.as_json or self.quiet):
-            width = self._out.width if self._out.is_terminal else 100
-            self._out.print(as_terminal(report, output, width), markup=False)
+        short = report.summary is not None and bool(output)
+        complete = "" if short and not self.verbose else as_markdown(report)
+        self.finish({**as_numbers(report), **more}, complete, markdown=True)
+        if short and not self.as_json:
+            width = min(self._out.width, 80) if self._out.is_terminal else 80
+            self._out.print(as_terminal(report, output, width, table_only=self.quiet), markup=False)
 
     def finish(self, values: dict[str, Any], text: str, markdown: bool = False) -> None:
         """Print the result: `values` as JSON, or `text`; a terminal gets Markdown laid out."""
@@ -81,14 +96,11 @@ class Console:
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
-        """Show steps in progress; each step that ends and each warning is printed as a line."""
-        with _steps(self._err) as tell, warnings.catch_warnings():
-            warnings.showwarning = self._show_warning
+        """Print the steps of the work; each step that ends and each warning is a line."""
+        with _steps(self._err) as report, warnings.catch_warnings():
+            warnings.showwarning = lambda message, *rest, **more: self.warn(str(message))
             warnings.simplefilter("always", ManiportWarning)
-            yield tell
-
-    def _show_warning(self, message: Warning | str, category: type[Warning], *args: Any, **kwargs: Any) -> None:
-        _print_line(self._err, "! ", str(message))
+            yield report
 
 
 def _standard_error(quiet: bool = False) -> RichConsole:
@@ -96,59 +108,66 @@ def _standard_error(quiet: bool = False) -> RichConsole:
 
 
 @contextmanager
-def _steps(console: RichConsole) -> Iterator[Progress]:
-    """Show steps on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
+def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progress]:
+    """Print steps with a result on a terminal, or in a pipe, where FORCE_COLOR enables colors but no bar."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console, transient=True, disable=not console.file.isatty()) as bars:
-        tasks: dict[str, TaskID] = {}
+        tasks: dict[str, TaskID] = {first: bars.add_task(first, total=None)}  # until the first step begins
 
-        def tell(step: str, fraction: float, found: str = "") -> None:
+        def report(step: str, fraction: float, result: str = "") -> None:
+            if first in tasks:
+                bars.remove_task(tasks.pop(first))
             if step not in tasks:
                 tasks[step] = bars.add_task(step, total=None)
             if fraction > 0.0:  # until then the total is unknown, and the bar pulses
                 bars.update(tasks[step], total=1.0, completed=fraction)
             if fraction >= 1.0:
                 bars.remove_task(tasks.pop(step))
-                _print_line(console, DONE, f"{step}: {found}" if found else step)
+                if result:
+                    _print_line(console, DONE, result, step)
 
-        yield tell
+        yield report
 
 
 @contextmanager
 def _notebook_steps(least_change: float = 0.01) -> Iterator[Progress]:
-    """Show steps in a notebook; rich would need ipywidgets there. Each drawing is a message to the browser."""
+    """Display steps in a notebook; rich would need ipywidgets. Each update is a message to the browser."""
     from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]  # there in a notebook
 
     done: list[str] = []
     running: dict[str, float] = {}
     drawn: dict[str, float] = {}
-    shown = display(HTML(""), display_id=True)
+    output = display(HTML(""), display_id=True)
 
-    def tell(step: str, fraction: float, found: str = "") -> None:
+    def report(step: str, fraction: float, result: str = "") -> None:
         running[step] = fraction
         if step in drawn and fraction < min(drawn[step] + least_change, 1.0):
             return
         drawn[step] = fraction
         if fraction >= 1.0:
             del running[step], drawn[step]
-            done.append(DONE + (f"{step}: {found}" if found else step))
-        shown.update(HTML(_as_steps(done, running)))
+            done.extend([f"{DONE}{step}: {result}"] if result else [])
+        output.update(HTML(_as_steps(done, running)))
 
     try:
-        yield tell
+        yield report
     finally:
-        shown.update(HTML(_as_steps(done, {})))  # no bar remains after an error
+        output.update(HTML(_as_steps(done, {})))  # no bar remains after an error
 
 
-def _print_line(console: RichConsole, mark: str, text: str) -> None:
-    """Print one line, whole in a pipe; on a terminal the words are wrapped next to the mark."""
-    text = printable(text)
+def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> None:
+    """Print a line, in one piece in a pipe; on a terminal words are wrapped in their column."""
+    text, name = printable(text), printable(name)
     if not console.file.isatty():
-        console.print(mark + text, markup=False)
+        start = f"{name:<{NAME_WIDTH}}" if text and name else name
+        console.print(f"{mark}{start}{text}", markup=False)
         return
     grid = Table.grid(padding=0)
-    grid.add_row(mark, Text(text))
-    console.print(grid if mark else Text(text), soft_wrap=False)
+    if name:
+        grid.add_column(width=len(mark))
+        grid.add_column(min_width=min(NAME_WIDTH, console.width // 3))
+    grid.add_row(*([mark] if mark else []), *([Text(name)] if name else []), Text(text))
+    console.print(grid, soft_wrap=False)
 
 
 def _as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:

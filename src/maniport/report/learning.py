@@ -65,7 +65,7 @@ def _differ(learned: LearnedProfile) -> list[str]:
     """Report demonstrations that differ much, or one that differs from the others."""
     found = learned.agreement
     differ = "the demonstrations differ: their mean is a motion that nobody performed"
-    outlier = [] if found.odd is None else [f"{learned.names[found.odd]} differs from the other demonstrations"]
+    outlier = [] if found.outlier is None else [f"{learned.names[found.outlier]} differs from the other demonstrations"]
     return [*([differ] if found.share > AGREE else []), *outlier]
 
 
@@ -73,7 +73,7 @@ def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
     """Summarize whether the demonstrations agree; `reasons` are the keys of all warnings."""
     found = learned.agreement
     how = "agree" if found.share <= AGREE else "agree in part" if found.share <= IN_PART else "do not agree"
-    outlier = "" if found.odd is None else learned.names[found.odd]
+    outlier = "" if found.outlier is None else learned.names[found.outlier]
     texts = [
         f"The mean distance to the mean ellipsoid of the same time is {found.after:.2f} ({in_axes(found.after)}).",
         *([f"{outlier} is an outlier."] if outlier else []),
@@ -148,12 +148,12 @@ def _demonstrations(learned: LearnedProfile) -> Section:
                        "segment_lengths_m": fit.segment_lengths})  # fmt: skip
     columns = ("demonstration", "duration", "frames", "arm", "from the others", "held out")
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
-    outlier = None if found.odd is None else learned.names[found.odd]
+    outlier = None if found.outlier is None else learned.names[found.outlier]
     metrics = (
         Metric("Reference", learned.reference.name, "Gives the times of the profile.", "reference",
                learned.alignment.reference),
         Metric("Outlier", outlier or "none", "At least 1.5 times the median distance from the others.", "odd",
-               found.odd),
+               found.outlier),
         *notes(_preparation(learned)),
     )  # fmt: skip
     table = Table(columns, tuple(rows), caption, "demonstrations", values)

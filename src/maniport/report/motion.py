@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.collisions import Collisions
-from maniport.motion import TrackResult
+from maniport.motion.arm_motion import ArmMotion, rms_ratio
 from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
-from maniport.motion.plan.planned_motion import PlannedMotion, Room, over_floor
-from maniport.motion.plan.planner import FAR
+from maniport.motion.plan.relaxation import FAR
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.trajectory import Clearance
 from maniport.report.metrics import (
     Metric,
     Report,
@@ -33,14 +34,18 @@ EXCESS = 1e-3  # Relative excess of a limit without a warning: a solver keeps th
 
 
 @describe.register
-def track_report(motion: TrackResult) -> Report:
+def track_report(motion: ArmMotion | RobotMotion) -> Report:
     """Describe a joint trajectory."""
-    lead = f"{len(motion.time)} target ellipsoids in {motion.time[-1] - motion.time[0]:.2f} s."
-    planned = plan_metrics(motion, motion, motion.room) if isinstance(motion, PlannedMotion) else []
-    return Report(f"{motion.arm} at {motion.frame}", lead, (motion_section(motion, planned),))
+    arms = motion.arms if isinstance(motion, RobotMotion) else (motion,)
+    clearance = motion.clearance if isinstance(motion, RobotMotion) else Clearance()
+    lead = f"{len(arms[0].time)} target ellipsoids in {arms[0].time[-1] - arms[0].time[0]:.2f} s."
+    sections = [
+        motion_section(arm, [] if arm.pointwise_best is None else plan_metrics(arm, arm, clearance)) for arm in arms
+    ]
+    return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, tuple(sections))
 
 
-def motion_section(motion: TrackResult, more: Sequence[Metric] = (), clock: Array | None = None) -> Section:
+def motion_section(motion: ArmMotion, more: Sequence[Metric] = (), clock: Array | None = None) -> Section:
     """Describe a motion; `clock` are times of the waypoints in the recording [s]."""
     time = motion.time if clock is None else clock
     unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
@@ -68,7 +73,7 @@ def motion_section(motion: TrackResult, more: Sequence[Metric] = (), clock: Arra
     return Section("Robot motion", metrics, key="motion")
 
 
-def errors(motion: TrackResult, time: Array) -> list[Metric]:
+def errors(motion: ArmMotion, time: Array) -> list[Metric]:
     """Return the errors of a motion over time [s]."""
     values = {
         "distance": motion.distance,
@@ -78,36 +83,38 @@ def errors(motion: TrackResult, time: Array) -> list[Metric]:
     return [defined(key, array, time) for key, array in values.items() if array is not None]
 
 
-def missed_points(motion: TrackResult) -> int:
+def missed_points(motion: ArmMotion) -> int:
     """Count the waypoints that are neither followed nor nearly followed."""
     return sum(word not in REACHED for word in motion.status)
 
 
-def far_points(motion: TrackResult) -> int:
+def far_points(motion: ArmMotion) -> int:
     """Count the waypoints whose position error is more than `FAR` times the tolerance."""
     if motion.position_error is None:
         return 0
     return int((motion.position_error > FAR * motion.position_tolerance).sum())
 
 
-def exceeded_limits(motion: TrackResult, plan: PlannedMotion) -> dict[str, tuple[str, float]]:
+def exceeded_limits(motion: ArmMotion, plan: ArmMotion) -> dict[str, tuple[str, float]]:
     """Return the limits that are exceeded: joint, and the largest value as a multiple of the limit."""
+    assert plan.limits is not None
     use = plan.limits.use(motion.control_time, motion.control_positions)
     return {name: (joint, share) for name, (joint, share, _) in use.largest.items() if share > 1.0 + EXCESS}
 
 
 def plan_metrics(
-    plan: PlannedMotion,
-    motion: TrackResult,
-    room: Room,
+    plan: ArmMotion,
+    motion: ArmMotion,
+    room: Clearance,
     clock: Array | None = None,
     collisions: Collisions | None = None,
 ) -> list[Metric]:
     """Describe pointwise solutions, duration, limits and collisions of a motion."""
+    assert plan.limits is not None and plan.pointwise_best is not None and plan.demonstrated_time is not None
     time = motion.time if clock is None else clock
     robot, human = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
     ratio = (
-        over_floor(motion.distance, plan.pointwise_best) if np.median(plan.pointwise_best) > 0.01 else None
+        rms_ratio(motion.distance, plan.pointwise_best) if np.median(plan.pointwise_best) > 0.01 else None
     )  # else no sense
     broken = [
         f"{joint} at {share:.2f} times its {name}" for name, (joint, share) in exceeded_limits(motion, plan).items()
@@ -128,8 +135,9 @@ def plan_metrics(
     ]  # fmt: skip
 
 
-def used_limits(plan: PlannedMotion, motion: TrackResult, time: Array) -> Metric:
+def used_limits(plan: ArmMotion, motion: ArmMotion, time: Array) -> Metric:
     """Return the largest value of each quantity relative to its limit."""
+    assert plan.limits is not None
     use = plan.limits.use(motion.control_time, motion.control_positions)
     largest: dict[str, dict[str, Any]] = {}
     for name, (joint, share, at) in use.largest.items():
@@ -140,7 +148,7 @@ def used_limits(plan: PlannedMotion, motion: TrackResult, time: Array) -> Metric
                   {"used": largest, "sources": plan.limits.sources})  # fmt: skip
 
 
-def _jumps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Metric]:
+def _jumps(plan: ArmMotion, motion: ArmMotion, time: Array) -> list[Metric]:
     """Return the position error at jumps of the recording and elsewhere."""
     jumps, error = plan.jumps, motion.position_error
     value: dict[str, object] = {"points": int(jumps.sum())}
@@ -157,28 +165,28 @@ def _jumps(plan: PlannedMotion, motion: TrackResult, time: Array) -> list[Metric
     return [Metric("Jumps of the recording", text, description, "jumps", value)]
 
 
-def collision_metrics(room: Room, at: float, collisions: Collisions | None = None) -> list[Metric]:
+def collision_metrics(room: Clearance, at: float, collisions: Collisions | None = None) -> list[Metric]:
     """Describe the clearance of a motion and what was not checked; `at`: time of the smallest clearance [s]."""
     value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": at, "pair": room.pair}
     if not room.known:
         return [warning("unchecked-collisions", f"collisions are not checked: {room.why}"), *numbers(collisions=value)]
     meshes = missing_meshes(room.stand_ins)
-    if not np.isfinite(room.clearance):
+    if not np.isfinite(room.distance):
         return [*meshes, Metric("Collisions", "none possible", key="collisions", value=value)]
-    value["clearance_mm"] = 1e3 * room.clearance
+    value["clearance_mm"] = 1e3 * room.distance
     between = f"{' and '.join(room.pair)} {at_time(at)}"
     share = f"in {room.share:.1%} of the time" if room.share else "none"
     hulls = ["the links"]
     if collisions is not None:
         hulls += ["the table"] if collisions.table is not None else []
         hulls += ["the obstacles"] if collisions.obstacles else []
-    text = f"{share}; clearance {1e3 * room.clearance:.0f} mm ({between})"
+    text = f"{share}; clearance {1e3 * room.distance:.0f} mm ({between})"
     metric = Metric("Collisions", text, f"Between convex hulls of {' and '.join(hulls)}.", "collisions", value)
     collision = [warning("collision", f"the robot collides in {room.share:.1%} of the time: {between}")]
     return [*(collision if room.share else []), *meshes, metric]
 
 
-def _semi_axes(motion: TrackResult, time: Array) -> Metric:
+def _semi_axes(motion: ArmMotion, time: Array) -> Metric:
     """Return achieved semi-axes relative to those of the target; the maximum is the value farthest from 1."""
     ratio = motion.semi_axis_ratio[:, ::-1]
     names = {2: ("major", "minor"), 3: ("major", "middle", "minor")}.get(ratio.shape[1])
@@ -197,13 +205,13 @@ def _semi_axes(motion: TrackResult, time: Array) -> Metric:
     return Metric("Semi-axes", "; ".join(texts), "Achieved relative to target.", "semi_axes", value)
 
 
-def _target_warnings(motion: TrackResult, time: Array, status: dict[str, int]) -> list[Metric]:
+def _target_warnings(motion: ArmMotion, time: Array, status: dict[str, int]) -> list[Metric]:
     """Warn of missed waypoints, a motion too fast, a large position error and a wrong longest axis."""
     found, missed = [], missed_points(motion)
     if 2 * missed > len(motion.time):
         why = listed([f"{number} {word}" for word, number in status.items() if word not in REACHED])
         found.append(warning("targets-missed", f"{missed} of {len(motion.time)} waypoints are missed: {why}"))
-    if status.get(VELOCITY_LIMIT) and not isinstance(motion, PlannedMotion):
+    if status.get(VELOCITY_LIMIT) and motion.pointwise_best is None:
         found.append(warning("too-fast", "the motion is too fast for the robot in places: give it more time"))
     if motion.position_error is not None and far_points(motion):
         at = int(np.argmax(motion.position_error))
@@ -222,7 +230,7 @@ def _target_warnings(motion: TrackResult, time: Array, status: dict[str, int]) -
     return found
 
 
-def _major_axis(motion: TrackResult, time: Array) -> list[Metric]:
+def _major_axis(motion: ArmMotion, time: Array) -> list[Metric]:
     """Return the angle between the longest axes where both are distinct."""
     angle = motion.major_axis_angle
     known = np.isfinite(angle)
@@ -232,7 +240,7 @@ def _major_axis(motion: TrackResult, time: Array) -> list[Metric]:
     return [statistics("Longest axis", "major_axis_angle", np.degrees(angle[known]), time[known], "°", text)]
 
 
-def _solver_warnings(motion: TrackResult, time: Array) -> list[Metric]:
+def _solver_warnings(motion: ArmMotion, time: Array) -> list[Metric]:
     held = np.interp(motion.control_time[motion.held], motion.time, time).tolist()
     free = [n for n, limit in zip(motion.joint_names, motion.velocity_limits, strict=True) if np.isinf(limit)]
     found = numbers(held_at_s=held, joints_without_known_velocity_limit=free)

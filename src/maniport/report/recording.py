@@ -13,15 +13,15 @@ from maniport.arms import myoarm
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import adult_range
 from maniport.errors import RecordingError, nearest_first
-from maniport.mocap import ArmFit, ArmFits, Recording
-from maniport.mocap.data_quality import open_joints
+from maniport.mocap import ArmFit, HumanMotion, Recording
+from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.marker_sets import DIRECTIONS, ROLES
 from maniport.mocap.roles import (
     assign_roles,
+    assigned_roles,
     example_markers,
     find_side,
-    lacking,
-    played,
+    missing_roles,
     role_position,
     usual_names,
 )
@@ -52,8 +52,8 @@ def recording_facts(
 ) -> Report:
     """Describe a recording and the roles of its points."""
     meant = RIGHT if side == AUTO else side
-    roles = {one: played(recording, markers if one == meant else None, one) for one in SIDES}
-    whole = [one for one in SIDES if not lacking(roles[one][1])]
+    roles = {one: assigned_roles(recording, markers if one == meant else None, one) for one in SIDES}
+    whole = [one for one in SIDES if not missing_roles(roles[one][1])]
     fitted = _fitted_side(recording, markers, side)
     taken = fitted[0].value if fitted else None
     best = max(SIDES, key=lambda one: (one == taken, one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
@@ -102,7 +102,7 @@ def _fitted_side(recording: Recording, markers: Mapping[str, Any] | None, side: 
 
 def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, Any] | None, side: str) -> list[Metric]:
     """Describe one arm: its missing roles, its lengths, and contradictions."""
-    missing, lengths = lacking(roles), {}
+    missing, lengths = missing_roles(roles), {}
     for name, (start, end) in {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist")}.items():
         if start in roles and end in roles:
             step = role_position(recording, roles[end]) - role_position(recording, roles[start])
@@ -151,7 +151,7 @@ def _role_tables(assigned: Mapping[str, Any]) -> tuple[Table, ...]:
 
 def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, command: str) -> Section:
     """Explain how to assign missing roles."""
-    required = lacking(roles)
+    required = missing_roles(roles)
     wanted = required or [role for role in ("hand", "elbow_axis", "wrist_axis") if role not in roles]
     if not wanted:
         return Section("")
@@ -159,11 +159,11 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
         title, lines = "Missing roles", [f"The {side} arm lacks {listed(required)}."]
         for role in required:
             usual = usual_names(role, family, side)
-            near = nearest_first(usual.replace("'", ""), recording.seen)[:3]
+            near = nearest_first(usual.replace("'", ""), recording.observed)[:3]
             lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
     else:
         arm = myoarm()
-        held = listed([arm.joint_names[joint] for joint in open_joints(arm, roles)])
+        held = listed([arm.joint_names[joint] for joint in unobservable_joints(arm, roles)])
         undetermined = f", but {held} are undetermined and stay near neutral" if held else ""
         title = "Additional roles"
         lines = [f"The {side} arm can be fitted as it is{undetermined}.",
@@ -173,7 +173,7 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
         "Write names of points instead of the words in capitals into a file markers.json:",
         f"`{json.dumps(template)}`",
         f"and give it: `maniport transfer {command} --markers markers.json"
-        f"{' --arm left' if side == 'left' else ''} -o results`",
+        f"{' --side left' if side == 'left' else ''} -o results`",
     ]
     return Section(title, tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))
 
@@ -188,12 +188,12 @@ def fit_report(fit: ArmFit) -> Report:
 
 
 @describe.register
-def fits_report(fits: ArmFits) -> Report:
+def fits_report(fits: HumanMotion) -> Report:
     """Describe the fit of both human arms."""
     apart = np.linalg.norm(fits.hands[1] - fits.hands[0], axis=-1)
     both = Section("Both arms", (statistics("Distance between the hands", "between_hands", apart, fits.time, "m"),))
-    each = [replace(person_section(fit), title=f"Human {fit.arm.side} arm", key=str(fit.arm.side)) for fit in fits.each]
-    title = f"{fits.left.arm.name} and {fits.right.arm.name}, fitted to a person"
+    each = [replace(person_section(fit), title=f"Human {fit.arm.side} arm", key=str(fit.arm.side)) for fit in fits.arms]
+    title = f"{' and '.join(fit.arm.name for fit in fits.arms)}, fitted to a person"
     return Report(title, sections=(both, *each), data_warnings=warnings_of(FIT, fits.quality_warnings))
 
 
@@ -203,7 +203,7 @@ def person_section(fit: ArmFit) -> Section:
     step, step_at = fit.largest_step
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     by_reason: dict[str, list[str]] = {}
-    for name, reason in fit.undetermined.items():
+    for name, reason in fit.unobservable.items():
         by_reason.setdefault(reason, []).append(name)
     texts = [f"The recording does not determine {listed(names)}: {why}" for why, names in by_reason.items()]
     metrics = [
@@ -211,7 +211,7 @@ def person_section(fit: ArmFit) -> Section:
         Metric("Model", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
                key="model", value=fit.arm.name),
         Metric("Arm", f"{fit.arm.side}: {fit.side_reason}", key="side", value=fit.arm.side),
-        *numbers(frames=len(fit), joints_not_determined=fit.undetermined),
+        *numbers(frames=len(fit), joints_not_determined=fit.unobservable),
         Metric("Segments", listed([f"{name} {length:.3f} m" for name, length in lengths.items()]),
                "The model is scaled to these lengths.", "segment_lengths", lengths, "m"),
         Metric("Largest joint step", f"{step:.1f}° {at_time(step_at)}", "Between successive frames.",

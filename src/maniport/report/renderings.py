@@ -89,20 +89,29 @@ def as_numbers(report: Report) -> dict[str, Any]:
     return dict(plain(result))
 
 
-def as_terminal(report: Report, folder: str, width: int = 80) -> str:
+def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool = False, most_warnings: int = 3) -> str:
     """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
     summary = report.summary
     assert summary is not None
+    if table_only:
+        return "\n".join(_columns(summary.metrics))
     paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
     lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
     lines += _columns(summary.metrics)
     for text in (summary.text, summary.quality_warnings):
         lines += textwrap.wrap(printable(text), width)
-    for text in report.warnings:
-        lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ")
+    for text in report.warnings[:most_warnings]:
+        lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ", max_lines=2, placeholder=" …")
+    if (more := len(report.warnings) - most_warnings) > 0:
+        lines.append(f"! {more} more warning{'s'[: more != 1]} in summary.md")
     lines += textwrap.wrap(printable(summary.advice), width)
     files = {"Next": printable(summary.command_for(folder)) if summary.command else ""}
-    files |= {"Report": str(Path(folder, PAGE)), "Details": str(Path(folder, "summary.md"))}
+    joints = Path(folder, "joints.csv")
+    files |= {
+        "Report": str(Path(folder, PAGE)),
+        "Motion": str(joints) if joints.exists() else "",
+        "Details": str(Path(folder, "summary.md")),
+    }
     return "\n".join([*lines, *(f"{name:<8} {text}" for name, text in files.items() if text)])
 
 

@@ -1,12 +1,11 @@
-"""Metrics of arms and of placements, and an arm as an argument of the command line."""
+"""Metrics of arms and of placements."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from maniport.arms import PERSONS, Arm, ArmGroup, load_arm
+from maniport.arms import PERSONS, Arm, ArmGroup
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders import ROBOTS
@@ -71,20 +70,6 @@ def base_of(arm: Arm) -> str:
     """Return the base frame of an arm; the first one at its place where none was chosen."""
     fixed = (name for name, at in arm.chain.frames.items() if not at.joint and np.allclose(at.placement, np.eye(4)))
     return arm.chain.base or next(fixed, "the base")
-
-
-def command_line_of(arm: Arm) -> str:
-    """Write an arm as options of the command line, as far as it differs from the default."""
-    chain, name = arm.chain, arm.name if arm.name in ROBOTS else arm.chain.source or f"{arm.name}.urdf"
-    words = [shlex.quote(name)]
-    if name not in ROBOTS or arm.frame != load_arm(name).frame:
-        words.append(f"--frame {shlex.quote(arm.frame)}")
-    if chain.base is not None and chain.stand is None:
-        words.append(f"--base {shlex.quote(chain.base)}")
-    for joint, value in chain.locked.items():
-        position = value if _is_prismatic(arm, joint) else np.degrees(value)
-        words.append(f"--lock {shlex.quote(f'{joint}={position:.7g}')}")
-    return " ".join(words)
 
 
 def assumed_limits(limits: MotionLimits) -> list[Metric]:

@@ -207,7 +207,7 @@ def both_report(result: BothResult) -> Report:
     """Report a transfer of both arms: the pair, then each arm as a run of its own."""
     reports = dict(zip(FOLDERS, map(run_report, result.each), strict=True))
     source, motion = Path(result.recording.source).stem or "A recording", result.motion
-    moved = "" if motion is None else f" The motion takes {np.ptp(motion.control_time):.1f} s."
+    moved = "" if motion is None else f" The motion takes {np.ptp(motion.trajectory.control_time):.1f} s."
     lead = (
         f"{np.ptp(result.fits.time):.1f} s of both arms, {len(result.fits)} ellipsoids each, transferred to "
         f"{result.robot.name}: left by {result.left.method}, right by {result.right.method}.{moved} The folders left "
@@ -229,12 +229,12 @@ def _pair(result: BothResult) -> Section:
     metrics, motion, robot = [*warnings_of(STEP, result.warnings)], result.motion, result.robot
     if motion is not None:
         collisions = None if result.left.execution is None else result.left.execution.collisions
-        at = float(np.interp(motion.room.time, motion.time, result.fits.time))
-        relative = motion.beside_way
+        at = float(np.interp(motion.clearance.time, motion.trajectory.time, result.fits.time))
+        relative = None if motion.relative_error is None else motion.relative_error[:, 0]
         metrics += [
-            *collision_metrics(motion.room, at, collisions),
-            Metric("Configurations", "optimized together" if motion.together else "those of each arm",
-                   "", "together", motion.together),
+            *collision_metrics(motion.clearance, at, collisions),
+            Metric("Configurations", "optimized together" if motion.coupled else "those of each arm",
+                   "", "together", motion.coupled),
             *([] if relative is None else [defined("beside_way", 1e3 * relative, result.fits.time)]),
             Metric("Ratio to the best pointwise solutions found", f"{motion.pointwise_ratio:.2f}",
                    "Ratio of root mean squares of both distances.", "pointwise_ratio", motion.pointwise_ratio),
@@ -256,7 +256,7 @@ def _arms_table(result: BothResult) -> tuple[Table, ...]:
         if one.execution is None:
             return ()
         motion, plan = one.execution.motion, one.execution.plan
-        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, plan.pointwise_best))
+        rms, floor = (float(np.sqrt(np.mean(of**2))) for of in (motion.distance, np.asarray(plan.pointwise_best)))
         value = {
             "method": one.method,
             "rms": rms,
@@ -294,7 +294,7 @@ def _of_one(side: str, report: Report) -> list[Section]:
 def _both_summary(result: BothResult, reports: dict[str, Report], reasons: Sequence[str]) -> Summary:
     """Summarize all arms; `reasons` are the keys of all warnings."""
     each = {side: report.summary for side, report in reports.items() if report.summary is not None}
-    room = None if result.motion is None else result.motion.room
+    room = None if result.motion is None else result.motion.clearance
     status = "" if result.motion is None else status_of(reasons)
     collide = room is not None and room.known and room.share > 0.0
     collision = (

@@ -1,18 +1,16 @@
 """Summary of a motion: status, outcome of position and ellipsoids, what limits it, and the next step."""
 
-import shlex
 from collections.abc import Collection, Sequence
-from pathlib import Path
 
 import numpy as np
 
 from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline import TransferResult
+from maniport.pipeline.config import CONFIG, FREE, OPTIONS, Config
 from maniport.pipeline.execution import Execution
 from maniport.report.metrics import INFO, Metric, Report, Section, Summary, in_axes, listed
 from maniport.report.motion import exceeded_limits, far_points, missed_points
-from maniport.report.robot import command_line_of
-from maniport.util.defaults import DAMPING, POSITION_TOLERANCE
+from maniport.util.defaults import POSITION_TOLERANCE
 
 GREEN, AMBER, RED = "green", "amber", "red"
 """No warning; warnings to read before the motion runs; a motion that must not run."""
@@ -137,15 +135,16 @@ def _jump(execution: Execution) -> str:
 def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, status: str) -> tuple[str, str]:
     """Advise what improves the result most, with its command."""
     motion = execution.motion
-    slower = _track(execution, "slower", speed_scale=0.5 * float(execution.options.get("--speed-scale", 1.0)))
+    config = execution.config if transfer is None else transfer.config
+    slower = _track(execution, config, "slower", speed_scale=0.5 * (config.motion.speed_scale if config else 1.0))
     if exceeded_limits(motion, execution.plan):
         return "Do not run it as it is: give it more time.", slower
     if status == RED:
         return "Do not run it as it is: see the warnings.", ""
     if not on_path and execution.placement is None:
-        return "Let the path be placed where the robot reaches it.", _track(execution, "placed", place=True)
+        return "Let the path be placed where the robot reaches it.", _track(execution, config, "placed", "--place")
     if not on_path and motion.position_tolerance > POSITION_TOLERANCE:
-        nearer = _track(execution, "nearer", position_tolerance=1e3 * POSITION_TOLERANCE)
+        nearer = _track(execution, config, "nearer", position_tolerance=POSITION_TOLERANCE)
         return "The position error uses the given tolerance: reduce it.", nearer
     if not on_path:
         return "The robot is too slow for its path: give it more time.", slower
@@ -154,36 +153,35 @@ def _next(execution: Execution, transfer: TransferResult | None, on_path: bool, 
         return f"{first}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others.", ""
     parts = execution.parts
     if motion.path is not None and parts.path >= max(parts.no_posture, parts.way):
-        return "The path constraint dominates the distance: try without it.", _track(execution, "no-path", path=False)
+        return "The path constraint dominates the distance: try without it.", _track(
+            execution, config, "no-path", path=False
+        )
     if parts.way > parts.no_posture:
         return "Limits of the motion dominate the distance: use the whole range of the joints.", _track(
-            execution, "all", joint_limit_margin=0.0
+            execution, config, "all", joint_limit_margin=0.0
         )
-    robot, better = command_line_of(execution.robot), ""
+    better, repeatable = "", config is not None and len(config.recording) == 1
     if transfer is not None and transfer.evaluation is not None and transfer.choice is None:
         better = transfer.evaluation.verdict.recommended
     if transfer is not None and better and better != transfer.method:
-        file = Path(transfer.recording.source).name
-        verb = f"transfer {shlex.quote(file or 'RECORDING')}" if Path(file).suffix or not file else "learn RECORDINGS"
-        command = f"maniport {verb} --robot {robot} --method {better} -o {{folder}}-{better}"
-        return f"The targets are infeasible: those of {better} are nearer to the feasible set.", command
-    return "The targets are infeasible: try other methods and base rotations.", f"maniport view --robot {robot}"
+        command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
+        return (
+            f"The targets are infeasible: those of {better} are nearer to the feasible set.",
+            command if repeatable else "",
+        )
+    command = f"maniport view --config {{folder}}/{CONFIG}"
+    return "The targets are infeasible: try other methods and base rotations.", command if config else ""
 
 
-def _track(execution: Execution, suffix: str, *, path: bool = True, place: bool = False, **options: float) -> str:
+def _track(
+    execution: Execution, config: Config | None, suffix: str, *words: str, path: bool = True, **options: float
+) -> str:
     """Return the command that repeats the motion with other options, into another folder."""
-    motion = execution.motion
-    changed = {f"--{name.replace('_', '-')}": f"{value:g}" for name, value in options.items()}
-    words = [
-        f"maniport track {{folder}}/placed_profile.npz --robot {command_line_of(execution.robot)}",
-        *([f"--part {motion.spec.part}"] if motion.spec.part != "translation" else []),
-        *([f"--damping {motion.damping.damping:g}"] if motion.damping.damping not in (DAMPING, 0.0) else []),
-        *(["--path {folder}/path.npz"] if path and motion.path is not None else []),
-        *(["--place"] if place else []),
-        *(
-            f"{name} {shlex.quote(value)}" if value else name
-            for name, value in {**execution.options, **changed}.items()
-        ),
-        f"-o {{folder}}-{suffix}",
-    ]
-    return " ".join(words)
+    if config is None:
+        return ""
+    changed = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
+    if isinstance(config.motion.orientation, str) and config.motion.orientation != FREE:
+        changed += ["--orientation", FREE]  # a profile has no hand to follow
+    with_path = path and execution.motion.path is not None
+    files = [f"{{folder}}/placed_profile.npz --config {{folder}}/{CONFIG}", *["--path {folder}/path.npz"] * with_path]
+    return " ".join(["maniport track", *files, *words, *changed, f"-o {{folder}}-{suffix}"])

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from maniport.evaluation.baselines import RAW_COPY, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, TRANSPORT
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.verdict import WORTH_WHILE, Evaluation, Row, Verdict, Weakness
@@ -106,29 +106,18 @@ def _identifiability(adapter: DomainAdapter, mounted: bool) -> list[Metric]:
     words, free = found.in_words(), not found.determined
     text = f"the base orientation is taken as known, since {words}" if mounted and free else words
     severity = "warning" if free else "note"
-    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity), _spread(found)]
-
-
-def _spread(found: Identifiability) -> Metric:
-    text = f"dispersion of the rotation {found.spread_deg:.2g}°" if len(found.resampled) else ""
-    return Metric("Resampled domains", text, key="rotation_spread", value=found.spread_deg, unit="°")
+    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity)]
 
 
 @describe.register
 def identifiability_report(found: Identifiability) -> Report:
-    """Describe which directions of the rotation the domains determine, and the local optima."""
+    """Describe which directions of the rotation the domains determine."""
     axes = [axis_name(axis) for axis in found.axes] or [f"direction {k + 1}" for k in range(len(found.flat))]
     rows = tuple(
         (name, f"{curve:.2g} ± {error:.1g}", "not determined" if flat else "determined")
         for name, curve, error, flat in zip(axes, found.curvature, found.standard_error, found.flat, strict=True)
     )
-    ends = [f"{_degrees(one.rotation, found.rotation)} from the fitted rotation: cost {one.cost:.4g}, distance of the "
-            f"domains {one.cloud_distance:.3g}, {one.n_starts} starts" for one in found.optima]  # fmt: skip
-    metrics = (
-        Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),
-        _spread(found),
-        Metric("Local optima", "\n".join(ends), key="optima", value=[one.cost for one in found.optima]),
-    )
+    metrics = (Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),)
     return Report("", "", (Section("", metrics, (Table(("rotation about", "curvature [1/rad²]", ""), rows),)),))
 
 
@@ -266,16 +255,16 @@ def label(name: str) -> str:
 
 def _comparison(verdict: Verdict) -> tuple[str, bool]:
     """Compare the method with the others; also whether it is worth while."""
-    name, mine, nothing = verdict.name, verdict.value, verdict.raw_copy
+    name, mine, nothing = verdict.name, verdict.value, verdict.identity
     if mine is None or nothing is None:
         return f"{name} is not compared: neither the truth nor the student's kinematics is known.", True
     measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[verdict.measure]
     others = {row: value for row, value in verdict.values.items() if row != name and row not in verdict.same_as}
-    if RAW_COPY not in others:
-        return f"{name} does what a raw copy does ({measure} {mine:.3f}).", name == RAW_COPY
+    if IDENTITY not in others:
+        return f"{name} does what the identity baseline does ({measure} {mine:.3f}).", name == IDENTITY
     best = min(others, key=lambda other: others[other])
-    against = f"{measure} {mine:.3f} against {nothing:.3f} of a raw copy"
-    against += "" if best == RAW_COPY else f", {others[best]:.3f} of {label(best)}"
+    against = f"{measure} {mine:.3f} against {nothing:.3f} of the identity baseline"
+    against += "" if best == IDENTITY else f", {others[best]:.3f} of {label(best)}"
     if mine >= WORTH_WHILE * nothing:
         return f"{name} is not clearly better than doing nothing: {against}.", False
     if mine >= WORTH_WHILE * others[best]:

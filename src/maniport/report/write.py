@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
-from maniport.motion.follow.joint_motion import JointMotion
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.trajectory import Trajectory
 from maniport.pipeline import BothResult, TransferResult
 from maniport.pipeline.both_result import DATA_FILES as BOTH_DATA
 from maniport.pipeline.both_result import FOLDERS
+from maniport.pipeline.config import CONFIG
 from maniport.pipeline.execution import DATA_FILES as MOTION_DATA
 from maniport.pipeline.execution import Execution
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
@@ -26,7 +28,7 @@ from maniport.util.validation import as_choice
 if TYPE_CHECKING:
     from maniport.report.page.content import Motion
 
-TOLD = ("summary.md", SUMMARY, PAGE)
+TOLD = ("summary.md", SUMMARY, PAGE, CONFIG)
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms", "motion")
 """Figures of a run, which `maniport figures` adds to its folder."""
 
@@ -47,7 +49,7 @@ def write_results(
     *,
     overwrite: bool = False,
 ) -> Report:
-    """Write data, ``summary.md``, ``summary.json`` and ``report.html`` to a folder, whole or not at all.
+    """Write data, ``run.yaml``, summaries and ``report.html`` to a folder, whole or not at all.
 
     The folder is made where it is missing. ``result.save(folder)`` writes the data alone, `write_figures` adds figures.
 
@@ -85,7 +87,7 @@ def write_results(
     moves = not isinstance(result, LearnedProfile) and (not isinstance(result, BothResult) or result.motion is not None)
     if formats and not moves:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
-    step, report = Step(progress, "write the results"), facts_of(result)
+    step, report = Step(progress, "Write results"), facts_of(result)
     if isinstance(result, BothResult):
         require_free_for_both(Path(folder), overwrite)
         own = BOTH_FILES
@@ -99,7 +101,9 @@ def write_results(
         else:
             write_run(result, report, formats, staging)
             write_run_page(result, report, formats, staging)
-    step.end(f"in {os.fspath(folder)}/")
+        if result.config is not None:
+            result.config.save(staging / CONFIG)
+    step.end()
     return report
 
 
@@ -165,7 +169,7 @@ def _write_summary(report: Report, folder: Path) -> None:
         write_facts(folder / name, report)
 
 
-def _export(motion: JointMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
+def _export(motion: Trajectory | RobotMotion, robot: Arm | ArmGroup, formats: Mapping[str, str], folder: Path) -> None:
     """Write a motion in further formats; the scene is written with the page."""
     for name, file in formats.items():
         if name != SCENE:

@@ -1,7 +1,6 @@
 """Fréchet mean of SPD matrices under the affine-invariant metric, dispersion about it, and whitening by it."""
 
 import warnings
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -90,24 +89,6 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
             stacklevel=2,
         )
     return now.center
-
-
-def means_nearby(points: Array, weights: Iterable[Array], tol: float = 1e-6) -> list[Array]:
-    """Fréchet means under several weights (n,) of points (n, d, d) whose plain mean is the identity."""
-    n, identity = len(points), np.eye(points.shape[-1])
-    sizes = np.linalg.norm(points, axis=(-2, -1))
-    hessian = _Iterate(identity, _Sample(points, np.full(n, 1.0 / n), sizes)).moments.hessian
-    means = []
-    for weight in weights:
-        now = _Iterate(identity, _Sample(points, weight, sizes), curved=False)
-        while now.norm > max(tol, now.rounding):
-            direction = _newton_direction(hessian, now.moments.gradient)  # of the plain mean, which is near
-            following = _Iterate(congruence(now.root, apply(direction, np.exp)), now.sample, curved=False)
-            if following.norm >= 0.5 * now.norm:
-                break
-            now = following
-        means.append(now.center if now.norm <= max(tol, now.rounding) else mean(points, weight))
-    return means
 
 
 def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "mean") -> float:

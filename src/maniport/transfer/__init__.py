@@ -14,8 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.estimator import clone
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import read_adapter
-from maniport.transfer.baselines import MeanTransport, NearestNeighbor, RawCopy
-from maniport.transfer.icp.algorithm import Search
+from maniport.transfer.baselines import IdentityMap, MeanTransport, NearestNeighbor
 from maniport.transfer.icp.correspondence import (
     Correspondence,
     EllipsoidCorrespondence,
@@ -25,13 +24,14 @@ from maniport.transfer.icp.correspondence import (
     OneToOneCorrespondence,
     TransportCorrespondence,
 )
+from maniport.transfer.icp.search import Search
 from maniport.transfer.length_field_adapter import LengthField
 from maniport.transfer.parallel_transport import ParallelTransport
 from maniport.transfer.riemannian_icp import RiemannianICP
 from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {
-    "raw-copy": RawCopy,
+    "identity": IdentityMap,
     "mean-transport": MeanTransport,
     "parallel-transport": ParallelTransport,
     "nearest-neighbor": NearestNeighbor,
@@ -125,6 +125,7 @@ __all__ = [
     "DomainAdapter",
     "EllipsoidCorrespondence",
     "GeodesicCorrespondence",
+    "IdentityMap",
     "LengthField",
     "LogEllipsoidCorrespondence",
     "Matches",
@@ -132,7 +133,6 @@ __all__ = [
     "NearestNeighbor",
     "OneToOneCorrespondence",
     "ParallelTransport",
-    "RawCopy",
     "RiemannianICP",
     "Search",
     "TransportCorrespondence",

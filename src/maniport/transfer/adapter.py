@@ -7,7 +7,7 @@ base_rotation, regularisation and files are here.
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from maniport.spd.kernels import congruence, eigh
 from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
-from maniport.transfer.adapter_file import METHODS_BY_CLASS, save_adapter
+from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
 from maniport.transfer.ellipsoids import as_mounting, regularized, require_positive, without_damping
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import ShownInNotebooks
@@ -59,6 +59,10 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         result positive-definite. Constant, so that the map stays smooth and exactly invertible; a method that is not
         rigid may take it off each eigenvalue by a function instead, and then says so.
     """
+
+    schema: ClassVar[Schema] = SCHEMA  # attributes in files, with their shapes and checks
+    value_objects: ClassVar[dict[str, Any]] = {}  # further attributes, by the class that reads them
+    option_classes: ClassVar[tuple[type, ...]] = ()  # bases of the parameters that are objects
 
     _silent = False
 

@@ -1,146 +1,95 @@
-"""Files of fitted adapters: one ``.npz`` of plain arrays and one line of JSON, without pickled objects."""
+"""Files of fitted adapters: one ``.npz`` of plain arrays and one line of JSON, without pickled objects.
+
+Every class declares the attributes that its files hold as `DomainAdapter.schema`.
+"""
 
 import inspect
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, fields, is_dataclass
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.transfer.icp.algorithm import Search
-from maniport.transfer.icp.matches import Correspondence
-from maniport.transfer.identifiability import Identifiability, Optimum
-from maniport.transfer.length_field.report import FieldReport
 from maniport.util.files import array_names, load_arrays, save_arrays
-from maniport.util.validation import (
-    as_count,
-    as_finite,
-    as_flag,
-    as_number,
-    as_positive_semidefinite,
-    as_rotation,
-    as_spd,
-)
+from maniport.util.validation import as_count, as_finite, as_flag, as_number, as_rotation, as_spd
 
 FILE_FORMAT = "maniport-adapter-2"
 
-METHODS_BY_CLASS: dict[str, type] = {}  # Every class of adapters by its name; each enters itself
-
-Law = Callable[[Any, str], Any]
-Schema = dict[str, tuple[tuple[str | int, ...], Law]]
+METHODS_BY_CLASS: dict[str, type] = {}  # All classes of adapters by name
 
 
-def _non_negative(value: Any, name: str) -> None:
-    as_number(value, name, minimum=0.0)
+def non_negative(value: Any, name: str) -> float:
+    """Require a number of at least zero."""
+    return as_number(value, name, minimum=0.0)
 
 
-def _positive(value: Any, name: str) -> None:
-    as_number(value, name, above=0.0)
+def positive(value: Any, name: str) -> float:
+    """Require a number above zero."""
+    return as_number(value, name, above=0.0)
 
 
-def _steps(value: Any, name: str) -> None:
-    as_count(value, name, minimum=0)
-
-
-def _indices(value: Any, name: str) -> None:
+def as_indices(value: Any, name: str) -> None:
+    """Require whole numbers of at least −1."""
     if np.asarray(value).dtype.kind not in "iu" or np.min(value, initial=0) < -1:
         raise InvalidInputError(f"{name} must hold indices")
 
 
-def _text(value: Any, name: str) -> None:
+def as_text(value: Any, name: str) -> None:
+    """Require a string."""
     if not isinstance(value, str):
         raise InvalidInputError(f"{name} must be text; found {type(value).__name__}")
 
 
-def _axis(value: Any, name: str) -> None:
-    if np.size(value) and (np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9):
-        raise InvalidInputError(f"{name} must be a unit vector or empty")
+class Attribute(NamedTuple):
+    """Shape, with names of sizes that must agree, and check of a fitted attribute; `optional` ones may be missing."""
+
+    shape: tuple[str | int, ...]
+    check: Callable[[Any, str], Any]
+    optional: bool = False
 
 
-REQUIRED: Schema = {
-    "student_mean_": (("d", "d"), as_spd),
-    "teacher_mean_": (("d", "d"), as_spd),
-    "base_rotation_": (("d", "d"), as_rotation),
-    "rotation_": (("d", "d"), as_rotation),
-    "dispersion_ratio_": ((), _positive),
-    "teacher_damping_": ((), _non_negative),
-    "student_damping_": ((), _non_negative),
-    "released_damping_": ((), _non_negative),
+Schema = dict[str, Attribute]
+
+SCHEMA: Schema = {
+    "student_mean_": Attribute(("d", "d"), as_spd),
+    "teacher_mean_": Attribute(("d", "d"), as_spd),
+    "base_rotation_": Attribute(("d", "d"), as_rotation),
+    "rotation_": Attribute(("d", "d"), as_rotation),
+    "dispersion_ratio_": Attribute((), positive),
+    "teacher_damping_": Attribute((), non_negative),
+    "student_damping_": Attribute((), non_negative),
+    "released_damping_": Attribute((), non_negative),
+    "teacher_dispersion_": Attribute((), non_negative, optional=True),
+    "student_dispersion_": Attribute((), non_negative, optional=True),
+    "cost_": Attribute((), as_number, optional=True),
+    "history_": Attribute(("iterations",), as_finite, optional=True),
+    "converged_": Attribute((), as_flag, optional=True),
+    "n_iter_": Attribute((), lambda value, name: as_count(value, name, minimum=0), optional=True),
+    "stop_reason_": Attribute((), as_text, optional=True),
 }
-"""Shape, with names of sizes that must agree, and law of the attributes without which there is no fitted adapter."""
-
-OPTIONAL: Schema = {
-    "teacher_dispersion_": ((), _non_negative),
-    "student_dispersion_": ((), _non_negative),
-    "cost_": ((), as_number),
-    "history_": (("rounds",), as_finite),
-    "converged_": ((), as_flag),
-    "n_iter_": ((), _steps),
-    "stop_reason_": ((), _text),
-    "found_rotation_": (("d", "d"), as_rotation),
-    "start_rotation_": (("d", "d"), as_rotation),
-    "start_kept_": ((), as_flag),
-    "correspondence_": (("matched",), _indices),
-    "matched_teacher_": (("matched",), _indices),
-    "from_samples_": ((), as_flag),
-}
-"""Attributes of maniport's methods that are checked where a file has them."""
-
-REQUIRED_BY: dict[str, Schema] = {
-    "RawCopy": {},
-    "MeanTransport": {},
-    "ParallelTransport": {},
-    "RiemannianICP": {},
-    "NearestNeighbor": {
-        "keys_": (("n", "d", "d"), as_positive_semidefinite),
-        "values_": (("n", "d", "d"), as_positive_semidefinite),
-    },
-    "LengthField": {
-        "width_": ((), _positive),
-        "centers_": (("m", "D"), as_finite),
-        "lengths_": (("m", 3), as_finite),
-        "axis_": (("axis",), _axis),
-    },
-}
-"""Further required attributes of maniport's methods; those of any other class are written and read as they are."""
-
-KNOWLEDGE = {
-    "rotation": ("d", "d"),
-    "curvature": ("k",),
-    "standard_error": ("k",),
-    "directions": ("k", "k"),
-    "flat": ("k",),
-    "axes": ("a", "b"),
-    "resampled": ("r", "e", "e"),
-    "optima.rotation": ("o", "d", "d"),
-    "optima.cost": ("o",),
-    "optima.cloud_distance": ("o",),
-    "optima.n_starts": ("o",),
-}
-"""Shapes of the arrays of an `Identifiability` and of its optima."""
+"""Attributes of every adapter."""
 
 
 def save_adapter(adapter: Any, path: str | os.PathLike[str]) -> None:
     """Write a fitted adapter."""
     fitted = {key: value for key, value in vars(adapter).items() if key.endswith("_") and not key.startswith("_")}
-    _require_fitted(type(adapter), fitted)
+    _require_complete(type(adapter), fitted)
+    for key in adapter.value_objects.keys() & fitted.keys():  # one entry for each of their fields
+        value = fitted.pop(key)
+        fitted |= {f"{key}.{field.name}": getattr(value, field.name) for field in fields(value)}
     arrays: dict[str, Any] = {}
     plain: dict[str, Any] = {"format": FILE_FORMAT, "method": type(adapter).__name__, "parameters": {}, "fitted": {}}
     for group, values in (("parameters", adapter.get_params(deep=False)), ("fitted", fitted)):
         for key, value in values.items():
-            if isinstance(value, FieldReport):
-                plain[group][key] = asdict(value)
-            elif isinstance(value, Identifiability):
-                arrays |= _knowledge_arrays(value)
-            elif isinstance(value, (list, tuple, np.ndarray)):
+            if isinstance(value, list | tuple | np.ndarray):
                 arrays[f"{group}.{key}"] = np.asarray(value)
-            elif isinstance(value, (Search, Correspondence)):
+            elif isinstance(value, adapter.option_classes):
                 plain[group][key] = _plain_options(value)
             elif isinstance(value, np.random.Generator) or key == "projector":
-                plain[group][key] = None  # it says nothing about the fitted map
+                plain[group][key] = None  # not part of the fitted map
             else:
                 plain[group][key] = value.item() if isinstance(value, np.generic) else value
     save_arrays(path, {"adapter": np.array(json.dumps(plain, sort_keys=True)), **arrays})
@@ -155,33 +104,31 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     description = str(load_arrays(path, "adapter file", ("adapter",))["adapter"])
     try:
         plain = json.loads(description)
-        found, name = plain["format"], str(plain["method"])
-        groups: dict[str, dict[str, Any]] = {
-            "parameters": {key: _options_from(value) for key, value in dict(plain["parameters"]).items()},
-            "fitted": dict(plain["fitted"]),
-            "identifiability": {},
-        }
+        file_format, name = plain["format"], str(plain["method"])
+        groups = {group: dict(plain[group]) for group in ("parameters", "fitted")}
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise FileFormatError(f"{damaged}: {error}") from None
-    if found != FILE_FORMAT:
-        raise FileFormatError(f"{str(path)!r} has the format {found!r}; this version reads {FILE_FORMAT!r}")
-    known = {key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
-    if name not in known:
-        raise FileFormatError(f"{str(path)!r} holds a {name!r}; this version knows {sorted(known)}")
-    method = known[name]
-    parameters, fitted = groups["parameters"], groups["fitted"]
-    if unknown := set(parameters) - set(method().get_params()):
+    if file_format != FILE_FORMAT:
+        raise FileFormatError(f"{str(path)!r} has the format {file_format!r}; this version reads {FILE_FORMAT!r}")
+    methods = {key: kind for key, kind in METHODS_BY_CLASS.items() if not inspect.isabstract(kind)}
+    if name not in methods:
+        raise FileFormatError(f"{str(path)!r} holds a {name!r}; allowed are {sorted(methods)}")
+    method: Any = methods[name]
+    if unknown := set(groups["parameters"]) - set(method().get_params()):
         raise FileFormatError(f"{damaged}: unknown parameters {sorted(unknown)}")
-    wanted = [key for key in names if _is_known(key, method)]
-    for key, value in load_arrays(path, "adapter file", wanted).items():
+    for key, value in load_arrays(path, "adapter file", [key for key in names if _is_declared(key, method)]).items():
         group, _, attribute = key.partition(".")
         groups[group][attribute] = value
+    parameters, fitted = groups["parameters"], groups["fitted"]
     try:
-        _require_fitted(method, fitted)
-        if groups["identifiability"]:
-            fitted["identifiability_"] = _knowledge_from(groups["identifiability"])
-        if "report_" in fitted:
-            fitted["report_"] = FieldReport.read(fitted["report_"])
+        parameters = {key: _options(value, method.option_classes) for key, value in parameters.items()}
+        for key, kind in method.value_objects.items():
+            parts = {entry: fitted.pop(entry) for entry in list(fitted) if entry.startswith(f"{key}.")}
+            if parts:
+                fitted[key] = kind.read({entry.removeprefix(f"{key}."): value for entry, value in parts.items()})
+        if undeclared := sorted(key for key in fitted if not _is_declared(f"fitted.{key}", method)):
+            raise InvalidInputError(f"unknown attributes {undeclared}")
+        _require_complete(method, fitted)
     except (InvalidInputError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise FileFormatError(f"{damaged}: {error}") from None
     adapter = method(**parameters)
@@ -190,54 +137,59 @@ def read_adapter(path: str | os.PathLike[str]) -> Any:
     return adapter
 
 
-def _is_shipped(method: type) -> bool:
-    return method.__module__.startswith("maniport.") and method.__name__ in REQUIRED_BY
-
-
-def _schema_of(method: type) -> Schema:
-    """Required attributes of a class of adapters, and the optional ones of a method of maniport."""
-    return REQUIRED | OPTIONAL | REQUIRED_BY[method.__name__] if _is_shipped(method) else REQUIRED
-
-
-def _is_known(key: str, method: type) -> bool:
-    """Whether an array of a file is read; others are not even unpacked."""
+def _is_declared(key: str, method: Any) -> bool:
+    """Whether an entry is read; a method outside of maniport may have undeclared attributes, which end in ``_``."""
     group, _, name = key.partition(".")
-    if group == "fitted":
-        return name in _schema_of(method) or not _is_shipped(method)
-    return name in KNOWLEDGE if group == "identifiability" else group == "parameters"
+    attribute = name.partition(".")[0]
+    if group != "fitted":
+        return group == "parameters"
+    if method.__module__.startswith("maniport."):
+        return name in method.schema or attribute in method.value_objects
+    return attribute.endswith("_") and not attribute.startswith("_")
 
 
-def _require_fitted(method: type, fitted: Mapping[str, Any]) -> None:
-    """Raise `InvalidInputError` unless the fitted attributes are complete, of the right shapes, finite and lawful."""
-    schema = _schema_of(method)
-    if missing := [name for name in schema if name not in OPTIONAL and name not in fitted]:
+def _require_complete(method: Any, fitted: Mapping[str, Any]) -> None:
+    """Raise `InvalidInputError` unless the declared attributes are there, of the right shapes, finite and valid."""
+    if missing := [name for name, entry in method.schema.items() if not entry.optional and name not in fitted]:
         raise InvalidInputError(f"missing attributes {missing}")
     d = (np.shape(fitted["student_mean_"]) or (0,))[-1]
-    sizes: dict[str | int, int] = {"d": d, "D": d * (d + 1) // 2, 3: 3}
-    for name, (shape, law) in schema.items():
-        if name not in fitted or (name == "base_rotation_" and fitted[name] is None):
-            continue
-        value = np.asarray(fitted[name])
-        agrees = len(value.shape) == len(shape) and all(
-            sizes.get(size, found) == found for size, found in zip(shape, value.shape, strict=True)
+    declared = {name: fitted[name] for name in method.schema if name in fitted}
+    if declared["base_rotation_"] is None:  # the frames are equal
+        del declared["base_rotation_"]
+    require_arrays(declared, method.schema, {"d": d, "D": d * (d + 1) // 2})
+
+
+def require_arrays(values: Mapping[str, Any], schema: Schema, sizes: dict[str | int, int] | None = None) -> None:
+    """Raise `InvalidInputError` unless values have the shapes and types of a schema and pass its checks."""
+    known: dict[str | int, int] = dict(sizes or {})
+    for name, value in values.items():
+        shape, check, _ = schema[name]
+        array = np.asarray(value)
+        agrees = array.ndim == len(shape) and all(
+            known.get(size, size if isinstance(size, int) else length) == length
+            for size, length in zip(shape, array.shape, strict=True)
         )
-        numeric = (
-            law in (_text, as_flag, _indices) or value.dtype == np.float64 or (not shape and value.dtype.kind in "iu")
-        )
-        if not agrees or not numeric:
-            wanted = str(tuple(sizes.get(size, size) for size in shape)).replace("'", "")
+        numeric = array.dtype == np.float64 or (not shape and array.dtype.kind in "iu")
+        if not agrees or not (numeric or check in (as_text, as_flag, as_flags, as_indices)):
+            expected = str(tuple(known.get(size, size) for size in shape)).replace("'", "")
             raise InvalidInputError(
-                f"{name} must be finite, of shape {wanted}; found {value.dtype} values of shape {value.shape}"
+                f"{name} must be finite, of shape {expected}; found {array.dtype} values of shape {array.shape}"
             )
-        sizes |= dict(zip(shape, value.shape, strict=True))
-        law(fitted[name], name)
+        known |= dict(zip(shape, array.shape, strict=True))
+        check(value, name)
 
 
-def _option_classes(base: type) -> Iterator[type]:
+def as_flags(value: Any, name: str) -> None:
+    """Require an array of truth values."""
+    if np.asarray(value).dtype != np.bool_:
+        raise InvalidInputError(f"{name} must hold truth values; found {np.asarray(value).dtype}")
+
+
+def _subclasses(base: type) -> Iterator[type]:
     kind: type
+    yield base
     for kind in base.__subclasses__():
-        yield kind
-        yield from _option_classes(kind)
+        yield from _subclasses(kind)
 
 
 def _option_name(kind: type) -> str:
@@ -245,55 +197,21 @@ def _option_name(kind: type) -> str:
     return kind.__name__ if kind.__module__.startswith("maniport.") else f"{kind.__module__}.{kind.__qualname__}"
 
 
-def _plain_options(value: Search | Correspondence) -> dict[str, Any]:
-    """Class and options of an object where these are numbers and words; else no options."""
-    options: dict[str, Any] = {f.name: getattr(value, f.name) for f in fields(value)} if is_dataclass(value) else {}
-    options = {name: one.item() if isinstance(one, np.generic) else one for name, one in options.items()}
-    held = is_dataclass(value) and all(isinstance(one, (bool, int, float, str, type(None))) for one in options.values())
-    return {"class": _option_name(type(value)), "options": options if held else None}
+def _plain_options(value: Any) -> dict[str, Any]:
+    """Class and options of an object; no options where these are not only numbers and text."""
+    options = {field.name: getattr(value, field.name) for field in fields(value)} if is_dataclass(value) else {}
+    options = {name: option.item() if isinstance(option, np.generic) else option for name, option in options.items()}
+    plain = is_dataclass(value) and all(
+        isinstance(option, bool | int | float | str | None) for option in options.values()
+    )
+    return {"class": _option_name(type(value)), "options": options if plain else None}
 
 
-def _options_from(value: Any) -> Any:
-    """Return the object of `_plain_options`; its name where the class is unknown or its options were not held."""
+def _options(value: Any, bases: tuple[type, ...]) -> Any:
+    """Return the object of `_plain_options`; its name where the class or the options are unknown."""
     if not isinstance(value, dict):
         return value
-    known: dict[str, type] = {_option_name(one): one for one in (Search, *_option_classes(Correspondence))}
-    kind, options = known.get(value["class"]), value["options"]
-    if kind is None or options is None:
-        return str(value["class"])
-    return kind(**options)
-
-
-def _knowledge_arrays(knowledge: Identifiability) -> dict[str, Any]:
-    """Arrays of an `Identifiability`; the optima become one array for each of their attributes."""
-    found = {}
-    for key in KNOWLEDGE:
-        group, _, name = key.rpartition(".")
-        found[key] = np.array([getattr(one, name) for one in knowledge.optima]) if group else getattr(knowledge, name)
-    return {f"identifiability.{key}": value for key, value in found.items()}
-
-
-def _knowledge_from(arrays: dict[str, Any]) -> Identifiability:
-    """Check the arrays of an `Identifiability` and return it."""
-    sizes: dict[str, int] = {}
-    if set(arrays) != set(KNOWLEDGE):
-        raise InvalidInputError(f"identifiability holds {sorted(arrays)}; needed are {sorted(KNOWLEDGE)}")
-    for name, shape in KNOWLEDGE.items():
-        value = np.asarray(arrays[name])
-        if len(value.shape) != len(shape) or any(
-            sizes.setdefault(size, found) != found for size, found in zip(shape, value.shape, strict=True)
-        ):
-            raise InvalidInputError(
-                f"identifiability.{name} has shape {value.shape}; the others need {shape} of {sizes}"
-            )
-        kind: Any = bool if name == "flat" else value.dtype if name == "optima.n_starts" else np.float64
-        if value.dtype != kind:
-            raise InvalidInputError(f"identifiability.{name} holds {value.dtype} values")
-        if value.size and name != "flat":
-            as_finite(value, f"identifiability.{name}")
-    columns = [arrays[f"optima.{field.name}"] for field in fields(Optimum)]
-    optima = tuple(
-        Optimum(rotation, float(cost), float(distance), int(count))
-        for rotation, cost, distance, count in zip(*columns, strict=True)
-    )
-    return Identifiability(optima=optima, **{key: value for key, value in arrays.items() if "." not in key})
+    kinds: dict[str, Any] = {_option_name(kind): kind for base in bases for kind in _subclasses(base)}
+    kind: Any = kinds.get(value["class"])
+    options = value["options"]
+    return str(value["class"]) if kind is None or options is None else kind(**options)

@@ -1,17 +1,20 @@
 """The baselines: identity, matching the means, and a nearest-neighbor lookup."""
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import NotInvertibleError
 from maniport.spd.neighbors import NeighborIndex, nearest
 from maniport.transfer.adapter import RELEASED, DomainAdapter
+from maniport.transfer.adapter_file import Attribute, Schema
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_count
+from maniport.util.validation import Array, as_count, as_positive_semidefinite
 
 
-class RawCopy(DomainAdapter):
+class IdentityMap(DomainAdapter):
     """Return the teacher's ellipsoids in the student's frame, S = R_b T R_bᵀ.
 
     Parameters
@@ -77,6 +80,11 @@ class NearestNeighbor(DomainAdapter):
     Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
     manifold-aware ICP, IROS 2022.
     """
+
+    schema: ClassVar[Schema] = DomainAdapter.schema | {
+        "keys_": Attribute(("n", "d", "d"), as_positive_semidefinite),
+        "values_": Attribute(("n", "d", "d"), as_positive_semidefinite),
+    }
 
     _index: NeighborIndex | None = None
 

@@ -1,8 +1,7 @@
-"""Distance between two clouds under a rotation, without matching them, and bootstrap samples of a cloud.
+"""Distance between two clouds under a rotation, without matching them.
 
 Rotations are compared by the mean distance between all pairs, half of the energy distance (18) of `docs/method.md` up
-to a constant, with its sampling error. Resampling a cloud with replacement shows how far a fit depends on the draw: the
-bootstrap (Efron 1979).
+to a constant, with its sampling error.
 """
 
 from collections.abc import Sequence
@@ -13,8 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import mandel_basis
-from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
-from maniport.spd.mean import means_nearby
+from maniport.spd.matrix_functions import apply, to_vector
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
@@ -90,22 +88,6 @@ def subsample(vectors: Array, limit: int) -> Array:
     order = np.asarray(cKDTree(vectors, leafsize=max(1, len(vectors) // limit)).indices)
     middles = ((np.arange(limit) + 0.5) * (len(vectors) / limit)).astype(int)
     return np.asarray(vectors[order[middles]])
-
-
-def resampled(points: Array, random: np.random.Generator) -> Array:
-    """Draw as many of the points with replacement; not the same one every time, which would have no dispersion."""
-    while True:
-        drawn = np.asarray(points[random.integers(len(points), size=len(points))])
-        if np.any(drawn != drawn[0]):
-            return drawn
-
-
-def resampled_means(points: Array, center: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
-    """Fréchet means of clouds drawn from `points` with replacement; `center` is the mean of all."""
-    n = len(points)
-    root, inverse_root = roots(center)
-    weights = (np.bincount(random.integers(n, size=n), minlength=n) / n for random in randoms)
-    return [congruence(root, one) for one in means_nearby(congruence(inverse_root, points), weights)]
 
 
 def _mandel_rotation(rotation: Array) -> Array:

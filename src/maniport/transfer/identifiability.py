@@ -5,17 +5,18 @@ without matching (see `CloudPair`). In clouds that are symmetric as distribution
 the copies decide: only the right rotation makes them coincide.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from maniport.spd.matrix_functions import roots
+from maniport.transfer.adapter_file import Attribute, Schema, as_flags, require_arrays
 from maniport.transfer.cloud_pair import CloudPair
-from maniport.transfer.rotation_group import rotation_angle, rotation_from_vector
+from maniport.transfer.rotation_group import rotation_from_vector
 from maniport.util.notebook import ShownInNotebooks
-from maniport.util.validation import Array
+from maniport.util.validation import Array, as_finite
 
 LARGEST_EXAMINED = 6
 """Largest size d whose rotations are examined: their m = d (d − 1) / 2 directions need about 2 m² distances between the
@@ -28,39 +29,16 @@ ADVICE = (
 """Remedies where the rotation is not determined."""
 
 
-class _EqualArrays:
-    """Value objects of arrays are equal where all their arrays are."""
-
-    def __eq__(self, other: object) -> bool:
-        return type(other) is type(self) and all(
-            np.array_equal(value, other.__dict__[name]) for name, value in self.__dict__.items()
-        )
-
-    __hash__ = None  # type: ignore[assignment]  # as arrays have none
-
-
 @dataclass(frozen=True, eq=False)
-class Optimum(_EqualArrays):
-    """One distinct rotation that searches ended at."""
-
-    rotation: Array  # (d, d)
-    cost: float  # lowest cost of the matched pairs that was reached there
-    cloud_distance: float  # energy distance of the clouds there, without pairs
-    n_starts: int  # number of starts that led there
-
-
-@dataclass(frozen=True, eq=False)
-class Identifiability(ShownInNotebooks, _EqualArrays):
+class Identifiability(ShownInNotebooks):
     """Which directions of the rotation between two domains they determine."""
 
     rotation: Array  # (d, d): the fitted one, R
-    optima: tuple[Optimum, ...]  # Distinct ends of the searches, lowest cost first
     curvature: Array  # (m,): m = d (d − 1) / 2
     standard_error: Array  # (m,): of `curvature`, over draws of the clouds
     directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentred student ellipsoids
     flat: NDArray[np.bool_]  # (m,)
     axes: Array  # (m, 3): for d = 3 the directions as axes in the student's base frame
-    resampled: Array  # (k, d, d): rotations fitted to resampled domains (bootstrap)
 
     @property
     def examined(self) -> bool:
@@ -77,16 +55,31 @@ class Identifiability(ShownInNotebooks, _EqualArrays):
         """For d = 3 the axes about which any turn fits, in the student's base frame, shape (k, 3)."""
         return self.axes[self.flat] if len(self.axes) else self.axes
 
-    @property
-    def spread_deg(self) -> float:
-        """Root mean square angle between the fitted rotation and those of resampled domains [deg]; nan without any."""
-        if not len(self.resampled):
-            return float("nan")
-        angles = [rotation_angle(one, self.rotation) for one in self.resampled]
-        return float(np.rad2deg(np.sqrt(np.mean(np.square(angles)))))
+    schema: ClassVar[Schema] = {
+        "rotation": Attribute(("d", "d"), as_finite),
+        "curvature": Attribute(("k",), as_finite),
+        "standard_error": Attribute(("k",), as_finite),
+        "directions": Attribute(("k", "m"), as_finite),
+        "flat": Attribute(("k",), as_flags),
+        "axes": Attribute(("axes", "space"), as_finite),
+    }
+
+    @classmethod
+    def read(cls, arrays: dict[str, Any]) -> Self:
+        """Return the object of the arrays in a file, which are checked."""
+        result = cls(**arrays)
+        require_arrays(arrays, cls.schema)
+        return result
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Identifiability) and all(
+            np.array_equal(value, getattr(other, name)) for name, value in vars(self).items()
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # as arrays have none
 
     def __repr__(self) -> str:
-        return f"Identifiability({self.in_words()}; {len(self.optima)} optima, {len(self.resampled)} resampled)"
+        return f"Identifiability({self.in_words()})"
 
     def in_words(self) -> str:
         """One sentence: whether the rotation is determined, and if not, where it is free."""
@@ -107,14 +100,8 @@ class Identifiability(ShownInNotebooks, _EqualArrays):
         return "the domains do not determine the rotation about " + " and ".join(map(axis_name, self.flat_axes))
 
 
-def identify(
-    pair: CloudPair,
-    rotation: Array,
-    student_mean: Array,
-    endings: Iterable[tuple[Array, float]] = (),
-    resampled: Sequence[Array] = (),
-) -> Identifiability:
-    """Examine a rotation (d, d); `endings` are rotation and cost of every search."""
+def identify(pair: CloudPair, rotation: Array, student_mean: Array) -> Identifiability:
+    """Examine which directions of a rotation (d, d) the clouds determine."""
     d = len(rotation)
     m = d * (d - 1) // 2
     if d <= LARGEST_EXAMINED:
@@ -128,13 +115,11 @@ def identify(
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     return Identifiability(
         rotation=rotation,
-        optima=_distinct(pair, endings),
         curvature=curvature,
         standard_error=errors,
         directions=directions,
         flat=flat,
         axes=axes,
-        resampled=np.array(resampled).reshape(-1, d, d),
     )
 
 
@@ -201,15 +186,3 @@ def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Arr
             along, across = (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)
             hessian[a, b] = hessian[b, a] = 0.5 * (at(along) + at(-along) - at(across) - at(-across))
     return hessian
-
-
-def _distinct(pair: CloudPair, endings: Iterable[tuple[Array, float]]) -> tuple[Optimum, ...]:
-    """Group ends of searches that are the same rotation, within 5°; lowest cost first."""
-    found: list[Optimum] = []
-    for rotation, cost in sorted(endings, key=lambda end: end[1]):
-        at = next((i for i, o in enumerate(found) if rotation_angle(o.rotation, rotation) < np.deg2rad(5.0)), None)
-        if at is None:
-            found.append(Optimum(rotation, float(cost), pair.energy_distance(rotation), 1))
-        else:
-            found[at] = replace(found[at], n_starts=found[at].n_starts + 1)
-    return tuple(found)

@@ -1,7 +1,7 @@
 """The length field: rescale eigenvalues toward the student's feasible set and keep the teacher's axes."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,18 +11,24 @@ from maniport.spd.kernels import compose
 from maniport.spd.matrix_functions import to_vector
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import DomainAdapter
+from maniport.transfer.adapter_file import Attribute, Schema, positive
 from maniport.transfer.length_field.field import KAPPA, LengthsMap, as_axis, damped
 from maniport.transfer.length_field.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
 from maniport.transfer.length_field.inverse import MOST_FOLDED, Inverse
-from maniport.transfer.length_field.report import reported
+from maniport.transfer.length_field.report import FieldReport, reported
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_count, as_number, as_positive_semidefinite
+from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number, as_positive_semidefinite
 
 if TYPE_CHECKING:
     from maniport.transfer.control import CompiledMap
 
 
 HELD_OUT = 400  # Most samples that are held out of the fit
+
+
+def _as_unit_vector_or_empty(value: Any, name: str) -> None:
+    if np.size(value) and (np.size(value) != 3 or abs(np.linalg.norm(as_finite(value, name)) - 1.0) > 1e-9):
+        raise InvalidInputError(f"{name} must be a unit vector or empty")
 
 
 class LengthField(DomainAdapter):
@@ -85,6 +91,15 @@ class LengthField(DomainAdapter):
     rotation_, dispersion_ratio_
         The identity, and s.
     """
+
+    schema: ClassVar[Schema] = DomainAdapter.schema | {
+        "width_": Attribute((), positive),
+        "centers_": Attribute(("m", "D"), as_finite),
+        "lengths_": Attribute(("m", 3), as_finite),
+        "axis_": Attribute(("axis",), _as_unit_vector_or_empty),
+        "from_samples_": Attribute((), as_flag, optional=True),
+    }
+    value_objects: ClassVar[dict[str, Any]] = {"report_": FieldReport}
 
     def __init__(
         self,

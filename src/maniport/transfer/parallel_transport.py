@@ -69,7 +69,5 @@ class ParallelTransport(RigidAdapter):
         self._found_at_once("closed form", float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2))))
         if self._silent:
             return
-        again = self._transported_again(teacher, student, np.random.default_rng(0).spawn(8))  # bootstrap
         clouds = CloudPair(*self._recentred(teacher, student))
-        ends = [(self.rotation_, self.cost_)]
-        self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_, ends, again)
+        self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_)

@@ -2,21 +2,22 @@
 
 import warnings
 from functools import partial
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import IdentifiabilityWarning, InvalidInputError
 from maniport.spd.kernels import eigh
-from maniport.spd.mean import dispersion, mean
-from maniport.transfer.cloud_pair import CloudPair, resampled
-from maniport.transfer.icp.algorithm import ICP, Search
+from maniport.transfer.adapter_file import Attribute, Schema, as_indices
+from maniport.transfer.cloud_pair import CloudPair
+from maniport.transfer.icp.algorithm import ICP
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.starts import best_rival, checked_pairs, rotations_of_pairs, start_is_kept, starts, voted
+from maniport.transfer.icp.initialization import Initialization
+from maniport.transfer.icp.search import Search, is_improvement
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
-from maniport.transfer.rigid_adapter import RigidAdapter, recentre
-from maniport.util.validation import Array, as_count, as_generator
+from maniport.transfer.rigid_adapter import RigidAdapter
+from maniport.util.validation import Array, as_flag, as_generator, as_points, as_rotation
 
 DEFAULTS = Search()
 Pairs = tuple[ArrayLike, ArrayLike]
@@ -25,14 +26,13 @@ Pairs = tuple[ArrayLike, ArrayLike]
 class RiemannianICP(RigidAdapter):
     """Manifold-aware iterative closest point with parallel-transport start (Reithmeir et al. 2022, Algorithm 1).
 
-    Both domains are recentred at the identity and the teacher is dilated to the student's dispersion. Then matching and
-    rotation alternate (`maniport.transfer.icp.algorithm`). The best iterate is kept, the start included, and
-    `stop_reason_` says why the search ended.
+    Both domains are recentered at the identity and the teacher's is dilated to the student's dispersion. Then matching
+    and rotation alternate (`maniport.transfer.icp.algorithm`). The best iterate is kept, the start included.
 
     Parameters
     ----------
     damping, eigenvalue_floor, base_rotation, scale, dispersion, recenter
-        As in `ParallelTransport`. With a given `base_rotation` the search has no other start.
+        As in `ParallelTransport`. With a `base_rotation` there is one initial rotation only.
     correspondence : {"ellipsoid", "log-ellipsoid", "geodesic", "one-to-one", "transport"} or Correspondence
         How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes
         compared by ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every
@@ -40,11 +40,9 @@ class RiemannianICP(RigidAdapter):
         stands for the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", exponent=0)``, has its
         own options.
     search : Search
-        Start, extent and acceptance of the search, such as ``Search(n_starts=0, compete=False)``.
-    n_resamples : int
-        On how many resampled domains (bootstrap) the fit is repeated, for `identifiability_`.
+        Initial rotations, iterations and acceptance, such as ``Search(n_starts=0, require_improvement=False)``.
     random_state : None, int or numpy.random.Generator
-        For resampling, and for random starts, which are only used when the clouds' frames say little.
+        For random initial rotations, which are only used where the frames of the clouds are ill-defined.
 
     Attributes
     ----------
@@ -66,6 +64,15 @@ class RiemannianICP(RigidAdapter):
     manifold-aware ICP, IROS 2022.
     """
 
+    schema: ClassVar[Schema] = RigidAdapter.schema | {
+        "found_rotation_": Attribute(("d", "d"), as_rotation, optional=True),
+        "start_rotation_": Attribute(("d", "d"), as_rotation, optional=True),
+        "start_kept_": Attribute((), as_flag, optional=True),
+        "correspondence_": Attribute(("matched",), as_indices, optional=True),
+        "matched_teacher_": Attribute(("matched",), as_indices, optional=True),
+    }
+    option_classes = (Search, Correspondence)
+
     def __init__(
         self,
         damping: float | None = None,
@@ -76,7 +83,6 @@ class RiemannianICP(RigidAdapter):
         recenter: str = "training",
         correspondence: str | Correspondence = "ellipsoid",
         search: Search = DEFAULTS,
-        n_resamples: int = 8,
         random_state: Any = None,
     ):
         super().__init__(damping, eigenvalue_floor, base_rotation)
@@ -85,7 +91,6 @@ class RiemannianICP(RigidAdapter):
         self.recenter = recenter
         self.correspondence = correspondence
         self.search = search
-        self.n_resamples = n_resamples
         self.random_state = random_state
 
     def fit(self, teacher: ArrayLike, student: ArrayLike, pairs: Pairs | None = None) -> Self:
@@ -99,7 +104,7 @@ class RiemannianICP(RigidAdapter):
             Teacher's and student's ellipsoids of the same task at the same time. They get the regularization of their
             domains. The search starts at the rotation that suits them best, and in every rotation step they have half
             of the weight, the matches the other half. Where several rotations suit them equally (one pair leaves half
-            turns about its axes open), the one nearest to `start` comes first, and the others compete with it.
+            turns about its axes open), the nearest to `start` comes first, and the others are further initial rotations.
 
         Warns
         -----
@@ -109,7 +114,6 @@ class RiemannianICP(RigidAdapter):
         correspondence_of(self.correspondence)
         if not isinstance(self.search, Search):
             raise InvalidInputError(f"search must be a Search, such as Search(n_starts=0); found {self.search!r}")
-        as_count(self.n_resamples, "n_resamples", minimum=0)
         self._fit_or_restore(teacher, student, partial(self._fit, pairs=pairs))
         if self.base_rotation is None and pairs is None and not self._silent and not self.identifiability_.determined:
             warnings.warn(f"{self.identifiability_.in_words()}; {ADVICE}", IdentifiabilityWarning, stacklevel=2)
@@ -121,72 +125,50 @@ class RiemannianICP(RigidAdapter):
         self._settle()
 
     def _fit_rotation(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
-        random, search = as_generator(self.random_state), self.search
+        search, d = self.search, len(self.teacher_mean_)
         clouds = self._recentred(teacher, student)
-        known = None
-        if pairs is not None:
-            sides = self.teacher_side, self.student_side
-            known = self._recentred(*checked_pairs(pairs, sides, len(self.teacher_mean_)))
-        first, rivals = self._starts(clouds, known, random)
-        icp = self._icp(clouds, known)
-        start = found = icp.run(first, search.max_iter)
-        courses = [start]
-        if rivals:
-            rival, others = best_rival(icp, rivals, search.n_starts, search.max_iter)
-            courses += others
-            if rival.cost < start.cost * (1.0 - search.margin) - 1e-6:
-                found = rival
+        matched_t, matched_s = (most_singular(cloud, search.most_singular) for cloud in clouds)
+        recentred_pairs = None if pairs is None else self._recentred(*self._checked_pairs(pairs))
+        first = self.rotation_ if search.start == "parallel-transport" else np.eye(d)
+        rotations = [first]
+        multi_start = self.base_rotation is None and search.n_starts > 0 and d <= LARGEST_EXAMINED
+        if multi_start or pairs is not None:
+            initialization = Initialization(first, as_generator(self.random_state))
+            rotations = initialization.rotations(matched_t, matched_s, recentred_pairs)
+        icp = ICP(matched_t, matched_s, correspondence_of(self.correspondence), search.tol, recentred_pairs)
+        start, best = search.run(icp, rotations[0], rotations[1:] if multi_start else [])
         pair = CloudPair(*clouds)
-        kept, reason = start_is_kept(pair, start, found) if search.compete else (False, found.reason)
-        self.found_rotation_, self.start_kept_, self.stop_reason_ = found.rotation, kept, reason
-        self.rotation_, self.cost_, matches, course = found.rotation, found.cost, found.matches, found
-        if kept:
-            self.rotation_, self.cost_, matches, course = first, start.history[0], icp.problem(first)[1], start
-        self.start_rotation_, self.converged_ = course.start, course.converged
-        self.history_, self.n_iter_ = np.array(course.history), len(course.history) - 1
+        improved, reason = (
+            is_improvement(pair, start.start, best) if search.require_improvement else (True, best.reason)
+        )
+        self.found_rotation_, self.start_kept_, self.stop_reason_ = best.rotation, not improved, reason
+        self.rotation_, self.cost_, matches, run = best.rotation, best.cost, best.matches, best
+        if not improved:
+            self.rotation_, self.cost_, matches, run = start.start, start.history[0], icp.problem(start.start)[1], start
+        self.start_rotation_, self.converged_ = run.start, run.converged
+        self.history_, self.n_iter_ = np.array(run.history), len(run.history) - 1
         self.correspondence_, self.matched_teacher_ = matches.student, matches.teacher
         if not self._silent:
-            again = self._resampled(teacher, student, known, random.spawn(self.n_resamples))
-            ends = [(one.rotation, one.cost) for one in courses]
-            self.identifiability_ = identify(pair, self.rotation_, self.student_mean_, ends, again)
+            self.identifiability_ = identify(pair, self.rotation_, self.student_mean_)
 
-    def _starts(
-        self, clouds: tuple[Array, Array], known: tuple[Array, Array] | None, random: np.random.Generator
-    ) -> tuple[Array, list[Array]]:
-        """Return the first rotation, and those that may compete with it."""
-        d = len(self.rotation_)
-        first, rivals = self.rotation_ if self.search.start == "parallel-transport" else np.eye(d), list[Array]()
-        if known is not None:
-            first, *rivals = rotations_of_pairs(*known, first, random)
-        if self.base_rotation is not None or self.search.n_starts == 0 or d > LARGEST_EXAMINED:
-            return first, []
-        if known is None:
-            teacher, student = (most_singular(cloud, self.search.most_singular) for cloud in clouds)
-            rivals = [*voted(teacher, student), *starts(teacher, student, random)]
-        return first, rivals
-
-    def _icp(self, clouds: tuple[Array, Array], known: tuple[Array, Array] | None) -> ICP:
-        teacher, student = (most_singular(cloud, self.search.most_singular) for cloud in clouds)
-        return ICP(teacher, student, correspondence_of(self.correspondence), self.search.tol, known)
-
-    def _resampled(
-        self, teacher: Array, student: Array, known: tuple[Array, Array] | None, randoms: list[np.random.Generator]
-    ) -> list[Array]:
-        """Rotations fitted to resampled domains (bootstrap): parallel transport where it is kept, else ICP."""
-        if self.start_kept_ and known is None:
-            transported = self.search.start == "parallel-transport"
-            return self._transported_again(teacher, student, randoms) if transported else []
-        if len(self.rotation_) > LARGEST_EXAMINED:
-            return []
-        found = []
-        for random in randoms:
-            drawn = resampled(teacher, random), resampled(student, random)
-            means = [mean(points) for points in drawn]
-            spreads = [dispersion(points, center, self.dispersion) for points, center in zip(drawn, means, strict=True)]
-            ratio = spreads[1] / spreads[0] if self.scale else 1.0
-            icp = self._icp((recentre(drawn[0], means[0], ratio), recentre(drawn[1], means[1])), known)
-            found.append(icp.run(self.rotation_, self.search.max_iter).rotation)
-        return found
+    def _checked_pairs(self, pairs: Pairs) -> tuple[Array, Array]:
+        """Check known pairs and regularize both sides as their domains; shapes (k, d, d)."""
+        try:
+            first, other = pairs
+        except (TypeError, ValueError):
+            raise InvalidInputError(
+                "pairs must be two sets of ellipsoids, (teacher, student), each of shape (k, d, d); "
+                f"found {type(pairs).__name__}" + (f" of {len(pairs)}" if hasattr(pairs, "__len__") else "")
+            ) from None
+        d = len(self.teacher_mean_)
+        teacher = as_points(self.teacher_side(first, "pairs[0]"), "pairs[0]", d, minimum=1)
+        student = as_points(self.student_side(other, "pairs[1]"), "pairs[1]", d, minimum=1)
+        if len(teacher) != len(student):
+            raise InvalidInputError(
+                "pairs must hold equally many ellipsoids of teacher and student, the same task at the same time; "
+                f"found {len(teacher)} and {len(student)}"
+            )
+        return teacher, student
 
 
 def most_singular(points: Array, count: int | None) -> Array:

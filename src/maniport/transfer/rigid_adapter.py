@@ -1,10 +1,9 @@
 """The rigid map between two domains, and what the methods that fit one share."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from maniport.spd.kernels import eigh, power_congruence
 from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, congruence, roots
 from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
-from maniport.transfer.cloud_pair import resampled_means
+from maniport.transfer.identifiability import Identifiability
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.validation import Array, as_choice, as_flag
 
@@ -92,6 +91,8 @@ def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:
 class RigidAdapter(DomainAdapter):
     """Base of the adapters whose map is f(T) = B (W T W)^s Bᵀ, W = T̄^-½, B = S̄^½ R."""
 
+    value_objects: ClassVar[dict[str, Any]] = {"identifiability_": Identifiability}
+
     scale: bool
     dispersion: str
     recenter: str
@@ -123,12 +124,6 @@ class RigidAdapter(DomainAdapter):
     def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
         """Both domains about the identity, the teacher dilated to the student's dispersion."""
         return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
-
-    def _transported_again(self, teacher: Array, student: Array, randoms: Sequence[np.random.Generator]) -> list[Array]:
-        """Return the rotations of parallel transport between resampled domains."""
-        sides = (teacher, self.teacher_mean_), (student, self.student_mean_)
-        means = [resampled_means(points, center, randoms) for points, center in sides]
-        return [transport_rotation(t, s) for t, s in zip(*means, strict=True)]
 
     def _turn(self) -> Array:
         """Polar factor of S̄^½ R T̄^-½."""

@@ -5,7 +5,7 @@ DAMPING = 0.01  # ρ of the damping: the longest axes feel nothing of it, and fl
 AUTO = "auto"
 """Name for the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`."""
 
-BOTH = "both"  # What --arm says for both arms of a person
+BOTH = "both"  # side of a person with both arms
 
 KEEP = "keep"  # Said of leaps of a recording: they stay, and are told
 

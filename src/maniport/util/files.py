@@ -161,6 +161,19 @@ def read_settings(path: str | os.PathLike[str], keys: Collection[str]) -> dict[s
     return require_mapping(content, keys, str(file))
 
 
+def line_of(path: str | os.PathLike[str], *keys: str) -> str:
+    """Return the line of a key in a YAML file, for messages; `keys` lead to it from the root."""
+    node = yaml.compose(read_whole(path, (), SETTINGS_BYTES))
+    line = ""
+    for key in filter(None, keys):
+        parent = {entry.value: (entry.start_mark.line + 1, value) for entry, value in node.value}
+        if key not in parent:
+            return ""
+        number, node = parent[key]
+        line = f", line {number}"
+    return line
+
+
 def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str, Any]:
     """Require a mapping that has no keys but some; `where` says what it is, such as ``"limits.yaml: joints"``."""
     allowed = ", ".join(keys)

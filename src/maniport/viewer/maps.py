@@ -13,7 +13,7 @@ from maniport.arms import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank
-from maniport.transfer import METHODS, DomainAdapter, method_of
+from maniport.transfer import METHODS, DomainAdapter, Search, method_of
 from maniport.util.validation import Array, as_choice, as_rotation
 
 GIVEN = "adapter file"  # Name of an adapter that was given fitted
@@ -21,7 +21,7 @@ GIVEN = "adapter file"  # Name of an adapter that was given fitted
 AS_FOUND = "icp, as found"
 """The result of ICP, also where it is not clearly better than its start, which ``"icp"`` keeps then."""
 
-VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"compete": False})}
+VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"search": Search(require_improvement=False)})}
 """Methods with other settings than usual."""
 
 
@@ -53,7 +53,7 @@ class Methods:
     ):
         self._teacher, self._student = teacher, student
         self._robot = robot, VELOCITY, bank
-        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0, "n_resamples": 0}
+        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
         if given is not None:
             require_drawable(given)
         self._given = given

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from maniport.evaluation.baselines import LOOKUP
-from maniport.mocap.both_arms import EACH
+from maniport.mocap.arm_ik import GROUP
 from maniport.report.metrics import in_axes
 from maniport.report.roles import ACHIEVED, PERSON, TARGET, Role
 from maniport.spd.ellipsoid import lengths, volume
@@ -119,4 +119,4 @@ def _gap(name: str, maps: Mapping[str, LiveMap], gaps: Mapping[str, float | None
 
 def _sides(frames: Sequence[Frame]) -> tuple[str, ...]:
     """The side of each arm, as a prefix; nothing where there is one."""
-    return ("",) if len(frames) == 1 else tuple(f"{side}: " for side in EACH)
+    return ("",) if len(frames) == 1 else tuple(f"{side}: " for side in GROUP)

@@ -55,7 +55,7 @@ class Panel:
             with self._folders[-1]:
                 self._sliders += [self._joint_slider(gui, side.teacher, i) for i in range(side.teacher.dof)]
         self._add_mounting(gui, base_rotation)
-        hint = "Switched off, it is written to the working directory" if alone else "One arm at a time: --arm left"
+        hint = "Switched off, it is written to the working directory" if alone else "One arm at a time: --side left"
         self._record = Control(gui.add_checkbox("Record what I play", False, disabled=not alone, hint=hint), access)
         self._message = gui.add_markdown("", visible=False)
         with gui.add_folder("Compare the methods", expand_by_default=False):

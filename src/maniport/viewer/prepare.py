@@ -12,8 +12,7 @@ from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, spoken
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
-from maniport.mocap.arm_ik import require_person
-from maniport.mocap.both_arms import EACH
+from maniport.mocap.arm_ik import GROUP, require_person
 from maniport.motion import SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.transfer import load_adapter
@@ -61,7 +60,7 @@ def prepare(
     source = None if recording is None else read_recording(recording)
     persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
 
-    tell("get the page ready", 0.0)
+    tell("Prepare page", 0.0)
     options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
     if given is not None and (given.damping, given.eigenvalue_floor) != (None, None):
         options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
@@ -75,7 +74,7 @@ def prepare(
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(students, sides, playback)
     sides[0].refitting.before = lambda: state.find_place(motion, ready)
-    tell("get the page ready", 1.0, f"{ready}; the placement and the other methods follow")
+    tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
     return state, shown, turn
 
 
@@ -106,11 +105,11 @@ def _person(
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
     """The person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     if recording is None:
-        arms = tuple(human_arm(person, one, height) for one in (EACH if both else (RIGHT if side == AUTO else side,)))
+        arms = tuple(human_arm(person, one, height) for one in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
     if both:
         fits = fit_arms(recording, person, progress=tell, height=height)
-        return tuple(fit.arm for fit in fits.each), [fit.joint_angles for fit in fits.each], fits.time, fits.bases
+        return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases
     fit = fit_arm(recording, person, progress=tell, side=side, height=height)
     return (fit.arm,), [fit.joint_angles], fit.time, np.zeros((1, 3))

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import Arm
 from maniport.errors import ManiportError
-from maniport.mocap import performed
+from maniport.mocap import synthetic_recording
 from maniport.util.validation import Array, as_finite, as_number, as_times, require_shape
 
 
@@ -59,7 +59,7 @@ class Recorder:
             return f"nothing was written: a recording has at least {min_count} frames"
         file = self._folder / f"played-{clock.strftime('%Y%m%d-%H%M%S')}.npz"
         try:
-            performed(self._teacher, joints, time, file.name).save(file)
+            synthetic_recording(self._teacher, joints, time, file.name).save(file)
         except (ManiportError, OSError) as error:
             return f"nothing was written: {' '.join(str(error).split())}"
         return f"{time[-1]:.1f} s written: `maniport transfer {file.name}`"

@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.arms.human import middle_of
-from maniport.mocap.both_arms import EACH
+from maniport.mocap.arm_ik import GROUP
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array
 from maniport.viewer.shapes import RobotBody, Shell, Skeleton, quaternion
@@ -77,7 +77,7 @@ class Scene:
         _stands(scene, arms, ROBOT_AT + aside)
         above = ROBOT_AT + aside + [0.0, 0.0, 1.25]
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
-        names = ("",) if len(arms) == 1 else [f"/{side}" for side in EACH]
+        names = ("",) if len(arms) == 1 else [f"/{side}" for side in GROUP]
         parts = zip(names, frames, arms, surfaces, bases, strict=True)
         self.sides = [DrawnSide(scene, *part) for part in parts]
         self.draw(frames)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.chain import PRISMATIC, Joint
-from maniport.util.jit import kernel
+from maniport.arms.chain_kernels import fill_link_poses
 from maniport.util.validation import Array
 
 
@@ -53,7 +53,7 @@ class LinkTree:
         links = len(self.parents) + 1
         turns, origins = np.empty((len(q), links, 3, 3)), np.empty((len(q), links, 3))
         positions = np.ascontiguousarray(q @ self.coupling.T + self._offset)
-        _fill_poses(positions, self.parents, self._placements, self._axes, self._slides, turns, origins)
+        fill_link_poses(positions, self.parents, self._placements, self._axes, self._slides, turns, origins)
         return turns, origins
 
     def slopes(self, q: Array, points: Array, normals: Array, links: NDArray[np.intp]) -> Array:
@@ -82,35 +82,3 @@ def _cross(a: Array, b: Array) -> Array:
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
     return product
-
-
-@kernel
-def _fill_poses(all_positions, parents, placements, axes, slides, all_turns, all_origins):  # type: ignore[no-untyped-def]
-    """Write the poses of the base and of the link after each joint, which hangs on the link `parents` says."""
-    turn = np.empty((3, 3))
-    for n in range(len(all_positions)):
-        positions, turns, origins = all_positions[n], all_turns[n], all_origins[n]
-        for i in range(3):
-            origins[0, i] = 0.0
-            for j in range(3):
-                turns[0, i, j] = 1.0 if i == j else 0.0
-        for k in range(len(positions)):
-            x, y, z, angle, above = axes[k, 0], axes[k, 1], axes[k, 2], positions[k], parents[k]
-            sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
-            rest = 1.0 - cosine  # Rodrigues
-            turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
-            turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
-            turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
-            for i in range(3):
-                total = origins[above, i]
-                a, b, c = 0.0, 0.0, 0.0
-                for m in range(3):
-                    total += turns[above, i, m] * placements[k, m, 3]
-                    a += turns[above, i, m] * placements[k, m, 0]
-                    b += turns[above, i, m] * placements[k, m, 1]
-                    c += turns[above, i, m] * placements[k, m, 2]
-                origins[k + 1, i] = total
-                for j in range(3):
-                    turns[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
-                if slides[k]:
-                    origins[k + 1, i] += angle * (a * x + b * y + c * z)

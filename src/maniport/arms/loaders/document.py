@@ -93,7 +93,7 @@ def _expanded(path: Path) -> str:
         reason = " ".join(text.split()) or f"it ended with {done.returncode}"
         if (package := re.search(r"Package not found: (\S+)", reason)) is not None:
             reason = (
-                f"there is no package {package[1]!r} above its folder or in ROS_PACKAGE_PATH; --mesh-folder on the "
+                f"there is no package {package[1]!r} above its folder or in ROS_PACKAGE_PATH; --mesh-folders on the "
                 "command line adds a folder of packages"
             )
         raise FileFormatError(f"{path}: xacro cannot expand it: {reason}")

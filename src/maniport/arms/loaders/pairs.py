@@ -126,7 +126,7 @@ def _bases(bases: Any) -> tuple[Array, Array]:
 
 
 def _base(value: Any, side: str) -> Array:
-    name = f"--base-{side}" if typed() else f"bases: {side}"
+    name = f"--pose ({side})" if typed() else f"bases: {side}"
     array = as_finite(value, name)
     if array.shape == (4, 4):
         where = np.eye(4)

@@ -48,7 +48,7 @@ class Places:
         if not any(real.is_relative_to(place.resolve()) for folder in folders for place in (folder, *_origins(folder))):
             raise FileFormatError(
                 f"{self.path}: names {name!r}, which lies outside its folder and its packages, at {str(real)!r}; if it "
-                f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folder)"
+                f"is to be read, allow it with mesh_folders=[{str(real.parent)!r}] (--mesh-folders)"
             )
 
     def rule(self, name: str) -> str:

@@ -1,4 +1,4 @@
-"""Recordings from files: one module a format; a further format is one line of a table."""
+"""Recordings from files; each format is one module and one line of a table."""
 
 import importlib
 import os
@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from maniport.errors import FileFormatError, spoken, unknown_name
-from maniport.mocap.import_options import UNITS, ImportOptions, known_unit, require_plausible
+from maniport.mocap.import_options import UNITS, ImportOptions, known_unit
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.text import decoded
 from maniport.mocap.recording import UP_AXES, Recording
@@ -18,10 +18,10 @@ from maniport.util.validation import as_choice, as_number
 Reader = Callable[[Path, ImportOptions], Recording]
 
 READERS: dict[str, Reader | str] = {ending: f"{__name__}.{module}" for ending, module in RECORDINGS.items()}
-"""For each ending the reader of such files, or the module whose ``read`` it is, imported on first use.
+"""For each ending the reader, or the module with a function ``read``, imported on first use.
 
-Its arguments are the path and the options of the caller, whose method ``recording`` makes the result; it raises
-`FileFormatError` where the file is at fault. `read_recording` uses the entries that are added.
+A reader takes the path and the `ImportOptions` of the caller, the method ``recording`` of which makes the result; it
+raises `FileFormatError` where the file is at fault. `read_recording` uses the entries that are added.
 """
 
 SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
@@ -34,13 +34,13 @@ def read_recording(
 ) -> Recording:
     """Read a recording of a person's motion.
 
-    The content of a file decides on its format, and the ending where the content does not: a misnamed file is read.
+    The format is recognized by the content of the file, else by its ending.
 
     Parameters
     ----------
     path : str or path
-        A file of one of the formats in `READERS`, a folder of keypoint files, one a frame, or the name of a shipped
-        recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
+        A file of one of the formats in `READERS`, a folder with a keypoint file for each frame, or the name of a
+        shipped recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
     unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
         Unit of length; default: from the file, else recognized from the upper arm.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
@@ -51,20 +51,19 @@ def read_recording(
     Returns
     -------
     Recording
-        Positions in metres; its notes tell what was recognized and repaired, its quality_warnings where the points contradict
-        unit or axis.
+        Positions in meters. Its notes report values that were recognized and repairs, its quality_warnings
+        contradictions between the points and unit or axis.
 
     Raises
     ------
     FileFormatError
         When the file is missing, unreadable, empty, truncated, damaged or of another format; for other formats the
-        message tells how to convert them.
+        message explains how to convert them.
     InvalidInputError
         When an option has a wrong value, or the unit makes an impossible upper arm.
     """
-    length = None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS))
     options = ImportOptions(
-        scale=None if length is None else UNITS[length],
+        unit=None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS)),
         up=None if up is None else as_choice(up, "up", UP_AXES),
         rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
     )
@@ -74,7 +73,7 @@ def read_recording(
     kind = _format_of(file)
     reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
-    return require_plausible(replace(read(file, options), format=kind), length, options.up)
+    return options.checked(replace(read(file, options), format=kind))
 
 
 def shipped_recording(name: str) -> Path:
@@ -87,7 +86,7 @@ def shipped_recording(name: str) -> Path:
     Raises
     ------
     UnknownNameError
-        When there is none of that name; the message lists the names.
+        When there is none of that name.
     """
     if name not in SHIPPED:
         raise unknown_name("shipped recording", name, SHIPPED)
@@ -109,28 +108,25 @@ def _format_of(file: Path) -> str:
     for name, foreign in load_names("foreign_formats.yaml").items():
         starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
         if head.startswith(starts) or (suffix in foreign["endings"] and kind in (None, ".npz", ".json")):
-            raise FileFormatError(f"{file}: files of this kind ({name}) are not read: {foreign['advice']}")
+            raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
     return kind or existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
 
 
 def _by_content(head: bytes) -> str | None:
     """Return the ending that belongs to the first bytes of a file, or None."""
-    if head[:2] == b"PK":
-        return ".npz"
-    if head[:6] == b"\x93NUMPY":
-        return ".npy"
+    for start, ending in {b"PK": ".npz", b"\x93NUMPY": ".npy"}.items():
+        if head.startswith(start):
+            return ending
     if len(head) > 1 and head[1] == 0x50 and 0 < head[0] < 9:  # 9 and more may begin a text
         return ".c3d"
     text = decoded(head).lstrip()
     lines = [line.strip() for line in text.splitlines()]
     if "HIERARCHY" in lines[:20]:
         return ".bvh"
-    beginnings = {"PathFileType": ".trc", "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv"}
-    for beginning, ending in beginnings.items():
-        if text.startswith(beginning):
-            return ending
     if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
         return ".mot"
-    if text.startswith("<"):
-        return ".mvnx" if "<mvnx" in text else None
-    return ".json" if text[:1] in ("{", "[") else None
+    starts = {"PathFileType": ".trc", "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv"}
+    starts |= {"{": ".json", "[": ".json", "<": ".mvnx"}
+    if text.startswith("<") and "<mvnx" not in text:
+        return None
+    return next((ending for start, ending in starts.items() if text.startswith(start)), None)

@@ -1,10 +1,11 @@
-"""BVH, the text format of skeleton animation: a tree of joints with offsets, and their angles frame by frame."""
+"""BVH, a tree of joints with offsets, and their angles frame by frame."""
 
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
@@ -21,8 +22,8 @@ class _Node:
 
     name: str
     parent: int  # index, -1 for the root
-    offset: Array = field(default_factory=lambda: np.zeros(3))  # place in the parent
-    channels: list[tuple[int, str, int]] = field(default_factory=list)  # column, position or rotation, axis
+    offset: Array = field(default_factory=lambda: np.zeros(3))  # position in the parent
+    channels: list[tuple[int, str, str]] = field(default_factory=list)  # column, position or rotation, axis
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -37,16 +38,16 @@ def read(file: Path, options: ImportOptions) -> Recording:
     require_at_most(len(nodes), POINTS, "joints and end sites", file)
     step, table, notes = _motion(file, lines, motion, sum(len(node.channels) for node in nodes))
     if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
-        notes.append("position channels below the root were left out: every bone keeps the length of its offset")
+        notes.append("position channels below the root were ignored: every bone keeps the length of its offset")
     require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)", file)
-    parts = np.split(table, range(2000, len(table), 2000))  # forward kinematics in little memory
+    parts = np.split(table, range(2000, len(table), 2000))  # limits the memory
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         positions = np.concatenate([_positions(nodes, part) for part in parts])
     time = np.arange(len(positions)) * step
     recording = options.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
     if not _begins_at_rest(recording):
         return recording
-    notes = [*recording.notes, "the first frame was left out: it is a rest pose, from which the motion jumps away"]
+    notes = [*recording.notes, "the first frame, a rest pose from which the motion jumps, was omitted"]
     return replace(recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes))
 
 
@@ -56,14 +57,14 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
     if opened != closed:
         raise FileFormatError(f"{file}: the hierarchy has {opened} opening and {closed} closing braces")
     nodes: list[_Node] = []
-    path: list[int] = []  # the nodes whose braces are open
+    path: list[int] = []  # the nodes with open braces
     columns = 0
     for number, line in enumerate(lines, 1):
         word, *rest = line.split() or [""]
         try:
             if word in ("ROOT", "JOINT", "End"):
                 if (word == "ROOT") != (not nodes) or (nodes and not path):
-                    raise ValueError("one ROOT and all else within it is what can be read")
+                    raise ValueError("there must be one ROOT that contains all else")
                 name = f"{END}{nodes[path[-1]].name}" if word == "End" else " ".join(rest)
                 nodes.append(_Node(name, path[-1] if path else -1))
                 path.append(len(nodes) - 1)
@@ -74,7 +75,7 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
                 nodes[path[-1]].offset = np.array([x, y, z])
             elif word == "CHANNELS":
                 if nodes[path[-1]].channels:
-                    raise ValueError("the channels of this joint stand twice")
+                    raise ValueError("the channels of this joint occur twice")
                 nodes[path[-1]].channels = _channels(rest, columns)
                 columns += len(nodes[path[-1]].channels)
         except (ValueError, IndexError) as error:
@@ -84,12 +85,13 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
     return nodes
 
 
-def _channels(words: list[str], first: int) -> list[tuple[int, str, int]]:
-    """Return the channels of a joint, whose columns begin at `first`."""
+def _channels(words: list[str], first: int) -> list[tuple[int, str, str]]:
+    """Return the channels of a joint, with columns from `first`."""
     matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in words[1:]]
-    if words[:1] != [str(len(matches))] or None in matches:
-        raise ValueError("this line does not list the channels that it announces")
-    return [(first + i, match[2], "xyz".index(match[1])) for i, match in enumerate(matches) if match is not None]
+    channels = [(first + i, match[2], match[1]) for i, match in enumerate(matches) if match]
+    if words[:1] != [str(len(matches))] or len(channels) < len(matches):
+        raise ValueError("the number of channels differs from the declared one, or a channel is unknown")
+    return channels
 
 
 def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
@@ -108,13 +110,12 @@ def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[floa
     if not rows:
         raise FileFormatError(f"{file}: the file holds no frames")
     for number, line in rows:
-        found = len(line.split())
-        if found != width:
+        if (values := len(line.split())) != width:
             fault = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
-            raise FileFormatError(f"{file}: {fault} at line {number}: {found} values instead of {width}")
+            raise FileFormatError(f"{file}: {fault} at line {number}: {values} values instead of {width}")
     if declared > len(rows) + 1:
         raise FileFormatError(
-            f"{file}: the file is cut off: its header says {declared} frames, and there are {len(rows)}"
+            f"{file}: the file is cut off: its header declares {declared} frames, and there are {len(rows)}"
         )
     try:
         table = np.loadtxt([line for _, line in rows], ndmin=2)
@@ -123,9 +124,8 @@ def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[floa
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
-    if len(rows) == declared:
-        return step, table, []
-    return step, table, [f"the header says {declared} frames, but there are {len(rows)}: all {len(rows)} were read"]
+    text = f"the header declares {declared} frames, but there are {len(rows)}: all were read"
+    return step, table, [] if len(rows) == declared else [text]
 
 
 def _positions(nodes: list[_Node], table: Array) -> Array:
@@ -136,33 +136,22 @@ def _positions(nodes: list[_Node], table: Array) -> Array:
         rotation = np.tile(np.eye(3), (len(table), 1, 1))
         for column, kind, axis in node.channels:
             if kind == "rotation":
-                rotation = rotation @ _about(axis, np.radians(table[:, column]))
+                rotation @= Rotation.from_euler(axis, table[:, [column]], degrees=True).as_matrix()
         if node.parent < 0:
             root = np.tile(node.offset, (len(table), 1))
             for column, kind, axis in node.channels:
                 if kind == "position":
-                    root[:, axis] = table[:, column]
+                    root[:, "xyz".index(axis)] = table[:, column]
         else:
-            turned = np.einsum("fij,j->fi", rotations[node.parent], node.offset)
-            positions[:, i] = turned + positions[:, node.parent]
+            offset = np.einsum("fij,j->fi", rotations[node.parent], node.offset)
+            positions[:, i] = offset + positions[:, node.parent]
             rotation = rotations[node.parent] @ rotation
         rotations.append(rotation)
     return positions + root[:, None]
 
 
-def _about(axis: int, angle: Array) -> Array:
-    """Return rotations about the x (0), y (1) or z (2) axis, shape (n, 3, 3)."""
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    rotations = np.zeros((len(angle), 3, 3))
-    rotations[:, axis, axis] = 1.0
-    rotations[:, first, first] = rotations[:, second, second] = np.cos(angle)
-    rotations[:, second, first] = np.sin(angle)
-    rotations[:, first, second] = -rotations[:, second, first]
-    return rotations
-
-
 def _begins_at_rest(recording: Recording) -> bool:
-    """Detect a rest pose in front: a first step faster than 5 m/s, and ten times faster than any other."""
+    """Detect a rest pose at the start: a first step faster than 5 m/s, and ten times faster than any other."""
     if len(recording) < 4:
         return False
     steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1)

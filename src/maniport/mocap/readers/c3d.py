@@ -29,25 +29,24 @@ Parameters = dict[str, Values]
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a C3D file; see `maniport.mocap.readers.read_recording`."""
-    positions, seen, parameters = read_c3d(file)
-    dropped = ~seen | (positions == 0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)
+    positions, valid, parameters = _read(file)
+    dropped = ~valid | (positions == 0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)
     positions[dropped] = np.nan
     rate = float(parameters["RATE"][0])
     if not np.isfinite(rate) or rate <= 0:
         raise FileFormatError(f"{file}: POINT:RATE must be a positive number; found {rate}")
     names, notes = _names(parameters, positions.shape[1])
     if dropped.any():
-        gone = [name for name, all_gone in zip(names, dropped.all(axis=0), strict=True) if all_gone]
-        never = f"; never seen: {', '.join(gone)}" if gone else ""
-        notes.append(f"{dropped.mean():.1%} of all points dropped out{never}")
+        absent = ", ".join(name for name, never in zip(names, dropped.all(axis=0), strict=True) if never)
+        notes.append(f"{dropped.mean():.1%} of all points are missing{f'; always: {absent}' if absent else ''}")
     unit, up = (str((parameters.get(name) or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
     up = up.lower().replace("+", "")
     time = np.arange(len(positions)) / rate
-    return options.recording(file, names, positions, time, unit, up, "the file's Y_SCREEN", notes=notes)
+    return options.recording(file, names, positions, time, unit, up, notes=notes)
 
 
-def read_c3d(file: Path) -> tuple[Array, Bools, Parameters]:
-    """Return points (n_frames, n_points, 3) in the file's unit, where they were seen, and the group POINT."""
+def _read(file: Path) -> tuple[Array, Bools, Parameters]:
+    """Return points (n_frames, n_points, 3) in the file's unit, whether they are valid, and the group POINT."""
     content = read_whole(file, (), RECORDING_BYTES)
     if len(content) < BLOCK:
         raise FileFormatError(f"{file}: the file is cut off in its header: {len(content)} of {BLOCK} bytes")
@@ -88,7 +87,7 @@ def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, t
     """Follow the chain of groups and parameters, each of which must lie inside the section and hold its own data."""
     order = ">" if section[3] == MIPS else "<"
     names: dict[int, str] = {}
-    found: list[tuple[int, str, tuple[int, Values]]] = []
+    parameters: list[tuple[int, str, tuple[int, Values]]] = []
     at, step = 4, 1
     while step and at + 2 <= len(section) and section[at]:
         length, group = struct.unpack_from("bb", section, at)
@@ -102,19 +101,19 @@ def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, t
         if parameter is None:
             names[-group] = name
         else:
-            found.append((group, name, parameter))
+            parameters.append((group, name, parameter))
         at = end
-    orphan = next((name for group, name, _ in found if group not in names), None)
+    orphan = next((name for group, name, _ in parameters if group not in names), None)
     if orphan is not None:
         raise FileFormatError(f"{file}: its parameters are damaged: {orphan} belongs to no group")
     groups: dict[str, dict[str, tuple[int, Values]]] = {}
-    for group, name, parameter in found:
+    for group, name, parameter in parameters:
         groups.setdefault(names[group], {})[name] = parameter
     return groups
 
 
 def _parameter(section: bytes, at: int) -> tuple[int, Values] | None:
-    """Return type and values of the parameter at a place; None when they do not end before the section does."""
+    """Return type and values of the parameter at an index; None unless they end before the section does."""
     if at + 2 > len(section):
         return None
     kind, dimensions = struct.unpack_from("bB", section, at)
@@ -151,7 +150,7 @@ def _numbers(data: bytes, kind: int, processor: int) -> Array:
 
 
 def _points(file: Path, content: bytes, processor: int, values: Parameters, trial: Parameters) -> tuple[Array, Bools]:
-    """Return the points of all frames and where they were seen."""
+    """Return the points of all frames, and whether they are valid."""
     order = ">" if processor == MIPS else "<"
     _, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
     used, scale, begin = (float(values[name][0]) for name in ("USED", "SCALE", "DATA_START"))
@@ -161,11 +160,11 @@ def _points(file: Path, content: bytes, processor: int, values: Parameters, tria
     size = kind * (4 * count + analog)
     require_at_most(count, POINTS, "points", file)
     require_at_most(frames, FRAMES, "frames", file)
-    require_at_most(frames * count, PLACES, "places", file)
+    require_at_most(frames * count, PLACES, "places (frames × points)", file)
     if count == 0 or frames <= 0:
         raise FileFormatError(
             f"{file}: the file holds no points ({count} points, {max(frames, 0)} frames); "
-            "rotations alone, as of Theia, are not read: export centers of joints as points"
+            "rotations alone, as of Theia, are not supported: export centers of joints as points"
         )
     if not math.isfinite(scale) or start < BLOCK:
         raise FileFormatError(f"{file}: its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}")

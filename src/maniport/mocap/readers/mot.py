@@ -1,14 +1,13 @@
-"""MOT and STO, the tables of joint angles that OpenSim writes: angles become the points that an arm would show.
+"""MOT and STO, the tables of joint angles that OpenSim writes, as points of an arm with these angles.
 
-Two families of coordinates are known. Those of Saul et al. (2015), MoBL-ARMS, are the joints of our own arm models.
-Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, turn the humerus in the torso about z (right), x
-(forward) and y (up), one after the other; axes and offsets of elbow, forearm and wrist are those of the model
+Two families of coordinates are read. Those of Saul et al. (2015), MoBL-ARMS, are the joints of our own arm models.
+Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, rotate the humerus in the torso about z (right), x
+(forward) and y (up) in this order; axes and offsets of elbow, forearm and wrist are those of the model
 ``LaiUhlrich2022.osim`` of OpenCap and of ``Rajagopal2015.osim``. Left arms are mirror images in both.
 """
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +16,10 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import myoarm
 from maniport.arms.human import JOINTS
 from maniport.errors import FileFormatError
-from maniport.mocap.import_options import LARGEST_ANGLE, ImportOptions
-from maniport.mocap.readers.text import number_table, rows_from, text_lines
+from maniport.mocap.import_options import ImportOptions
+from maniport.mocap.readers.text import LARGEST_ANGLE, number_table, rows_from, text_lines
 from maniport.mocap.recording import Recording
-from maniport.mocap.synthetic import HALF_WIDTH, TRUNK, performed
+from maniport.mocap.synthetic import HALF_WIDTH, TRUNK, synthetic_recording
 from maniport.util.validation import Array
 
 RAJAGOPAL = ("arm_flex", "arm_add", "arm_rot", "elbow_flex", "pro_sup", "wrist_flex", "wrist_dev")
@@ -31,9 +30,11 @@ def read(file: Path, options: ImportOptions) -> Recording:
     lines = text_lines(file)
     end = next((i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None)
     if end is None or end + 1 >= len(lines):
-        raise FileFormatError(f"{file}: this is no table of OpenSim: there is no line endheader, and numbers after it")
+        raise FileFormatError(
+            f"{file}: this is no table of OpenSim: it lacks the line endheader or the numbers after it"
+        )
     header = dict(re.findall(r"^\s*(\w+)\s*=\s*(\S+)", "\n".join(lines[:end]), flags=re.MULTILINE))
-    # newer files write a coordinate's place in the model, as in /jointset/elbow/elbow_flexion/value
+    # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
     columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
     if columns[:1] != ["time"]:
         raise FileFormatError(
@@ -43,7 +44,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     declared = header.get("nRows", "")
     if declared.isdecimal() and int(declared[:15]) > len(table) + 1:
         raise FileFormatError(
-            f"{file}: the file is cut off: its header says {declared[:15]} rows, and there are {len(table)}"
+            f"{file}: the file is cut off: the header declares {declared[:15]} rows, and there are {len(table)}"
         )
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
     unit, notes, quality_warnings = _radians(file, angles, header.get("inDegrees", "").lower())
@@ -52,82 +53,86 @@ def read(file: Path, options: ImportOptions) -> Recording:
         notes += _add_arm(points, {name: angle * unit for name, angle in angles.items()}, side)
     if not points:
         raise FileFormatError(
-            f"{file}: no joint angles of an arm: wanted are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
+            f"{file}: no joint angles of an arm; needed are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
             f"with _r or _l; found {', '.join(columns[1:])[:300]}"
         )
-    points |= {name: np.tile(np.array(place), (len(table), 1)) for name, place in TRUNK.items()}
-    positions, by = np.stack(list(points.values()), axis=1), "of the model of an arm"
-    recording = options.recording(
-        file, list(points), positions, table[:, 0], "m", "z", "of the trunk", notes=notes, unit_by=by
+    points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
+    positions = np.stack(list(points.values()), axis=1)
+    return options.recording(
+        file,
+        list(points),
+        positions,
+        table[:, 0],
+        "m",
+        "z",
+        origin="as in the model of the arm",
+        notes=notes,
+        quality_warnings=quality_warnings,
+        measured=False,
     )
-    return replace(recording, measured=False, quality_warnings=(*recording.quality_warnings, *quality_warnings))
 
 
 def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
-    """Return radians per unit, from the header or by the angles, with notes and quality_warnings."""
-    turn = 2 * np.pi  # no joint of an arm is turned further
-    largest = 0.0
-    for name, angle in angles.items():
-        seen = np.abs(angle[np.isfinite(angle)])
-        if name.removesuffix("_r").removesuffix("_l") in {*JOINTS, *RAJAGOPAL} and len(seen):
-            largest = max(largest, float(np.percentile(seen, 95)))
-    if degrees == "no" and largest > turn:
+    """Return radians per unit, from the header or by the angles, with notes and data-quality warnings."""
+    full_turn = 2 * np.pi  # more than the range of any joint of an arm
+    arm = [
+        angle for name, angle in angles.items() if name.removesuffix("_r").removesuffix("_l") in {*JOINTS, *RAJAGOPAL}
+    ]
+    values = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
+    largest = max((float(np.percentile(value, 95)) for value in values if len(value)), default=0.0)
+    if degrees == "no" and largest > full_turn:
         raise FileFormatError(
-            f"{file}: its header says that angles are radians (inDegrees=no), but a joint of the arm is at "
+            f"{file}: the header declares angles in radians (inDegrees=no), but a joint of the arm is at "
             f"{largest:.4g}; if they are degrees write inDegrees=yes"
         )
     if degrees == "no":
         return 1.0, [], []
-    if degrees == "" and largest <= turn:
-        return 1.0, ["angles taken as radians: the header does not say, and no joint of the arm goes beyond 6.28"], []
-    doubt = f"no joint of the arm is turned further than {largest:.2g}°: if angles are radians, write inDegrees=no"
-    return np.radians(1.0), [], [doubt] if degrees == "yes" and 0.0 < largest <= turn else []
+    if degrees == "" and largest <= full_turn:
+        return 1.0, ["angles taken as radians: the header does not state the unit, and those of the arm are ≤ 2 π"], []
+    text = f"all angles of the arm are within {largest:.2g}°: if they are radians, write inDegrees=no"
+    return np.radians(1.0), [], [text] if degrees == "yes" and 0.0 < largest <= full_turn else []
 
 
 def _add_arm(points: dict[str, Array], angles: Mapping[str, Array], side: str) -> list[str]:
     """Add the points of an arm in the trunk frame [m] if its first four angles are recorded; others stay at zero."""
     endings = ("_r", "") if side == "right" else ("_l",)
     for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
-        found = {name: angles[name + end] for name in family for end in reversed(endings) if name + end in angles}
-        if not all(name in found for name in family[:4]):
+        own = {name: angles[name + end] for name in family for end in reversed(endings) if name + end in angles}
+        if not all(name in own for name in family[:4]):
             continue
-        count = len(next(iter(angles.values())))
-        q = np.stack([found.get(name, np.zeros(count)) for name in family], axis=1)
-        whole = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
+        zero = np.zeros(len(own[family[0]]))
+        q = np.stack([own.get(name, zero) for name in family], axis=1)
+        valid = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
         mirror = [1.0, 1.0 if side == "right" else -1.0, 1.0]
-        for name, place in points_of(np.where(whole, q, 0.0)).items():
-            points[f"{side}_{name}"] = np.where(whole, place * mirror, np.nan)
-        zero = [name for name in family if name not in found]
-        note = (
-            f"joint angles of the {side} arm ({', '.join(found)}): points are those that an arm with these angles "
-            "would show, lengths those of the model"
-        )
-        return [f"{note}; at zero, for they are not there: {', '.join(zero)}" if zero else note]
+        for name, position in points_of(np.where(valid, q, 0.0)).items():
+            points[f"{side}_{name}"] = np.where(valid, position * mirror, np.nan)
+        missing = ", ".join(name for name in family if name not in own)
+        note = f"points of the {side} arm from its joint angles ({', '.join(own)}), with the lengths of the model"
+        return [f"{note}; not recorded and set to zero: {missing}" if missing else note]
     return []
 
 
 def _saul(q: Array) -> dict[str, Array]:
-    """Return the points of our own right arm; x forward, y to the left, z up."""
-    recording = performed(myoarm(), q, np.arange(len(q)) / 100.0)
+    """Return the points of our own right arm; x forward, y left, z up."""
+    recording = synthetic_recording(myoarm(), q, np.arange(len(q)) / 100.0)
     return {name: recording.point(name) for name in recording.names if name not in TRUNK}
 
 
 def _rajagopal(q: Array) -> dict[str, Array]:
-    """Return the points of the right arm of Rajagopal's model, whose axes are x forward, y up, z right [m]."""
+    """Return the points of the right arm of Rajagopal's model; its axes are x forward, y up, z right [m]."""
     elbow_axis = np.array([0.22604696, 0.022269, 0.97386183])
     forearm_axis = np.array([0.05639803, 0.99840646, 0.001952])
     humerus = Rotation.from_euler("ZXY", q[:, [0, 1, 2]])
     ulna = humerus * Rotation.from_rotvec(q[:, 3:4] * elbow_axis)
     radius = ulna * Rotation.from_rotvec(q[:, 4:5] * forearm_axis)
     hand = radius * Rotation.from_euler("ZX", q[:, 5:7])
-    places = {"shoulder": np.zeros((len(q), 3))}
-    places["elbow"] = humerus.apply([0.013144, -0.286273, -0.009595])
+    points = {"shoulder": np.zeros((len(q), 3)), "elbow": humerus.apply([0.013144, -0.286273, -0.009595])}
     across = humerus.apply(HALF_WIDTH * elbow_axis)
-    places |= {"elbow_medial": places["elbow"] - across, "elbow_lateral": places["elbow"] + across}
-    places["wrist"] = places["elbow"] + ulna.apply([-0.006727, -0.013007, 0.026083])
-    places["wrist"] = places["wrist"] + radius.apply([-0.008797, -0.235841, 0.01361])
+    points |= {"elbow_medial": points["elbow"] - across, "elbow_lateral": points["elbow"] + across}
+    points["wrist"] = points["elbow"] + ulna.apply([-0.006727, -0.013007, 0.026083])
+    points["wrist"] = points["wrist"] + radius.apply([-0.008797, -0.235841, 0.01361])
     across = radius.apply([0.0, 0.0, HALF_WIDTH])
-    places |= {"wrist_ulnar": places["wrist"] - across, "wrist_radial": places["wrist"] + across}
-    places["hand"] = places["wrist"] + hand.apply([0.0, -0.055, 0.0])
+    points |= {"wrist_ulnar": points["wrist"] - across, "wrist_radial": points["wrist"] + across}
+    points["hand"] = points["wrist"] + hand.apply([0.0, -0.055, 0.0])
     shoulder = np.array([0.0, -0.17, 0.0])  # of a right arm in the trunk [m]
-    return {name: place[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + shoulder for name, place in places.items()}
+    return {name: point[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + shoulder for name, point in points.items()}

@@ -11,7 +11,7 @@ from maniport.mocap.recording import Recording
 from maniport.util.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
 from maniport.util.validation import Array
 
-ELEMENTS = 3_000_000  # Most elements of a file; the largest file whose frames hold nothing but positions has half of it
+ELEMENTS = 3_000_000  # Most elements of a file; the largest file of positions alone has half of them
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
@@ -22,7 +22,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     except FileFormatError:
         raise
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # also of unknown encodings
-        raise FileFormatError(f"{file}: not readable as XML, perhaps cut off: {error}") from None
+        raise FileFormatError(f"{file}: not readable as XML with numbers, perhaps cut off: {error}") from None
     if not rows or not names:
         raise FileFormatError(f"{file}: the file holds no frames")
     time: Array | None = np.array(times)
@@ -31,7 +31,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     elif not np.isfinite(times).all():
         time = None
     positions = np.array(rows).reshape(len(rows), -1, 3)
-    return options.recording(file, names, positions, time, "m", "z", "as MVNX has it", unit_by="as MVNX has it")
+    return options.recording(file, names, positions, time, "m", "z", origin="as in all MVNX files")
 
 
 def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
@@ -51,7 +51,7 @@ def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
             require_at_most(count, ELEMENTS, "elements", file)
             require_at_most(len(path), NESTING, "levels of elements within elements", file)
             if tag == "subject":
-                rate = _number(file, element.get("frameRate", "0"))
+                rate = float(element.get("frameRate", "0"))
             elif tag == "frame":
                 text = None
             elif tag == "segment":
@@ -66,7 +66,7 @@ def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
             require_at_most(number, FRAMES, "frames", file)
             require_at_most(number * len(names), PLACES, "places (frames × segments)", file)
             rows.append(_row(file, number, text, 3 * len(names)))
-            times.append(_number(file, element.get("time", "nan")) / 1000.0)
+            times.append(float(element.get("time", "nan")) / 1000.0)
         element.clear()
         if path:
             path[-1].remove(element)
@@ -79,13 +79,6 @@ def _row(file: Path, number: int, text: str | None, width: int) -> Array:
         raise FileFormatError(f"{file}: frame {number} holds no <position>; export positions of segments, too")
     words = text.split(None, width)  # more words than that stay in one
     if len(words) != width:
-        found = len(words) if len(words) < width else f"more than {width}"
-        raise FileFormatError(f"{file}: frame {number} holds {found} numbers for {width // 3} segments, not three each")
-    return np.array([_number(file, word) for word in words])
-
-
-def _number(file: Path, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise FileFormatError(f"{file}: a number is wanted; found {text[:40]!r}") from None
+        count = len(words) if len(words) < width else f"more than {width}"
+        raise FileFormatError(f"{file}: frame {number} holds {count} numbers for {width // 3} segments, not three each")
+    return np.array([float(word) for word in words])

@@ -1,25 +1,32 @@
-"""NPZ and NPY, NumPy arrays: what `Recording.save` writes, joint positions of other programs, pose parameters.
+"""NPZ and NPY, NumPy arrays: files of `Recording.save`, joint positions of other programs, pose parameters of SMPL.
 
-Arrays without names are recognized as a skeleton by the number of their joints, but only when the arms of that
-skeleton are arms in these positions: their bones keep their lengths and are as long as on the other side.
+Arrays without names are recognized as a skeleton by the number of their joints, but only if its arms are arms in these
+positions.
+
+Pose parameters of the SMPL family (https://amass.is.tue.mpg.de) are read without the body model, as its license is
+restrictive: bones of a T-pose, arms along x, y up, z forward, are rotated by the parameters. `fit_arm` compares
+directions only; in the mean body of the model they are within a few degrees of these. Lengths of the arm are those of
+`maniport.arms.human`; those of the trunk are fractions of height by Drillis and Contini (1966), as in D. A. Winter,
+"Biomechanics and Motor Control of Human Movement", 4th edition, 2009, figure 4.1.
 """
 
 import json
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from maniport.arms.human import FRACTIONS
 from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
-from maniport.mocap.marker_sets import load_names
-from maniport.mocap.readers.smpl_pose import posed
-from maniport.mocap.readers.text import decoded
+from maniport.mocap.marker_sets import arm_error, load_names
+from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
 from maniport.mocap.recording import Recording
 from maniport.util.files import array_names, load_arrays, read_npy
 from maniport.util.input_limits import (
+    FRAMES,
     PLACES,
     RECORDING_BYTES,
     SETTINGS_BYTES,
@@ -49,68 +56,64 @@ def read(file: Path, options: ImportOptions) -> Recording:
     """Read an ``.npz`` or ``.npy`` file; see `maniport.mocap.readers.read_recording`."""
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     with open(file, "rb") as stream:
-        if stream.read(6) == b"\x93NUMPY":
+        plain = stream.read(6) == b"\x93NUMPY"
+        if plain or file.suffix.lower() == ".npy":
             stream.seek(0)
             try:
                 positions = read_npy(stream, size)
             except Exception as error:  # noqa: BLE001 - NumPy raises errors of many types on damaged files
                 raise FileFormatError(f"{file}: not a readable .npy file: {error}") from None
-            return _positions(file, options, {"positions": positions}, None)
-    if file.suffix.lower() == ".npy":
-        raise FileFormatError(f"{file}: not a readable .npy file: it does not begin as one")
-    found = array_names(file, "recording")
-    keys = {what: next((key for key in known.split() if key in found), None) for what, known in KEYS.items()}
+            return _positions(file, options, {"positions": positions})
+    names = array_names(file, "recording")
+    keys = {what: next((key for key in known.split() if key in names), None) for what, known in KEYS.items()}
     loaded = load_arrays(file, "recording", [key for key in keys.values() if key])
-    arrays = {what: loaded[key] for what, key in keys.items() if key}
-    parted = "poses" not in arrays and {"root", "body"} <= arrays.keys()
-    if parted:
-        arrays["poses"] = _joined(file, arrays["root"], arrays["body"])
-    if "positions" not in arrays and "poses" not in arrays:
+    arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in keys.items() if key}
+    usual = "z"
+    if "poses" not in arrays and {"root", "body"} <= arrays.keys():
+        usual, arrays["poses"] = "", _joined(file, arrays["root"], arrays["body"])
+    if "poses" in arrays and not {"names", "positions"} <= arrays.keys():
+        return _posed(file, options, arrays, usual)
+    if "positions" not in arrays:
         raise FileFormatError(
             f"{file}: a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
             f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
-            f"found: {', '.join(found) or 'nothing'}"
+            f"found: {', '.join(names) or 'nothing'}"
         )
-    if "positions" not in arrays or ("poses" in arrays and "names" not in arrays):
-        time = _time(file, arrays, len(np.atleast_1d(arrays["poses"])), options)
-        return posed(file, options, arrays["poses"], arrays.get("trans"), time, "" if parted else "z")
-    return _positions(file, options, arrays, _time(file, arrays, len(np.atleast_1d(arrays["positions"])), options))
+    return _positions(file, options, arrays)
 
 
-def _positions(file: Path, options: ImportOptions, arrays: Mapping[str, Any], time: Any) -> Recording:
-    """Return a recording of positions (n, k, 3), with names of the file, of a file beside it or recognized."""
-    places = np.asarray(arrays["positions"])
-    if places.ndim != 3 or places.shape[-1] != 3 or places.dtype.kind not in "fiu":
+def _positions(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Recording:
+    """Return a recording of positions (n, k, 3), with names of the file, of a file next to it or recognized."""
+    positions = np.asarray(arrays["positions"])
+    if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
         raise FileFormatError(
-            f"{file}: positions must be numbers of shape (n, k, 3); found {places.shape} of {places.dtype}"
+            f"{file}: positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}"
         )
-    require_at_most(places.size // 3, PLACES, "places (frames × points)", file)
-    if places.dtype.kind != "f" or places.dtype.itemsize < 4:
-        places = places.astype(np.float64)
+    require_at_most(positions.size // 3, PLACES, "places (frames × points)", file)
+    if positions.dtype.kind != "f" or positions.dtype.itemsize < 4:
+        positions = positions.astype(np.float64)
     notes: list[str] = []
-    up, by = _text(arrays, "up"), "as the file says"
+    unit, up, origin = _text(arrays, "unit"), _text(arrays, "up"), "stated in the file"
     names = arrays["names"] if "names" in arrays else _names_beside(file)
     if names is None:
-        skeleton = _recognized(file, places)
-        names, by = load_names("joint_orders.yaml")["skeletons"][skeleton], f"as in {skeleton}"
-        up = up or ("z" if skeleton == "holosoma's mocap" else "")
-        notes.append(f"{len(names)} joints without names: taken as {skeleton}, whose arms these are")
-    array = np.atleast_1d(np.asarray(names))
+        skeleton, names = _recognized(file, positions)
+        up, origin = up or ("z" if skeleton == "holosoma's mocap" else ""), f"as in {skeleton}"
+        notes.append(
+            f"{len(names)} joints without names: taken as {skeleton}, in which their arms have constant lengths"
+        )
+    array = np.asarray(names)
     if array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
     if array.dtype.kind not in "US" or array.ndim != 1:
         raise FileFormatError(f"{file}: names must be text; found names of {array.dtype}, shape {array.shape}")
-    if len(array) != places.shape[1]:
-        raise FileFormatError(
-            f"{file}: {len(array)} names do not fit positions of shape {places.shape}: one for each of the "
-            f"{places.shape[1]} joints is needed"
-        )
-    unit, names = _text(arrays, "unit"), [str(name) for name in array.tolist()]
-    return options.recording(file, names, places, time, unit, up, by, notes=notes)
+    if len(array) != positions.shape[1]:
+        raise FileFormatError(f"{file}: {len(array)} names do not match positions of shape {positions.shape}")
+    time = _time(file, arrays, len(positions), options)
+    return options.recording(file, list(map(str, array)), positions, time, unit, up, origin=origin, notes=notes)
 
 
 def _names_beside(file: Path) -> Sequence[str] | None:
-    """Return names from a file beside the recording: one a line, or a JSON list."""
+    """Return names from a file next to the recording: one a line, or a JSON list."""
     lines, listed = (file.with_suffix(ending) for ending in (".names.txt", ".names.json"))
     if lines.exists():
         text = decoded(read_whole(lines, (), SETTINGS_BYTES))
@@ -126,65 +129,100 @@ def _names_beside(file: Path) -> Sequence[str] | None:
     return names
 
 
-def _recognized(file: Path, positions: Array) -> str:
-    """Return the skeleton that joints without names are."""
+def _recognized(file: Path, positions: Array) -> tuple[str, Sequence[str]]:
+    """Return the skeleton that joints without names are, and its names."""
     count = positions.shape[1]
     known: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
-    fitting = [name for name, joints in known.items() if len(joints) == count and _has_arms(joints, positions)]
+    fitting = [name for name, joints in known.items() if len(joints) == count and arm_error(joints, positions) < 1.0]
     if len(fitting) != 1:
         listed = ", ".join(f"{len(joints)} ({name})" for name, joints in known.items())
-        why = f"{' and '.join(fitting)} would both do" if fitting else f"known by its number of joints are {listed}"
+        why = f"{' and '.join(fitting)} both fit" if fitting else f"recognized by their number are {listed}"
         raise FileFormatError(
-            f"{file}: {count} joints without names; write one name a line into '{file.stem}.names.txt' beside it "
+            f"{file}: {count} joints without names; write one name per line into '{file.stem}.names.txt' next to it "
             f"({why})"
         )
-    return fitting[0]
+    return fitting[0], known[fitting[0]]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # points out of reach make no arms
-def _has_arms(joints: list[str], positions: Array) -> bool:
-    """Return whether bones of the arms keep their lengths within 5 % and differ by at most 15 % between the sides."""
-    sides = next(
-        pair
-        for pair in (("left_", "right_"), ("L_", "R_"), ("Left", "Right"))
-        if any(name.startswith(pair[0]) for name in joints)
-    )
-    chains = (("shoulder", "elbow", "wrist"), ("Shoulder", "Elbow", "Wrist"), ("Arm", "ForeArm", "Hand"))
-    chain = next(names for names in chains if sides[0] + names[1] in joints)
-    lengths = []
-    for side in sides:
-        at = [positions[:, joints.index(side + name)].astype(np.float64) for name in chain]
-        bones = np.stack([np.linalg.norm(b - a, axis=-1) for a, b in pairwise(at)])
-        seen = np.isfinite(bones).all(axis=0)
-        if not seen.any():
-            return False
-        median = np.median(bones[:, seen], axis=1)
-        if (median <= 0).any() or (bones[:, seen].std(axis=1) > 0.05 * median).any():
-            return False
-        lengths.append(median)
-    left, right = lengths
-    return bool((np.abs(left - right) < 0.15 * np.maximum(left, right)).all())
-
-
-def _joined(file: Path, *parts: Any) -> Any:
-    """Return pose parameters (n, 66 or more) of root and body."""
-    arrays = [np.asarray(part) for part in parts]
-    if any(array.ndim < 2 or array.dtype.kind not in "fiu" or len(array) != len(arrays[0]) for array in arrays):
-        shapes = " and ".join(str(array.shape) for array in arrays)
-        raise FileFormatError(f"{file}: poses of root and body must be numbers (n, …) of equal n; found {shapes}")
-    return np.concatenate([array.reshape(len(array), -1) for array in arrays], axis=1)
-
-
-def _time(file: Path, arrays: dict[str, Any], count: int, options: ImportOptions) -> Any:
+def _time(file: Path, arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:
     """Return the times, from the rate where there are none; None where there is neither."""
     if "time" in arrays or "rate" not in arrays or options.rate is not None:
         return arrays.get("time")
-    rate = np.asarray(arrays["rate"])
+    rate = arrays["rate"]
     if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() >= 1e-6):
-        raise FileFormatError(f"{file}: a recording needs time (n,) [s], or rate, the frames per second; found {rate}")
+        raise FileFormatError(f"{file}: a recording needs time (n,) [s], or rate in frames per second; found {rate}")
     return np.arange(count) / float(rate.reshape(-1)[0])
 
 
 def _text(arrays: Mapping[str, Any], name: str) -> str:
     value = np.asarray(arrays.get(name, ""))
     return str(value.reshape(-1)[0]) if value.size == 1 and value.dtype.kind in "US" else ""
+
+
+def _joined(file: Path, *parts: Array) -> Array:
+    """Return pose parameters (n, 66 or more) of root and body."""
+    if any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != len(parts[0]) for part in parts):
+        shapes = " and ".join(str(part.shape) for part in parts)
+        raise FileFormatError(f"{file}: poses of root and body must be numbers (n, …) of equal n; found {shapes}")
+    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+
+
+def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], up: str) -> Recording:
+    """Return the joints of a body in its poses (n, 66 or more) or (n, k, 3), the root at `trans` (n, 3) [m]."""
+    angles, body_height = arrays["poses"], 1.75  # [m]
+    if angles.ndim == 3 and angles.shape[-1] == 3:
+        angles = angles.reshape(len(angles), -1)
+    if angles.ndim != 2 or angles.shape[1] < 66 or angles.dtype.kind not in "fiu" or not len(angles):
+        raise FileFormatError(
+            f"{file}: poses must be numbers of shape (n, 66 or more); found {angles.shape} of {angles.dtype}"
+        )
+    count = len(angles)
+    require_at_most(count, FRAMES, "frames", file)
+    root = arrays.get("trans", np.zeros((count, 3)))
+    if root.shape != (count, 3) or root.dtype.kind not in "fiu":
+        raise FileFormatError(
+            f"{file}: trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}"
+        )
+    bones = _bones(body_height)
+    parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory
+    positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
+    note = (
+        "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
+        f"{body_height} m unless the arm is fitted with the person's height"
+    )
+    time = _time(file, arrays, count, options)
+    names = ["pelvis", *bones]
+    return options.recording(file, names, positions, time, "m", up, "y", "as in AMASS", notes=[note], measured=False)
+
+
+def _bones(body_height: float) -> dict[str, tuple[str, Array]]:
+    """Return the parent of each joint and its position there [m], x to the left, y up, z forward."""
+    bones, parent = {}, "pelvis"
+    for joint, share in {"spine1": 0.06, "spine2": 0.07, "spine3": 0.03, "neck": 0.14, "head": 0.05}.items():
+        bones[joint], parent = (parent, body_height * np.array([0.0, share, 0.0])), joint
+    arm = {"shoulder": 0.099, "elbow": FRACTIONS["upper arm"], "wrist": FRACTIONS["forearm"], "hand": FRACTIONS["hand"]}
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        parent = f"{side}_collar"
+        bones[parent] = "spine3", body_height * np.array([sign * 0.03, 0.128, 0.0])
+        for joint, share in arm.items():
+            bones[f"{side}_{joint}"] = parent, body_height * np.array([sign * share, 0.0, 0.0])
+            parent = f"{side}_{joint}"
+    return bones
+
+
+def _joints(bones: dict[str, tuple[str, Array]], angles: Array, root: Array) -> Array:
+    """Return the positions of the joints [m], shape (n, joints, 3); nan where angles are too large."""
+    with np.errstate(over="ignore"):  # of wider floating-point types
+        vectors, points = angles.astype(np.float64), {"pelvis": root.astype(np.float64)}
+    lost = np.asarray(~(np.abs(vectors) < LARGEST_ANGLE).all(axis=1))
+    vectors[lost] = 0.0
+    index = {name: 3 * i for i, name in enumerate(load_names("joint_orders.yaml")["skeletons"]["SMPL body"])}
+    rotations: dict[str, Array] = {"pelvis": Rotation.from_rotvec(vectors[:, :3]).as_matrix()}
+    for joint, (parent, offset) in bones.items():
+        points[joint] = points[parent] + rotations[parent] @ offset
+        if joint in index:
+            own = vectors[:, index[joint] : index[joint] + 3]
+            rotations[joint] = rotations[parent] @ Rotation.from_rotvec(own).as_matrix()
+    positions = np.stack(list(points.values()), axis=1)
+    positions[lost] = np.nan
+    return positions

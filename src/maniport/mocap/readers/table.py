@@ -18,10 +18,10 @@ from maniport.mocap.import_options import ImportOptions, drop_untrusted, known_u
 from maniport.mocap.readers.text import (
     Row,
     fields_of,
-    most_used,
     number_table,
     positive_number,
     rows_from,
+    separator_of,
     text_lines,
 )
 from maniport.mocap.recording import Recording
@@ -29,7 +29,7 @@ from maniport.util.input_limits import NAME, PLACES, POINTS, require_at_most
 from maniport.util.validation import Array
 
 _COLUMN = re.compile(r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)
-_TRUST = re.compile(r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE)
+_CONFIDENCE = re.compile(r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE)
 _TIME = re.compile(r"(?:time|t|timestamp|seconds)(?:[ _]*[\[(]?(s|ms)[\])]?)?", re.IGNORECASE)
 
 LAYOUTS = (
@@ -46,15 +46,14 @@ class Table:
 
     columns: Sequence[str]  # NAME_x, NAME_y, NAME_z, time, or `UNUSED`
     rows: Sequence[Row]
-    sign: str  # separator of fields
+    separator: str
     unit: str = ""  # of length; empty where unknown
     usual: str = "z"  # usual vertical axis
     rate: float | None = None  # frames per second, where no column holds the time
-    unit_by: str = "as the file says"
 
     def fields(self, line: str) -> list[str]:
-        """Return the fields of a row; those that are not read are empty."""
-        fields = fields_of(line, self.sign)
+        """Return the fields of a row; unused ones are empty."""
+        fields = fields_of(line, self.separator)
         for i, column in enumerate(self.columns[: len(fields)]):
             if column == UNUSED:
                 fields[i] = ""
@@ -73,67 +72,62 @@ def read(file: Path, options: ImportOptions) -> Recording:
 
 
 def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Recording:
-    columns = table.columns
-    places: dict[str, dict[str, int]] = {}
-    trust: dict[str, int] = {}
+    indices: dict[str, dict[str, int]] = {}
+    confidence: dict[str, int] = {}
     units = set()
-    require_at_most(max(map(len, columns)), NAME, "characters in the name of a column", file)
-    for i, column in enumerate(columns):
+    require_at_most(max(map(len, table.columns)), NAME, "characters in the name of a column", file)
+    for i, column in enumerate(table.columns):
         if match := _COLUMN.fullmatch(column):
-            if places.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
-                raise FileFormatError(f"{file}: the column {column!r} is there twice")
+            if indices.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
+                raise FileFormatError(f"{file}: the column {column!r} occurs twice")
             units.add(match[3] or "")
-        elif match := _TRUST.fullmatch(column):
-            trust[match[1]] = i
-    names = list(places)
-    lacking = [f"{name}_{axis}" for name, axes in places.items() for axis in "xyz" if axis not in axes]
-    if not names or lacking:
-        why = f"there is no column {lacking[0]}" if lacking else f"found columns {', '.join(columns[:8])[:200]}"
+        elif match := _CONFIDENCE.fullmatch(column):
+            confidence[match[1]] = i
+    names = list(indices)
+    missing = [f"{name}_{axis}" for name, axes in indices.items() for axis in "xyz" if axis not in axes]
+    if not names or missing:
+        why = f"there is no column {missing[0]}" if missing else f"found columns {', '.join(table.columns[:8])[:200]}"
         raise FileFormatError(f"{file}: {LAYOUTS}; {why}")
-    numbers = number_table(file, table.rows, len(columns), table.fields)
-    positions = numbers[:, [[places[name][axis] for axis in "xyz"] for name in names]]
-    trusted = [name in trust for name in names]
-    notes = drop_untrusted(positions, np.where(trusted, numbers[:, [trust.get(name, 0) for name in names]], 1.0))
+    numbers = number_table(file, table.rows, len(table.columns), table.fields)
+    positions = numbers[:, [[indices[name][axis] for axis in "xyz"] for name in names]]
+    confidences = numbers[:, [confidence.get(name, 0) for name in names]]
+    notes = drop_untrusted(positions, np.where([name in confidence for name in names], confidences, 1.0))
     unit = table.unit or (units.pop() if len(units) == 1 else "")
-    time = _time(columns, numbers) if table.rate is None else np.arange(len(numbers)) / table.rate
-    return options.recording(file, names, positions, time, unit, usual=table.usual, notes=notes, unit_by=table.unit_by)
+    time = _time(table.columns, numbers) if table.rate is None else np.arange(len(numbers)) / table.rate
+    return options.recording(file, names, positions, time, unit, usual=table.usual, notes=notes)
 
 
 def _one_row_a_point(file: Path, options: ImportOptions, table: Table, columns: list[str], name: int) -> Recording:
-    """Read rows of which those of one time, or of one frame, make a frame."""
-    clock = next((i for i, column in enumerate(columns) if _TIME.fullmatch(column)), None)
-    if clock is None:
-        counters = ("frame", "frame#", "frames", "index", "")
-        clock = next((i for i, column in enumerate(columns) if column in counters), None)
-    if clock is None:
+    """Read rows of points; those of one time, or of one frame number, make a frame."""
+    counters = ("frame", "frame#", "frames", "index", "")
+    clocks = [i for i, column in enumerate(columns) if _TIME.fullmatch(column)]
+    clocks += [i for i, column in enumerate(columns) if column in counters]
+    if not clocks:
         raise FileFormatError(f"{file}: {LAYOUTS}; there is no column time")
+    used = [clocks[0], *(columns.index(axis) for axis in "xyz")]
     names: dict[str, int] = {}
-    chosen = [clock, *(columns.index(axis) for axis in "xyz")]
     points = []
     for number, line in table.rows:
-        fields = fields_of(line, table.sign)
+        fields = fields_of(line, table.separator)
         if len(fields) != len(columns):
             raise FileFormatError(
                 f"{file}: the table is broken at line {number}: {len(fields)} values instead of {len(columns)}"
             )
         points.append(names.setdefault(fields[name], len(names)))
         require_at_most(len(names), POINTS, "points", file)
-
-    def split(line: str) -> list[str]:
-        fields = fields_of(line, table.sign)
-        return [fields[i] for i in chosen]
-
-    numbers = number_table(file, table.rows, len(chosen), split)
+    numbers = number_table(
+        file, table.rows, len(used), lambda line: [fields_of(line, table.separator)[i] for i in used]
+    )
     times, frames = np.unique(numbers[:, 0], return_inverse=True)
     require_at_most(len(times) * len(names), PLACES, "places (frames × points)", file)
     pairs = frames * len(names) + np.array(points)
     if len(np.unique(pairs)) < len(pairs):
         again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
-        raise FileFormatError(f"{file}: line {table.rows[again][0]}: this point stands twice at one time")
+        raise FileFormatError(f"{file}: line {table.rows[again][0]}: this point occurs twice at one time")
     flat = np.full((len(times) * len(names), 3), np.nan)
     flat[pairs] = numbers[:, 1:]
     positions = flat.reshape(len(times), len(names), 3)
-    return options.recording(file, list(names), positions, _time([columns[clock]], times[:, None]))
+    return options.recording(file, list(names), positions, _time([columns[clocks[0]]], times[:, None]))
 
 
 def _time(columns: Sequence[str], table: Array) -> Array | None:
@@ -158,56 +152,46 @@ def _find_table(file: Path, lines: Sequence[str]) -> Table:
     rows = [row for row in rows if not row[1].lstrip().startswith("#")]
     if not rows:
         raise FileFormatError(f"{file}: the file holds no lines")
-    if first.startswith("sep="):  # a line of Excel's
+    if first.startswith("sep="):  # written by Excel
         rows = rows[1:] or rows
-    sign = most_used(rows[0][1])
-    return Table(fields_of(rows[0][1], sign), rows[1:], sign)
+    separator = separator_of(rows[0][1])
+    return Table(fields_of(rows[0][1], separator), rows[1:], separator)
 
 
 def _motive(file: Path, rows: Sequence[Row]) -> Table:
-    sign = most_used(rows[0][1])
-    cells = fields_of(rows[0][1], sign)
+    separator = separator_of(rows[0][1])
+    cells = fields_of(rows[0][1], separator)
     header = dict(zip(cells[::2], cells[1::2], strict=False))
-    start = next(
-        (i for i, (_, line) in enumerate(rows) if i > 3 and line.lower().lstrip('"').startswith("frame")), None
-    )
+    start = next((i for i, row in enumerate(rows) if i > 3 and row[1].lower().lstrip('"').startswith("frame")), None)
     if start is None:
-        raise FileFormatError(
-            f"{file}: Motive's table is cut off in its header: there is no line that begins with Frame"
-        )
-    axes = fields_of(rows[start][1], sign)
-    types, names, kinds = ((fields_of(rows[i][1], sign) + [""] * len(axes))[: len(axes)] for i in (1, 2, start - 1))
-    solved = ("Rigid Body Marker", "Bone Marker")  # which repeat markers where a model of them expects them
+        raise FileFormatError(f"{file}: the header of Motive is cut off: there is no line that begins with Frame")
+    axes = fields_of(rows[start][1], separator)
+    types, names, kinds = (_padded(rows[i][1], separator, len(axes)) for i in (1, 2, start - 1))
+    solved = ("Rigid Body Marker", "Bone Marker")  # expected positions of markers that are recorded, too
     measured = {name for name, type_ in zip(names, types, strict=True) if type_ not in solved}
-    columns = [
-        f"{name}_{axis.lower()}"
-        if kind == "Position" and axis in ("X", "Y", "Z") and (type_ not in solved or name not in measured)
-        else UNUSED
-        for type_, name, kind, axis in zip(types, names, kinds, axes, strict=True)
+    points = [
+        name if kind == "Position" and (type_ not in solved or name not in measured) else ""
+        for type_, name, kind in zip(types, names, kinds, strict=True)
     ]
-    columns = _first_of_each(columns)
+    columns = _columns(file, points, axes, "Motive: export markers or bones, with their positions")
     columns[1:2] = ["time"]
-    _require_points(file, columns, "Motive", "export markers or bones, with their positions")
-    return Table(columns, rows[start + 1 :], sign, header.get("Length Units", ""), "y")
+    return Table(columns, rows[start + 1 :], separator, header.get("Length Units", ""), "y")
 
 
 def _nexus(file: Path, lines: Sequence[str], start: int) -> Table:
     """Read the section of markers, which begins after `start` lines: title, rate, names, axes, units, numbers."""
     if len(lines) < 5:
-        raise FileFormatError(f"{file}: Nexus' table is cut off in its header, at line {start + len(lines)}")
-    sign = most_used(lines[3])
-    axes = fields_of(lines[3], sign)
-    names = (fields_of(lines[2], sign) + [""] * len(axes))[: len(axes)]
-    units = {unit for cell in fields_of(lines[4], sign) if (unit := known_unit(cell)) is not None}
-    columns, name = [], ""
-    for own, axis in zip(names, axes, strict=True):
-        name = own or name  # a name stands above the first of its columns
-        columns.append(f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else UNUSED)
-    columns = _first_of_each(columns)
-    _require_points(file, columns, "Nexus", "export trajectories")
-    numbers = takewhile(lambda row: row[1].strip(sign + " "), enumerate(lines[5:], start + 6))
-    rate = positive_number(lines[1].strip(sign + ' "'))
-    return Table(columns, list(numbers), sign, units.pop() if len(units) == 1 else "", rate=rate)
+        raise FileFormatError(f"{file}: the header of Nexus is cut off at line {start + len(lines)}")
+    separator = separator_of(lines[3])
+    axes = fields_of(lines[3], separator)
+    points = _padded(lines[2], separator, len(axes))
+    for i in range(1, len(points)):
+        points[i] = points[i] or points[i - 1]  # a name is above the first of its columns
+    columns = _columns(file, points, axes, "Nexus: export trajectories")
+    units = {unit for cell in fields_of(lines[4], separator) if (unit := known_unit(cell)) is not None}
+    rows = takewhile(lambda row: row[1].strip(separator + " "), enumerate(lines[5:], start + 6))
+    rate = positive_number(lines[1].strip(separator + ' "'))
+    return Table(columns, list(rows), separator, units.pop() if len(units) == 1 else "", rate=rate)
 
 
 def _qualisys(file: Path, rows: Sequence[Row]) -> Table:
@@ -218,29 +202,38 @@ def _qualisys(file: Path, rows: Sequence[Row]) -> Table:
         if not key.isupper():  # the names of the columns, or the first numbers
             break
         header[key] = [value for value in values if value]
-        start += 1  # of events each has a line
+        start += 1  # keys of events repeat
     content = " ".join(header.get("DATA_INCLUDED", ["3D"]))
     if content not in ("3D", "Position"):
         raise FileFormatError(f"{file}: it holds {content}, not positions of markers; export 3D data from Qualisys")
-    numbers = rows[start:]
-    first = fields_of(numbers[0][1], "\t") if numbers else []
+    rows = rows[start:]
+    first = fields_of(rows[0][1], "\t") if rows else []
     columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
     if first[:2] == ["Frame", "Time"]:
-        columns, numbers = [UNUSED, UNUSED, *(columns or first[2:])], numbers[1:]
+        columns, rows = [UNUSED, UNUSED, *(columns or first[2:])], rows[1:]
     elif columns:
         columns = [UNUSED] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
-    _require_points(file, columns, "Qualisys", "export 3D data, with the names of markers")
-    rate = positive_number(" ".join(header.get("FREQUENCY", ())))
-    return Table(columns, numbers, "\t", "mm", rate=rate, unit_by="as Qualisys has it")
+    _require_points(file, columns, "Qualisys: export 3D data, with the names of markers")
+    return Table(columns, rows, "\t", "mm", rate=positive_number(" ".join(header.get("FREQUENCY", ()))))
 
 
-def _first_of_each(columns: Sequence[str]) -> list[str]:
-    """Drop later columns of the same name, such as markers that two models claim."""
+def _padded(line: str, separator: str, width: int) -> list[str]:
+    return (fields_of(line, separator) + [""] * width)[:width]
+
+
+def _columns(file: Path, points: Sequence[str], axes: Sequence[str], advice: str) -> list[str]:
+    """Name the columns of points; later ones of the same name, as of markers that two models claim, are not used."""
+    columns = [
+        f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else UNUSED
+        for name, axis in zip(points, axes, strict=True)
+    ]
     first = {name: i for i, name in reversed(list(enumerate(columns)))}
-    return [name if first[name] == i else UNUSED for i, name in enumerate(columns)]
+    columns = [name if first[name] == i else UNUSED for i, name in enumerate(columns)]
+    _require_points(file, columns, advice)
+    return columns
 
 
-def _require_points(file: Path, columns: Sequence[str], program: str, advice: str) -> None:
-    if not any(column not in (UNUSED, "time") for column in columns):
-        raise FileFormatError(f"{file}: this table of {program} holds no positions of points; {advice}")
+def _require_points(file: Path, columns: Sequence[str], advice: str) -> None:
+    if not any(columns):
+        raise FileFormatError(f"{file}: the table holds no positions of points. In {advice}")
     require_at_most(len(columns), 4 * POINTS, "columns", file)

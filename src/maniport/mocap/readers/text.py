@@ -14,9 +14,11 @@ from maniport.util.validation import Array
 
 Row = tuple[int, str]  # The number of a line, from one, and the line
 
+LARGEST_ANGLE = 1e3  # Joint angles beyond this count as missing [rad]
+
 
 def text_lines(file: Path) -> list[str]:
-    """Return the lines of a file, whatever ends them."""
+    """Return the lines of a file, with any line ends."""
     content = read_whole(file, (), RECORDING_BYTES)
     ends = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
     require_at_most(sum(map(content.count, ends)), 3 * FRAMES, "ends of lines", file)
@@ -26,22 +28,22 @@ def text_lines(file: Path) -> list[str]:
 
 
 def decoded(content: bytes) -> str:
-    """Decode UTF-8, or UTF-16 where the first bytes tell so, as programs on Windows write it."""
+    """Decode UTF-8, or UTF-16 with a byte order mark, as programs on Windows write it."""
     wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     return content.decode("utf-16" if wide else "utf-8", errors="replace").lstrip("\ufeff")
 
 
-def most_used(line: str) -> str:
-    """Return what separates the fields of a line: commas, semicolons or tabs."""
+def separator_of(line: str) -> str:
+    """Return the separator of the fields of a line: comma, semicolon or tab."""
     return max(",;\t", key=line.count)
 
 
-def fields_of(line: str, sign: str) -> list[str]:
-    """Split a line into fields, without blanks around them."""
-    fields = line.split(sign)
+def fields_of(line: str, separator: str) -> list[str]:
+    """Split a line into fields without surrounding blanks."""
+    fields = line.split(separator)
     if '"' in line:
         with suppress(csv.Error):  # a quoted field of 131 072 characters and more
-            fields = next(csv.reader([line], delimiter=sign))
+            fields = next(csv.reader([line], delimiter=separator))
     return [field.strip() for field in fields]
 
 
@@ -83,7 +85,7 @@ def positive_number(text: str) -> float | None:
 
 
 def _number(field: str) -> float:
-    """Parse a number; nan for what programs write where there is none."""
+    """Parse a number; nan for the placeholders of missing numbers."""
     try:
         return float(field.replace(",", "."))
     except ValueError:

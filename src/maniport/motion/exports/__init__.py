@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError
+from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.exports.messages import write_mcap, write_ros2
 from maniport.motion.exports.tables import write_mujoco, write_parquet
-from maniport.motion.follow.joint_motion import JointMotion
-from maniport.motion.follow.track_result import TrackResult
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.trajectory import Trajectory
 from maniport.util.input_limits import as_path
 from maniport.util.optional import mcap_writer, parquet_writer, rerun
 from maniport.util.validation import as_choice
@@ -47,7 +48,7 @@ FORMATS = {
 
 
 def export_motion(
-    path: str | os.PathLike[str], motion: JointMotion, format: str, robot: Arm | ArmGroup | None = None
+    path: str | os.PathLike[str], motion: Trajectory | RobotMotion, format: str, robot: Arm | ArmGroup | None = None
 ) -> None:
     """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
 
@@ -69,8 +70,8 @@ def export_motion(
     Parameters
     ----------
     path : str or path
-    motion : TrackResult or PlannedArms
-        Of one arm, or of two; ``"parquet"`` takes one: ``motion.left``, ``motion.right``.
+    motion : Trajectory, ArmMotion or RobotMotion
+        Of one arm or of several; ``"parquet"`` takes that of one: ``motion.arms[0]``.
     format : {"ros2", "mcap", "mujoco", "parquet"}
         ``"rerun"`` shows a whole result: `maniport.write_results` writes it.
     robot : Arm or ArmGroup, optional
@@ -97,13 +98,15 @@ def export_motion(
     suffix = Path(found.file).suffix
     if as_path(path).suffix != suffix:
         raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
-    if not isinstance(motion, JointMotion):
+    if isinstance(motion, RobotMotion):
+        motion = motion.arms[0] if len(motion.arms) == 1 else motion.trajectory
+    if not isinstance(motion, Trajectory):
         raise InvalidInputError(
             f"motion must be a motion, such as result.execution.motion; found {type(motion).__name__}"
         )
-    if found.robot == NEEDED and not isinstance(motion, TrackResult):
+    if found.robot == NEEDED and not isinstance(motion, ArmMotion):
         raise InvalidInputError(
-            f"motion must be of one arm for the format {format!r}, such as motion.left; found {type(motion).__name__}"
+            f"motion must be of one arm for the format {format!r}, such as motion.arms[0]; found {type(motion).__name__}"
         )
     if robot is None and found.robot != NEEDED:
         found.write(path, motion)

@@ -6,7 +6,7 @@ import os
 import numpy as np
 import yaml
 
-from maniport.motion.follow.joint_motion import JointMotion
+from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import mcap_writer
 from maniport.util.validation import Array
@@ -28,7 +28,7 @@ MESSAGE = {
 """JSON schema of the messages of an MCAP file."""
 
 
-def write_ros2(path: str | os.PathLike[str], motion: JointMotion) -> None:
+def write_ros2(path: str | os.PathLike[str], motion: Trajectory) -> None:
     """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
     rows, seconds = _thinned(motion)
     names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
@@ -45,7 +45,7 @@ def write_ros2(path: str | os.PathLike[str], motion: JointMotion) -> None:
             stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
 
 
-def write_mcap(path: str | os.PathLike[str], motion: JointMotion) -> None:
+def write_mcap(path: str | os.PathLike[str], motion: Trajectory) -> None:
     """Write messages named as in sensor_msgs/msg/JointState, as JSON."""
     package = mcap_writer()
     rows, seconds = _thinned(motion)
@@ -64,12 +64,12 @@ def write_mcap(path: str | os.PathLike[str], motion: JointMotion) -> None:
         writer.finish()
 
 
-def _state(motion: JointMotion) -> tuple[tuple[Array, int], ...]:
+def _state(motion: Trajectory) -> tuple[tuple[Array, int], ...]:
     """Positions, velocities and accelerations, each with the decimals that are written of it."""
     return (motion.control_positions, 9), (motion.control_velocities, 7), (motion.control_accelerations, 5)
 
 
-def _thinned(motion: JointMotion) -> tuple[Array, Array]:
+def _thinned(motion: Trajectory) -> tuple[Array, Array]:
     """Indices of control steps, about `POINTS_PER_SECOND`, and their seconds since the first."""
     since = motion.control_time - motion.control_time[0]
     each = max(1, round((len(since) - 1) / (since[-1] * POINTS_PER_SECOND)))

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.motion.arm_model import model_prefixes
-from maniport.motion.follow.joint_motion import JointMotion
-from maniport.motion.follow.track_result import TrackResult
+from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.objective import Objective
 from maniport.motion.schedule import Schedule
+from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
 from maniport.util.files import save_arrays
 from maniport.util.optional import parquet_writer, pyarrow
@@ -20,7 +20,7 @@ from maniport.util.validation import Array
 Columns = dict[str, tuple[Array, str]]  # Values and their unit, by name
 
 
-def write_mujoco(path: str | os.PathLike[str], motion: JointMotion, robot: Arm | ArmGroup | None = None) -> None:
+def write_mujoco(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None = None) -> None:
     """Write what `mujoco.MjData` calls qpos and qvel, and of a robot where it holds joints."""
     held = {} if robot is None else _held(robot)
     save_arrays(path, {
@@ -43,7 +43,7 @@ def _held(robot: Arm | ArmGroup) -> Mapping[str, float]:
     }
 
 
-def write_parquet(path: str | os.PathLike[str], motion: TrackResult, robot: Arm) -> None:
+def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -> None:
     """Write a row for each control step."""
     arrow, parquet = pyarrow(), parquet_writer()
     columns = {
@@ -62,7 +62,7 @@ def write_parquet(path: str | os.PathLike[str], motion: TrackResult, robot: Arm)
         parquet.write_table(table, temporary, compression="zstd")
 
 
-def _joints(motion: TrackResult) -> Columns:
+def _joints(motion: ArmMotion) -> Columns:
     """Positions of all joints, then velocities, then accelerations."""
     states = {
         "position": (motion.control_positions, ""),
@@ -76,7 +76,7 @@ def _joints(motion: TrackResult) -> Columns:
     }
 
 
-def _ellipsoids(motion: TrackResult, robot: Arm) -> Columns:
+def _ellipsoids(motion: ArmMotion, robot: Arm) -> Columns:
     """What the robot makes; what it is asked for, between the profile's times as the tracker takes it."""
     q, time, spec = motion.control_positions, motion.control_time, motion.spec
     objective = Objective.of(robot, spec, motion.damping)

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
+from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.effort import QUICK
 from maniport.motion.follow.follower import Control, Follower
-from maniport.motion.follow.track_result import TrackResult, in_words
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import plan_motion
-from maniport.motion.plan.planner import Planner
+from maniport.motion.plan.planner import ArmPlanner, Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import Schedule
 from maniport.motion.search.seed_bank import SeedBank
@@ -45,7 +45,7 @@ def track(
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
-) -> TrackResult:
+) -> ArmMotion:
     """Move an arm so that its velocity ellipsoids follow target ones, and its end effector a target path.
 
     A profile or path that the arm cannot follow is no error: the result says where and by how much. Where the quadratic
@@ -97,13 +97,13 @@ def track(
     asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
     begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
     follower = Follower((objective,), settings)
-    step, planned = Step(progress, "move the robot"), 0.0 if begin is not None else 0.5  # the share of the work
+    step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work
     if begin is None:
         begin = _planned_start(asked, objective, settings, bank, random_state)
     schedule = asked.sampled(objective, settings.rate, settings.interpolation)
     joints, held = follower.follow(begin, (schedule,), between(step, planned, 1.0))
     result = evaluated(objective, asked, schedule.time, joints, held, follower.velocity_limits)
-    step.end(in_words(result))
+    step.end(result.error_text())
     return result
 
 
@@ -114,21 +114,22 @@ def _planned_start(
     limits = MotionLimits.of(objective.arm, joint_limit_margin=0.0)
     random = as_generator(random_state)
     bank = SeedBank.given_or_built(bank, objective.arm, objective.spec, random)
-    planner = Planner(limits, ReachabilityMap(objective.arm, objective.spec, random_state=random), bank)
+    reachability_map = ReachabilityMap(objective.arm, objective.spec, random_state=random)
+    planner = Planner(limits, objective.spec, (ArmPlanner(limits, reachability_map, bank),))
     plan = plan_motion(
-        objective.arm, asked.ellipsoids, time=asked.time, path=asked.positions, spec=objective.spec,
+        objective.arm, asked.ellipsoids, time=asked.time, paths=asked.positions, spec=objective.spec,
         damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, planning_effort=QUICK,
         position_tolerance=1e-3,
         orientation_axes=settings.orientation_axes, orientation_weight=settings.orientation_weight, random_state=random,
     )  # fmt: skip
-    return np.asarray(plan.joint_positions[0])
+    return np.asarray(plan.trajectory.joint_positions[0])
 
 
 def evaluated(
     objective: Objective, asked: Schedule, time: Array, joints: Array, held: NDArray[np.bool_], velocity_limits: Array
-) -> TrackResult:
+) -> ArmMotion:
     """Compare joint positions (m, dof) at control times (m,) with their targets."""
-    result = TrackResult.of_motion(
+    result = ArmMotion.of_motion(
         objective.arm, asked.time, asked.ellipsoids, time, joints, spec=objective.spec,
         damping=objective.damping, path=asked.positions, velocity_limits=velocity_limits, held=held,
     )  # fmt: skip

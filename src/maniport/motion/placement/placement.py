@@ -173,7 +173,7 @@ def place_paths(
     objectives = [Objective.of(arm, spec, damping) for arm in arms]
     given = given_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
-    step = Step(progress, "place the path")
+    step = Step(progress, "Place path")
     seeds = [SeedBank.given_or_built(banks[i] if banks else None, arm, spec, generator) for i, arm in enumerate(arms)]
     maps = _maps(arms, spec, generator, reachability_maps, collisions)
     bounds[0, 2] = max(
@@ -195,7 +195,7 @@ def place_paths(
         placement = best.place, center, rotation, candidates
         placed.append(_placed_path(problem, best.q[i], placement, bank, budget.pointwise_starts, part))
     medians = ", ".join(f"{np.median(one.distance):.2f}" for one in placed)
-    step.end(f"scale {placed[0].scale:.3f}, pointwise optimum {medians} (median)")
+    step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed)
 
 

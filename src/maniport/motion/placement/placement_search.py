@@ -8,9 +8,7 @@ request the placement is then moved until all waypoints of the whole path are in
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import qmc
 
-from maniport.arms.joint_space import _SEED
 from maniport.errors import InvalidInputError
 from maniport.motion.effort import Effort
 from maniport.motion.placement.joint_descent import descend_jointly
@@ -19,6 +17,7 @@ from maniport.motion.plan.optimizer import CLEARANCE, TrajectoryCost, Trajectory
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import IN_PLACE, shortest_path
 from maniport.util.progress import Part, nobody, pieces
+from maniport.util.sobol import sobol
 from maniport.util.validation import Array
 
 STAGES = 64  # Waypoints of the trajectories that placements are judged by
@@ -117,7 +116,7 @@ def _shortlist(group: PlacementGroup, seed: np.random.Generator, planning_effort
     """The best of random placements by samples: of all at a few waypoints, then of some at more waypoints."""
     least, most = group.common.least[:4], group.common.most[:4]
     exponent = max(planning_effort.candidates - 1, 1).bit_length()
-    unit = qmc.Sobol(4, scramble=True, **{_SEED: seed}).random_base2(exponent)[: planning_effort.candidates]
+    unit = sobol(4, exponent, seed)[: planning_effort.candidates]
     places = np.column_stack([least + unit * (most - least), group.centers(planning_effort.candidates, seed)])
     places = _inside(group, np.where(group.common.free, places, group.common.given))
     if not len(places):

@@ -1,9 +1,6 @@
-"""Time parameterization: when a robot passes each waypoint, time-optimally within its limits (toppra)."""
+"""Time parameterization: when a robot passes each waypoint, time-optimally within its limits."""
 
-import logging
-import warnings
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +9,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
+from maniport.motion.plan.path_speed import fill_speeds
 from maniport.motion.schedule import require_few, require_rows
 from maniport.util.defaults import RATE
 from maniport.util.validation import Array, as_number, as_times
@@ -133,63 +131,18 @@ def _fastest(limits: MotionLimits, path: "JointPath", scale: Array) -> Array:
     most = np.minimum(1.0, 0.999 / np.maximum(used, 0.999))  # a little less, since samples lie between grid points
     less = np.minimum(allowed[1:], allowed[:-1])
     a, b = (path.first / allowed, first / less), (path.second / allowed, second / less)
-    # The search has absolute tolerances: in these units of the parameter the usual speed is about 1.
-    unit = 1.0 / np.median(np.minimum(most, 1.0 / np.sqrt(np.maximum(np.abs(b[0]).max(axis=1), 1.0))))
-    scaled = [x / unit for x in a], [x / unit**2 for x in b], unit * steps, (unit * most) ** 2
-    speed, lost = _toppra(unit * path.grid, *scaled)
-    if lost.any():  # the linear programs are inexact with an unbounded u: a bound costs little time, and they succeed
-        speed, lost = _toppra(unit * path.grid, *scaled, largest=100.0)
+    # each constraint holds at the start, middle and end of a piece
+    ahead = steps[:, None]
+    columns = np.hstack([a[0][:-1], a[1] + ahead * b[1], a[0][1:] + 2.0 * ahead * b[0][1:]])
+    speed = np.empty(len(path.grid))
+    fill_speeds(columns, np.hstack([b[0][:-1], b[1], b[0][1:]]), steps, most**2, speed)
+    lost = speed[1:] + speed[:-1] <= 0.0
     if lost.any():
         raise InvalidInputError(
             f"q cannot be passed within the limits of acceleration near {path.grid[int(lost.argmax())]:.3f} s after "
             "its start: it is too abrupt there; give a smoother path"
         )
-    return np.asarray(speed / unit)
-
-
-def _toppra(
-    grid: Array, a: list[Array], b: list[Array], steps: Array, most: Array, largest: float | None = None
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Speeds at the grid, shape (k,), and where none was found, with |a u + b x| ≤ 1 and x ≤ `most`.
-
-    x is the squared speed at the start of a piece and u its constant path acceleration. `a` and `b` are given at the
-    grid (k, dof) and at the middles (k - 1, dof); the first holds at the start, middle and end of each piece. |u| is
-    at most `largest`.
-    """
-    with warnings.catch_warnings():  # its docstrings cause SyntaxWarnings when Python first compiles them
-        warnings.simplefilter("ignore", SyntaxWarning)
-        from toppra.algorithm import TOPPRA  # toppra imports all of matplotlib
-        from toppra.constraint import LinearConstraint
-
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)  # failures raise errors below
-    ahead = steps[:, None]
-    columns_a = _columns(a[0], a[1] + ahead * b[1], a[0][1:] + 2.0 * ahead * b[0][1:])
-    columns_b = _columns(b[0], b[1], b[0][1:])
-    rows, dof = columns_a.shape[1], a[0].shape[1]
-    sides = np.concatenate([np.eye(rows), -np.eye(rows)])
-    bounds = np.stack([np.zeros(len(most)), most], axis=1)
-    hardest = None if largest is None else np.tile([-largest, largest], (len(most), 1))
-    parameters = columns_a, columns_b, np.zeros_like(columns_a), sides, np.ones(2 * rows), hardest, bounds
-
-    class Constraint(LinearConstraint):  # type: ignore[misc]  # toppra is untyped
-        def compute_constraint_params(self, *_: object) -> tuple[Array | None, ...]:
-            return parameters
-
-    constraint = Constraint()
-    constraint.identical, constraint.dof = True, dof
-    path = SimpleNamespace(dof=dof, path_interval=np.array([0.0, grid[-1]]))
-    search = TOPPRA([constraint], path, grid, solver_wrapper="seidel")
-    _, speed, _, reachable = search.compute_parameterization(0.0, 0.0, return_data=True)
-    if speed is None:
-        return np.zeros(len(grid)), np.isnan(reachable).any(axis=1)
-    lost = ~np.isfinite(speed)
-    lost[1:] |= speed[1:] + speed[:-1] <= 0.0
-    return np.asarray(speed), lost
-
-
-def _columns(start: Array, middle: Array, end: Array) -> Array:
-    """Side by side; the last point of the grid starts no piece."""
-    return np.hstack([start, np.vstack([middle, start[-1:]]), np.vstack([end, start[-1:]])])
+    return speed
 
 
 def _sampled(limits: MotionLimits, path: "JointPath", speed: Array, rate: float) -> tuple[Array, int, Array]:

@@ -110,15 +110,14 @@ def nearest_feasible(
     asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
     tips = None if positions is None else as_positions(positions, len(asked))
     bank = SeedBank.given_or_built(bank, arm, spec, random_state)
-    step = Step(progress, "search the nearest ellipsoids")
+    step = Step(progress, "Search feasible ellipsoids")
     targets = objective.targets(asked, tips)
     first = bank.starts(asked, tips, starts)
     q = descend_in_blocks(targets, first, tolerance, steps, block=128, n_jobs=n_jobs, tell=step)
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
-    spread = f"{np.median(distance):.3g} (median), {np.percentile(distance, 95):.3g} (95 %)"
-    step.end(f"distance {spread}, {distance.max():.3g} (largest)")
+    step.end()
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
 
 

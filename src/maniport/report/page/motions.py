@@ -148,7 +148,7 @@ def _errors(execution: Execution) -> tuple[Panel, ...]:
     motion, (title, _, meaning) = execution.motion, DEFINITIONS["distance"]
     lines = (
         Line("achieved", motion.distance),
-        Line(DEFINITIONS["pointwise_best"][0].lower(), execution.plan.pointwise_best, REFERENCE.name, 1),
+        Line(DEFINITIONS["pointwise_best"][0].lower(), np.asarray(execution.plan.pointwise_best), REFERENCE.name, 1),
         Line(DEFINITIONS["feasibility_gap"][0].lower(), execution.gap, REFERENCE.name, 2),
     )
     panels = [Panel(title, "", lines, meaning)]
@@ -238,7 +238,7 @@ def motion_of_learned(learned: LearnedProfile) -> Motion:
     """Return the curves of demonstrations and of the profile that is learned from them, on common times."""
     time, deviations = learned.alignment.time, axis_deviations(learned.profile, learned.covariance)
     semi_axes, each = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
-    d, unit, odd = semi_axes.shape[1], learned.spec.unit, learned.agreement.odd
+    d, unit, odd = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
 
     def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
         lines = [Line(name, one, REFERENCE.name if k == odd else PERSON.name, 1 if k == odd else 2)

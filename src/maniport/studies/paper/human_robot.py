@@ -23,7 +23,7 @@ from maniport.studies.paper.tables import (
     paper_adapter,
     paper_table,
 )
-from maniport.transfer import NearestNeighbor, ParallelTransport, RawCopy
+from maniport.transfer import IdentityMap, NearestNeighbor, ParallelTransport
 from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.progress import Progress, Step, counted, pieces
 from maniport.util.validation import Array
@@ -41,7 +41,7 @@ NOTES = (
     "No truth is known here. As in the paper, the error is the distance to the answers of the naive baseline: each of "
     "5000 samples of the person's domain looked up among 5000 of the Panda's. 'Naive baseline, redrawn' tells how far "
     "that baseline is from another draw of itself: errors of this size and below say nothing. A small error means that "
-    "a method resembles the lookup, not that it is good; a raw copy resembles it, too.",
+    "a method resembles the lookup, not that it is good; the identity baseline resembles it, too.",
     "The authors' public program differs from the paper's text. It divides by the mean squared distance (÷ c²). Its "
     "baseline scales ellipsoids to one volume, transports the tangent vector from the nearest sample of the person's "
     "domain to that sample's nearest one of the Panda's, and restores the volume. The rows 'ours, authors' baseline' "
@@ -145,7 +145,7 @@ def _doing_less(settings: str, seed: int, baseline: NearestNeighbor, known: Know
     data = "simpler ways"
     return [
         measure(clone(baseline), again, settings, data, samples=str(size), method="naive baseline, redrawn"),
-        measure(RawCopy(**remedy), tasks, settings, data, samples="0", method="raw copy"),
+        measure(IdentityMap(**remedy), tasks, settings, data, samples="0", method="identity baseline"),
         measure(ParallelTransport(**remedy), tasks, settings, data, samples=str(ALL), method="PT only"),
     ]
 

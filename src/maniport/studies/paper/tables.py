@@ -26,7 +26,7 @@ PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
 )
 """Everything that the paper's text says about steps 1, 2 and 4; no base_rotation is known."""
 
-PAPER_SEARCH = Search(n_starts=8, margin=0.0, compete=False, max_iter=100, tol=1e-8)
+PAPER_SEARCH = Search(n_starts=8, require_improvement=False, max_iter=100, tol=1e-8)
 """The same about ICP: the cheapest of several starts, at most 100 iterations. Start and weights differ by row."""
 
 TRAJECTORIES, RANDOM = "trajectories", "random"
@@ -94,7 +94,6 @@ def paper_adapter(row: PaperRow, eigenvalue_floor: float | None = FLOOR) -> Doma
         eigenvalue_floor=eigenvalue_floor,
         correspondence=EllipsoidCorrespondence(exponent=row.exponent),
         search=replace(PAPER_SEARCH, start=row.start, most_singular=row.most_singular),
-        n_resamples=0,
     )
 
 

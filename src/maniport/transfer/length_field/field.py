@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels import compose, congruence, eigh, in_parts, mandel_basis
+from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, mandel_basis
 from maniport.spd.matrix_functions import from_vector, to_vector
-from maniport.transfer.length_field.kernels import map_many
 from maniport.util.validation import SPD_TOLERANCE, Array, as_numbers
+
+ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
+ILL_CONDITIONED = "points, or their images, are too ill-conditioned for floating-point numbers"
 
 KAPPA = 1e-4  # κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it
 
@@ -51,16 +53,20 @@ class LengthsMap:
 
     def apply(self, points: Array, epsilon: float | None = None) -> Array:
         """Map SPD matrices (n, d, d); with ε the images are released from that damping, as `damped` adds it."""
-        base, *terms = self.terms()
-        points, results = np.ascontiguousarray(points), np.empty(points.shape)
-        numbers = np.array([0.0, 0.0, -1.0 if epsilon is None else epsilon, KAPPA, *base])
-        base_rotation = np.eye(points.shape[-1])
-
-        def work(first: int, last: int) -> None:
-            if map_many(points[first:last], base_rotation, numbers, *terms, results[first:last]):
-                raise NotSPDError("points, or their images, are too ill-conditioned for floating-point numbers")
-
-        in_parts(work, len(points), points.shape[-1])
+        results = np.empty(points.shape)
+        for first in range(0, len(points), 512):  # kernel values of so many stay in the processor's cache
+            part = slice(first, first + 512)
+            eigenvalues, vectors = eigh(points[part])
+            if not np.all(eigenvalues > ROUNDED * eigenvalues.sum(axis=1, keepdims=True)):
+                raise NotSPDError(ILL_CONDITIONED)
+            values = self.power * np.log(eigenvalues) + self.shift
+            field = self.kernel(to_vector(compose(values, vectors))) @ self.lengths
+            with np.errstate(over="ignore"):
+                images = np.exp(values + axiswise(field, powers(values)) + self.level)
+                images = images if epsilon is None else released(images, epsilon)
+            if not np.all((images >= MIN_EIGENVALUE) & (images <= MAX_EIGENVALUE)):
+                raise NotSPDError(ILL_CONDITIONED)
+            results[part] = compose(images, vectors)
         return results
 
     def base(self, points: Array) -> tuple[Array, Array]:
@@ -149,6 +155,13 @@ def damped(points: Array, epsilon: float) -> Array:
     flat = values <= SPD_TOLERANCE * values.sum(axis=-1, keepdims=True)
     lengths = np.where(flat, np.sqrt(KAPPA) * epsilon, values)
     return compose(np.where(flat, epsilon, lengths * (lengths + epsilon) / (lengths + KAPPA * epsilon)), vectors)
+
+
+def released(values: Array, epsilon: float) -> Array:
+    """Solve y (y + ε) / (y + κ ε) = value for y; the inverse of `damped` on eigenvalues."""
+    gap = values - epsilon
+    root = np.sqrt(gap**2 + 4.0 * KAPPA * epsilon * values)
+    return np.where(gap > 0.0, 0.5 * (gap + root), 2.0 * KAPPA * epsilon * values / (root - np.minimum(gap, 0.0)))
 
 
 def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:

@@ -1,14 +1,12 @@
-"""The compiled length field: the map of one ellipsoid, for control loops, and of many."""
+"""The compiled length field: the map of one ellipsoid, for control loops."""
 
 import numpy as np
 
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.loops import diagonalize_one
 from maniport.spd.kernels.single import admit, compose, congruence
+from maniport.transfer.length_field.field import ROUNDED
 from maniport.util.jit import kernel, part
-from maniport.util.validation import SPD_TOLERANCE
-
-ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
 
 
 @kernel
@@ -48,16 +46,6 @@ def map_one(point, base_rotation, numbers, parts, centers, lengths, out):  # typ
     for i in range(n):
         for j in range(n):
             out[i, j] = a[i, j]
-    return 0
-
-
-@kernel
-def map_many(points, base_rotation, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
-    """Fill `out`, shape (n, d, d), with the maps of many; return 0, or the reason why one has none."""
-    for i in range(len(points)):
-        failed = map_one(points[i], base_rotation, numbers, parts, centers, lengths, out[i])
-        if failed != 0:
-            return failed
     return 0
 
 

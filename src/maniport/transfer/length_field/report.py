@@ -11,6 +11,7 @@ from maniport.spd.matrix_functions import to_vector
 from maniport.transfer.length_field.field import LengthsMap, least_singular
 from maniport.transfer.length_field.fit import Samples
 from maniport.transfer.length_field.inverse import FOLDED
+from maniport.util.ranks import rank_correlation
 
 AXIS_MOVED = 10.0
 """Angle between the longest axes of an ellipsoid and of its image above which the axis counts as moved [degrees]."""
@@ -74,8 +75,8 @@ class FieldReport:
         return f"FieldReport({self.in_words()})"
 
     @classmethod
-    def read(cls, plain: Any) -> "FieldReport":
-        """Make one of the values in a file; ValueError or TypeError where they do not fit."""
+    def read(cls, plain: dict[str, Any]) -> "FieldReport":
+        """Return the report of the values in a file; ValueError or TypeError where they are not numbers."""
         report = cls(**plain)
         report.in_words()
         return report
@@ -83,8 +84,6 @@ class FieldReport:
 
 def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
     """Measure a field at samples."""
-    from scipy.stats import spearmanr  # slow to load
-
     points, images = samples.points, field.apply(samples.points)
     for _ in range(2):  # the second search also starts from what was found for neighbors
         nearest, _ = samples.projected(images)
@@ -103,7 +102,7 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         gap_p95=float(np.percentile(gaps, 95)),
         moved=float(distance_unchecked(rigid, images).mean()),
         step=float(np.median(apart[near] / np.maximum(own[near], 1e-12))),
-        structure=float(spearmanr(apart, own).statistic) if varied else 1.0,
+        structure=rank_correlation(apart, own) if varied else 1.0,
         turn=0.0,  # a field of lengths keeps all axes
         singular_value=float(singular.min()),
         folded=float(np.mean(singular <= FOLDED)),

@@ -132,7 +132,7 @@ class Player {
       return made;
     };
     const { camera } = this, turned = this.stages.some(({ body }) => body.turn && body.ellipsoids.target) && this.raw();
-    const copy = button("Before: raw copy", () => {
+    const copy = button("Before: identity baseline", () => {
       this.copying = !this.copying;
       copy.setAttribute("aria-pressed", this.copying);
       this.request();
@@ -146,7 +146,7 @@ class Player {
     ]);
   }
 
-  // The person's ellipsoids, which a raw copy takes as they are; those of the arm that is as many places beside.
+  // The person's ellipsoids, which the identity baseline takes as they are; those of the arm that is as many places beside.
   raw(place = 0) { return this.motion.bodies.map((body) => arms(body)[place]?.ellipsoids.person).find(Boolean); }
 
   legend() {
@@ -254,7 +254,7 @@ class Player {
     else this.drawSkeleton(stage, points);
     for (const [role, matrices] of Object.entries(arm.ellipsoids)) {
       if (this.hidden.has(role)) continue;
-      // a raw copy mostly lies within what the robot achieves, which is a shell meanwhile
+      // the identity baseline mostly lies within what the robot achieves, which is a shell meanwhile
       const copied = role === "target" && this.copying && turn;
       const shell = role === "target" ? !copied : role === "achieved" && this.copying && Boolean(turn);
       const six = copied ? turnedBy(turn, between(this.raw(place))) : between(matrices);

@@ -1,0 +1,77 @@
+"""Compiled forward kinematics of trees of joints, for many configurations."""
+
+import numpy as np
+
+from maniport.util.jit import kernel, part
+
+
+@kernel
+def fill_link_poses(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
+    """Fill rotations (n, links, 3, 3) and origins (n, links, 3) of the base and of the link after each joint."""
+    for n in range(len(positions)):
+        _place_links(positions[n], parents, placements, axes, slides, rotations[n], origins[n])
+
+
+@kernel
+def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, jacobians):  # type: ignore[no-untyped-def]
+    """Fill poses (n, 4, 4) of a frame (4, 4) after so many joints of a chain, and its Jacobians (n, 6, joints).
+
+    Columns of later joints are zero; without Jacobians, shape (0, 6, joints), only poses are filled.
+    """
+    joints = len(axes)
+    parents = np.arange(joints)
+    rotations, origins, axis = np.empty((joints + 1, 3, 3)), np.empty((joints + 1, 3)), np.empty(3)
+    for n in range(len(positions)):
+        _place_links(positions[n], parents, placements, axes, slides, rotations, origins)
+        pose = poses[n]
+        for i in range(3):
+            for j in range(4):
+                pose[i, j] = origins[frame_joint, i] if j == 3 else 0.0
+                for m in range(3):
+                    pose[i, j] += rotations[frame_joint, i, m] * frame[m, j]
+            pose[3, i] = 0.0
+        pose[3, 3] = 1.0
+        if len(jacobians) > 0:
+            jacobian = jacobians[n]
+            for k in range(joints):
+                for i in range(3):
+                    axis[i] = 0.0
+                    for m in range(3):
+                        axis[i] += rotations[k + 1, i, m] * axes[k, m]
+                for i in range(3):
+                    p, q = (i + 1) % 3, (i + 2) % 3
+                    across = axis[p] * (pose[q, 3] - origins[k + 1, q]) - axis[q] * (pose[p, 3] - origins[k + 1, p])
+                    jacobian[i, k] = axis[i] if slides[k] else across
+                    jacobian[3 + i, k] = 0.0 if slides[k] else axis[i]
+                    if k >= frame_joint:
+                        jacobian[i, k] = jacobian[3 + i, k] = 0.0
+
+
+@part
+def _place_links(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
+    """Fill the poses of the base and of the link after each joint, whose parent is the link `parents` names."""
+    turn = np.empty((3, 3))
+    for i in range(3):
+        origins[0, i] = 0.0
+        for j in range(3):
+            rotations[0, i, j] = 1.0 if i == j else 0.0
+    for k in range(len(positions)):
+        x, y, z, angle, above = axes[k, 0], axes[k, 1], axes[k, 2], positions[k], parents[k]
+        sine, cosine = (0.0, 1.0) if slides[k] else (np.sin(angle), np.cos(angle))
+        rest = 1.0 - cosine  # Rodrigues
+        turn[0, 0], turn[0, 1], turn[0, 2] = cosine + x * x * rest, x * y * rest - z * sine, x * z * rest + y * sine
+        turn[1, 0], turn[1, 1], turn[1, 2] = x * y * rest + z * sine, cosine + y * y * rest, y * z * rest - x * sine
+        turn[2, 0], turn[2, 1], turn[2, 2] = x * z * rest - y * sine, y * z * rest + x * sine, cosine + z * z * rest
+        for i in range(3):
+            total = origins[above, i]
+            a, b, c = 0.0, 0.0, 0.0
+            for m in range(3):
+                total += rotations[above, i, m] * placements[k, m, 3]
+                a += rotations[above, i, m] * placements[k, m, 0]
+                b += rotations[above, i, m] * placements[k, m, 1]
+                c += rotations[above, i, m] * placements[k, m, 2]
+            origins[k + 1, i] = total
+            for j in range(3):
+                rotations[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+            if slides[k]:
+                origins[k + 1, i] += angle * (a * x + b * y + c * z)

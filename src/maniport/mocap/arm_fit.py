@@ -1,0 +1,252 @@
+"""Results of fitting human arms to a recording."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks, peak_widths
+
+from maniport.arms import Arm
+from maniport.mocap.recording import Bools, frames_between
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
+
+
+def about_axis(segment: str) -> str:
+    """Return the name of the residual of a segment's rotation about its own axis."""
+    return f"{segment} about its axis"
+
+
+@dataclass(frozen=True, eq=False)
+class ArmFit(ShownInNotebooks):
+    """Joint angles of an arm fitted to a recording, and their quality.
+
+    Attributes
+    ----------
+    arm : Arm
+        The human arm, right or left, with the person's segment lengths; its base frame is the trunk (x forward, y
+        left, z up).
+    side_reason : str
+        Why this arm of the person was fitted.
+    joint_angles : ndarray, shape (n, dof)
+        Joint angles [rad], always within the limits.
+    time : ndarray, shape (n,)
+        Time [s] of the frames that were used, as in the recording.
+    frames : ndarray, shape (n,)
+        Their indices in the recording.
+    segments : tuple of str
+        ``"upper arm"``, ``"forearm"`` and, where it is recorded, ``"hand"``.
+    residual : ndarray, shape (n, len(segments))
+        Angle between the arm's segment and the recorded one [degrees].
+    twist_residual : dict of str to ndarray, shape (n,)
+        Rotation of a segment about its own axis from the arm's joint axis to its markers [degrees]; nan where they are
+        missing.
+    observable : ndarray of bool, shape (dof,)
+        Whether the recorded points determine the joint in more than half of the frames.
+    observable_share : ndarray, shape (dof,)
+        Share of the frames in which they do.
+    reasons : tuple of str
+        For each unobservable joint the cause and the treatment; else empty.
+    segment_lengths : dict of str to float
+        Median lengths in the recording, or fractions of the body height [m]; the notes list the latter.
+    at_limit : ndarray, shape (dof,)
+        Share of the frames in which each joint is saturated.
+    beyond_limit : ndarray, shape (n, dof)
+        By how much each saturated joint would exceed its limit in a fit without limits [degrees].
+    roles : dict
+        The points of each role.
+    notes : tuple of str
+        Interpolated and omitted frames.
+    quality_warnings : tuple of str
+        Data-quality warnings: large differences of model and person, and repairs that change the result.
+    """
+
+    arm: Arm
+    side_reason: str
+    joint_angles: Array
+    time: Array
+    frames: NDArray[np.intp]
+    segments: tuple[str, ...]
+    residual: Array
+    twist_residual: dict[str, Array]
+    observable: Bools
+    observable_share: Array
+    reasons: tuple[str, ...]
+    segment_lengths: dict[str, float]
+    at_limit: Array
+    beyond_limit: Array
+    roles: dict[str, Any]
+    notes: tuple[str, ...]
+    quality_warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return f"ArmFit({self.arm.name!r}, {self.summary})"
+
+    def crop(self, start: float | None = None, stop: float | None = None) -> "ArmFit":
+        """Keep the frames with start ≤ time ≤ stop [s]; statistics over all frames are not computed again.
+
+        Raises
+        ------
+        InvalidInputError
+            When no frame lies in that interval.
+        """
+        return self.only(frames_between(self.time, start, stop))
+
+    def thinned(self, count: int) -> "ArmFit":
+        """Keep at most `count` frames, evenly spaced; otherwise as `crop`."""
+        return self.only(evenly_spaced(len(self), count))
+
+    def only(self, keep: NDArray[Any]) -> "ArmFit":
+        """Keep some of the frames, by a mask or by their indices; otherwise as `crop`."""
+        twists = {segment: twist[keep] for segment, twist in self.twist_residual.items()}
+        per_frame = ("joint_angles", "time", "frames", "residual", "beyond_limit")
+        return replace(self, twist_residual=twists, **{name: getattr(self, name)[keep] for name in per_frame})
+
+    @property
+    def summary(self) -> str:
+        """Arm, frames, median residuals and unobservable joints in one line."""
+        residuals = ", ".join(
+            f"{name} {np.median(column):.2f}°" for name, column in zip(self.segments, self.residual.T, strict=True)
+        )
+        unobservable = f"; unobservable: {', '.join(self.unobservable)}" if self.unobservable else ""
+        return f"{self.arm.side} arm, {len(self)} frames, median residuals {residuals}{unobservable}"
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, the columns of `joint_angles`."""
+        return tuple(self.arm.joint_names)
+
+    @property
+    def unobservable(self) -> dict[str, str]:
+        """Joints that the recorded points do not determine, with the reason."""
+        joints = zip(self.joint_names, self.reasons, self.observable, strict=True)
+        return {name: reason for name, reason, observable in joints if not observable}
+
+    @property
+    def largest_step(self) -> tuple[float, float]:
+        """Largest change of a joint from frame to frame [degrees], and when it ends [s]."""
+        steps = np.where(np.diff(self.frames) == 1, np.abs(np.diff(self.joint_angles, axis=0)).max(axis=1), 0.0)
+        at = int(np.argmax(steps)) + 1 if steps.any() else 0
+        return float(np.degrees(steps.max(initial=0.0))), float(self.time[at])
+
+    def residual_summary(self) -> dict[str, dict[str, float]]:
+        """Statistics of each residual [degrees]: ``median``, ``p95``, ``max``, and its time ``max_at_s`` [s].
+
+        The rows are the segments and, where markers of a joint axis are recorded, the rotation of a segment about its
+        own axis (``"forearm about its axis"``).
+        """
+        columns = dict(zip(self.segments, self.residual.T, strict=True))
+        columns |= {about_axis(segment): np.abs(twist) for segment, twist in self.twist_residual.items()}
+        return {
+            name: {
+                "median": float(np.nanmedian(r)),
+                "p95": float(np.nanpercentile(r, 95)),
+                "max": float(np.nanmax(r)),
+                "max_at_s": float(self.time[np.nanargmax(r)]),
+            }
+            for name, r in columns.items()
+            if not np.isnan(r).all()
+        }
+
+    def repetitions(self, width: float = 0.1, least: float = 0.5, returned: float = 0.9) -> list[tuple[float, float]]:
+        """Find (start, stop) [s] of each time that the hand moves out and back.
+
+        The path is smoothed over `width` [s]. A repetition reaches at least the share `least` of the largest distance;
+        it starts and stops where the hand has `returned` by this share.
+        """
+        if len(self) < 3:
+            return []
+        hand = self.arm.forward(self.joint_angles)[:, :3, 3]
+        step = float(np.median(np.diff(self.time)))
+        path = _along(gaussian_filter1d(hand, width / step, axis=0, mode="nearest"))
+        peaks, properties = find_peaks(path, prominence=np.finfo(float).tiny)
+        if not len(peaks):
+            return []
+        high = properties["prominences"] >= least * properties["prominences"].max()
+        peaks = peaks[high]
+        prominences = tuple(properties[key][high] for key in ("prominences", "left_bases", "right_bases"))
+        _, _, left, right = peak_widths(path, peaks, returned, prominences)
+        valleys = [int(a + np.argmin(path[a:b])) for a, b in pairwise(peaks)]
+        first = np.maximum(np.ceil(left).astype(int), [0, *(valley + 1 for valley in valleys)])
+        last = np.minimum(np.floor(right).astype(int), [*valleys, len(path) - 1])
+        return [(float(self.time[a]), float(self.time[b])) for a, b in zip(first, last, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class HumanMotion(ShownInNotebooks):
+    """Joint angles of several arms of a person, in the same frames of one recording.
+
+    Attributes
+    ----------
+    arms : tuple of ArmFit
+        One for each arm, with its own residuals and unobservable joints; their times and frames are the same.
+    bases : ndarray, shape (n_arms, 3)
+        Origin of each arm's base frame [m] relative to the mean of these origins, in the trunk's axes (x forward, y
+        left, z up). The shoulders are where the recording has them (median).
+    """
+
+    arms: tuple[ArmFit, ...]
+    bases: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Sides of the arms, "left" and "right"."""
+        return tuple(str(fit.arm.side) for fit in self.arms)
+
+    @property
+    def time(self) -> Array:
+        """Times of the frames, shape (n,) [s]."""
+        return self.arms[0].time
+
+    @property
+    def frames(self) -> NDArray[np.intp]:
+        """Their indices in the recording, shape (n,)."""
+        return self.arms[0].frames
+
+    @property
+    def hands(self) -> Array:
+        """Paths of the hands in the common frame, shape (n_arms, n, 3) [m]."""
+        paths = [fit.arm.forward(fit.joint_angles)[:, :3, 3] for fit in self.arms]
+        return np.stack(paths) + self.bases[:, None]
+
+    @property
+    def quality_warnings(self) -> tuple[str, ...]:
+        """Warnings of each arm with its side; common warnings once."""
+        first, *others = (fit.quality_warnings for fit in self.arms)
+        shared = tuple(text for text in first if others and all(text in texts for texts in others))
+        own = zip(self.names, self.arms, strict=True)
+        return (
+            *(f"{side} arm: {text}" for side, fit in own for text in fit.quality_warnings if text not in shared),
+            *shared,
+        )
+
+    @property
+    def summary(self) -> str:
+        """Frames and residuals of each arm in one line."""
+        return "; ".join(fit.summary for fit in self.arms)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        return f"HumanMotion({' and '.join(repr(fit.arm.name) for fit in self.arms)}, {self.summary})"
+
+    def crop(self, start: float | None = None, stop: float | None = None) -> "HumanMotion":
+        """Keep the frames with start ≤ time ≤ stop [s] of all arms; see `ArmFit.crop`."""
+        return replace(self, arms=tuple(fit.crop(start, stop) for fit in self.arms))
+
+
+def _along(hand: Array) -> Array:
+    """Project positions (n, 3), from their median, on their principal direction, the longer side positive."""
+    offsets = hand - np.median(hand, axis=0)
+    path = offsets @ np.linalg.svd(offsets - offsets.mean(axis=0), full_matrices=False)[2][0]
+    return np.asarray(path if path.max() >= -path.min() else -path)

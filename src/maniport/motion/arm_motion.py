@@ -1,0 +1,269 @@
+"""The motion of one arm, and how well it follows its targets."""
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.motion.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
+from maniport.motion.motion_limits import LimitUse, MotionLimits
+from maniport.motion.objective import Damping, Objective
+from maniport.motion.schedule import speed_limits
+from maniport.motion.trajectory import Clearance, Trajectory
+from maniport.spd.affine_invariant import distance
+from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
+from maniport.spd.regularization import Regularization
+from maniport.util.defaults import DAMPING
+from maniport.util.files import save_arrays
+from maniport.util.validation import Array
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmMotion(Trajectory):
+    """The trajectory of one arm, and how well it follows target ellipsoids and a path.
+
+    `plan_motion` and `track` make it; `ArmMotion.of_motion` evaluates a trajectory from elsewhere.
+
+    Attributes
+    ----------
+    joint_names, joint_units, time, joint_positions, control_*
+        As in `Trajectory`, of this arm's joints; the waypoints are those of the target ellipsoids.
+    arm, frame : str
+        Names of the arm and of its end effector.
+    joint_velocities : ndarray, shape (n, dof)
+        At the waypoints [rad/s] or [m/s].
+    target, achieved : ndarray, shape (n, d, d)
+        Target and achieved ellipsoids, both without damping.
+    spec : EllipsoidSpec
+    damping : Regularization
+        Its ε is added to the eigenvalues of both before they are compared.
+    distance : ndarray, shape (n,)
+        Affine-invariant distances with the damping; not comparable between different dampings.
+    path : ndarray, shape (n, 3), or None
+        Target positions of the end effector in the base frame [m].
+    position_error : ndarray, shape (n,), or None
+        Distances from them [m].
+    orientation_error : ndarray, shape (n,), or None
+        Largest angle between a constrained axis of the end effector and its target [rad].
+    position_tolerance : float
+        Largest position error of a waypoint that counts as on the path [m].
+    status : tuple of str
+        The worst since the previous waypoint, one of `maniport.motion.follow.status.STATUSES`.
+    held : ndarray, shape (m,)
+        Control steps at which the quadratic program failed and the arm was brought to rest, bool.
+    velocity_limits : ndarray, shape (dof,)
+        Infinite where none is available.
+    position_limit_hits, velocity_limit_hits : dict of str to int
+        Number of control steps at a limit, by joint; joints without hits are left out.
+    demonstrated_time : ndarray, shape (n,), or None
+        Demonstrated times of the waypoints [s], of a planned motion; ``time`` are those of the robot.
+    limits : MotionLimits or None
+        Limits of this arm, of a planned motion.
+    pointwise_best : ndarray, shape (n,), or None
+        Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
+        end effector on the path (at most 250 waypoints; its square is linear between them).
+    clearance : Clearance
+        Collisions and clearance of a planned motion, together with those of all other arms.
+    """
+
+    arm: str
+    frame: str
+    joint_velocities: Array
+    target: Array
+    achieved: Array
+    spec: EllipsoidSpec
+    damping: Regularization
+    distance: Array
+    path: Array | None
+    position_error: Array | None
+    orientation_error: Array | None
+    position_tolerance: float
+    status: tuple[str, ...]
+    held: NDArray[np.bool_]
+    velocity_limits: Array
+    position_limit_hits: dict[str, int]
+    velocity_limit_hits: dict[str, int]
+    demonstrated_time: Array | None = None
+    limits: MotionLimits | None = None
+    pointwise_best: Array | None = None
+    clearance: Clearance = Clearance()
+
+    @classmethod
+    def of_motion(
+        cls,
+        arm: Arm,
+        time: Array,
+        target: Array,
+        control_time: Array,
+        control_positions: Array,
+        *,
+        spec: EllipsoidSpec = VELOCITY,
+        damping: Damping = DAMPING,
+        path: Array | None = None,
+        velocity_limits: Array | None = None,
+        held: NDArray[np.bool_] | None = None,
+        control_velocities: Array | None = None,
+        control_accelerations: Array | None = None,
+        position_tolerance: float = ENOUGH_METRES,
+    ) -> "ArmMotion":
+        """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
+
+        Velocities and accelerations are differences of the positions by default, velocity limits those of the arm.
+        """
+        speeds = speed_limits(arm, velocity_limits)
+        stopped = np.zeros(len(control_time), bool) if held is None else held
+        q = _at(time, control_time, control_positions)
+        objective = Objective.of(arm, spec, damping)
+        targets = objective.targets(target, path)
+        distance, error = targets.distance(q), targets.tip_error(q)
+        velocities, accelerations = control_velocities, control_accelerations
+        if velocities is None:
+            velocities = np.gradient(control_positions, control_time, axis=0)
+        if accelerations is None:
+            accelerations = _second_differences(control_time, control_positions)
+        moves = np.diff(control_positions, axis=0)
+        fast = np.abs(moves / np.diff(control_time)[:, None]) >= NEAR_SPEED * speeds
+        ends = (control_positions <= arm.lower + NEAR_STOP) | (control_positions >= arm.upper - NEAR_STOP)
+        return cls(
+            arm=arm.name,
+            frame=arm.frame,
+            joint_names=arm.joint_names,
+            joint_units=arm.joint_units,
+            time=time,
+            joint_positions=q,
+            joint_velocities=_at(time, control_time, velocities),
+            target=target,
+            achieved=arm.ellipsoids(q, spec),
+            spec=spec,
+            damping=objective.damping,
+            distance=distance,
+            path=path,
+            position_error=error,
+            orientation_error=None,
+            position_tolerance=position_tolerance,
+            status=statuses_of(time, distance, error, control_time, stopped, ends, fast, position_tolerance),
+            control_time=control_time,
+            control_positions=control_positions,
+            control_velocities=velocities,
+            control_accelerations=accelerations,
+            held=stopped,
+            velocity_limits=speeds,
+            position_limit_hits=_hits(arm.joint_names, ends),
+            velocity_limit_hits=_hits(arm.joint_names, fast),
+        )
+
+    def __repr__(self) -> str:
+        error = self.position_error
+        position = "" if error is None else f", position error {1e3 * np.median(error):.2f} mm"
+        return (
+            f"{type(self).__name__}({self.arm!r}, {len(self.time)} waypoints in {self.time[-1] - self.time[0]:.2f} s, "
+            f"distance {np.median(self.distance):.3f}{position} (medians))"
+        )
+
+    @property
+    def major_axis_angle(self) -> Array:
+        """Angle between the longest axes of target and achieved ellipsoids, shape (n,) [rad], at most π/2.
+
+        It is nan where the two longest semi-axes of either are nearly equal, so that their direction is arbitrary.
+        """
+        target, achieved = axis_over_time(self.target, -1), axis_over_time(self.achieved, -1)
+        return line_angles(target, achieved)
+
+    @property
+    def semi_axis_ratio(self) -> Array:
+        """Semi-axes achieved over those of the target, shape (n, d), shortest first; infinite where that is flat."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(lengths(self.achieved) / lengths(self.target))
+
+    @property
+    def limit_use(self) -> LimitUse:
+        """Largest shares of the limits of this arm."""
+        assert self.limits is not None
+        return self.limits.use(self.control_time, self.control_positions)
+
+    @property
+    def pointwise_ratio(self) -> float:
+        """Ratio of the root mean square distance to that of the best pointwise solutions found."""
+        assert self.pointwise_best is not None
+        return rms_ratio(self.distance, self.pointwise_best)
+
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Waypoints next to a jump of the demonstration, in its path or its ellipsoids, shape (n,).
+
+        A jump is a step of more than 0.02 m or a distance of 0.2 that is also four times as fast as the median of the
+        steps around it: most are errors of the recording or of its fit.
+        """
+        assert self.demonstrated_time is not None
+        pace = 1.0 / np.diff(self.demonstrated_time)
+        damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
+        steps = [(distance(damped[1:], damped[:-1]), 0.2)]
+        if self.path is not None:
+            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), 0.02))
+        found = np.zeros(len(pace) + 2, bool)
+        for size, least in steps:
+            usual = median_filter(size * pace, min(9, len(pace)), mode="nearest")
+            found[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
+        return np.asarray(found[1:] | found[:-1])
+
+    def save_joints(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file without pickled objects.
+
+        For the control steps ``control_time``, ``control_positions``, ``control_velocities`` and
+        ``control_accelerations``; for the times of the profile ``time``, ``joint_positions``, ``joint_velocities``,
+        ``manipulability``, ``distance``, ``status`` and, where there was a path, ``position_error``; ``joint_names``,
+        ``joint_units`` and ``damping``. Times are counted from the first control step, which was at ``began_at`` [s].
+        The achieved ellipsoids are readable as an ellipsoid file.
+
+        Raises
+        ------
+        OutputError
+            When the file cannot be written.
+        """
+        arrays = self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
+        save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
+
+    def error_arrays(self) -> dict[str, Array]:
+        """Return the arrays of the ellipsoids and errors that files contain, by name."""
+        arrays = {
+            "manipulability": self.achieved,
+            "distance": self.distance,
+            "damping": np.array(self.damping.epsilon),
+            "status": np.array(self.status),
+        }
+        return arrays if self.position_error is None else arrays | {"position_error": self.position_error}
+
+    def error_text(self) -> str:
+        """Describe the errors in one line."""
+        text = f"distance {np.median(self.distance):.2f} (median), {self.distance.max():.2f} (max)"
+        if self.position_error is None:
+            return text
+        error = 1e3 * self.position_error
+        return f"{text}; position error {np.percentile(error, 95):.2f} mm (95th percentile), {error.max():.2f} mm (max)"
+
+
+def rms_ratio(distance: Array, best: Array) -> float:
+    """Return the ratio of two root mean squares; infinite where the second is zero."""
+    norm = float(np.linalg.norm(best))
+    return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
+
+
+def _at(time: Array, control_time: Array, values: Array) -> Array:
+    """Interpolate linearly, which keeps joint limits."""
+    return np.stack([np.interp(time, control_time, column) for column in values.T], axis=1)
+
+
+def _second_differences(time: Array, values: Array) -> Array:
+    """Second derivatives (m, dof); at the ends those of the neighbors, zero for fewer than three times."""
+    if len(time) < 3:
+        return np.zeros_like(values)
+    slopes = np.diff(values, axis=0) / np.diff(time)[:, None]
+    inside = np.diff(slopes, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
+    return np.concatenate([inside[:1], inside, inside[-1:]])
+
+
+def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
+    return {name: int(count) for name, count in zip(names, touched.sum(axis=0), strict=True) if count}

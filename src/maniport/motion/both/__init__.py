@@ -1,1 +1,0 @@
-"""Two arms at once: placed, planned, timed and followed together."""

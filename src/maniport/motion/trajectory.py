@@ -1,0 +1,128 @@
+"""Joint trajectories, and how near they come to a collision."""
+
+import csv
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from maniport.arms.collisions import Collisions
+from maniport.util.atomic_io import written_whole
+from maniport.util.notebook import ShownInNotebooks
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""First characters of cells that a spreadsheet evaluates instead of showing them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory(ShownInNotebooks):
+    """A joint trajectory, of one arm or of a group.
+
+    Attributes
+    ----------
+    joint_names, joint_units : tuple of str
+        Names of the degrees of freedom, and ``"rad"`` or ``"m"``.
+    time : ndarray, shape (n,)
+        Times at which the waypoints are passed [s].
+    joint_positions : ndarray, shape (n, dof)
+        Configurations at the waypoints [rad] or [m].
+    control_time : ndarray, shape (m,)
+        Times of the control steps [s].
+    control_positions, control_velocities, control_accelerations : ndarray, shape (m, dof)
+        At the control steps [rad] or [m], per second and per second².
+    """
+
+    joint_names: tuple[str, ...]
+    joint_units: tuple[str, ...]
+    time: Array
+    joint_positions: Array
+    control_time: Array
+    control_positions: Array
+    control_velocities: Array
+    control_accelerations: Array
+
+    @property
+    def jerk(self) -> Array:
+        """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
+        times, values = self.control_time, self.control_positions
+        for _ in range(3):
+            values = np.diff(values, axis=0) / np.diff(times)[:, None]
+            times = 0.5 * (times[1:] + times[:-1])
+        return np.asarray(values)
+
+    @property
+    def rms_jerk(self) -> float:
+        """Root mean square of the jerk over time and joints; 0 for fewer than four control steps."""
+        return float(np.sqrt(np.mean(self.jerk**2))) if len(self.control_time) > 3 else 0.0
+
+    @property
+    def peak_jerk(self) -> float:
+        """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
+        return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
+
+    def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the control steps as a table with a header; the first column is the time from 0 [s].
+
+        The other columns are positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``)
+        and accelerations (``NAME_rad/s2``). An apostrophe precedes names that a spreadsheet would evaluate.
+
+        Raises
+        ------
+        OutputError
+            When the file cannot be written.
+        """
+        units = [unit + per for per in ("", "/s", "/s2") for unit in self.joint_units]
+        names = ["'" + name if name.startswith(FORMULA) else name for name in self.joint_names]
+        header = ["time_s", *(f"{name}_{unit}" for name, unit in zip(3 * names, units, strict=True))]
+        line = ",".join(["%.6f", *len(names) * ["%.12f"], *2 * len(names) * ["%.6f"]]) + "\n"
+        times = self.control_time - self.control_time[0]
+        columns = times, self.control_positions, self.control_velocities, self.control_accelerations
+        with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
+            csv.writer(stream, lineterminator="\n").writerow(header)
+            stream.write("".join([line % tuple(row) for row in np.column_stack(columns).tolist()]))
+
+    def joint_arrays(self) -> dict[str, Array]:
+        """Return the arrays that files contain, by name; times are from the first control step."""
+        return {
+            "joint_names": np.array(self.joint_names),
+            "joint_units": np.array(self.joint_units),
+            "began_at": self.control_time[0],
+            "time": self.time - self.control_time[0],
+            "joint_positions": self.joint_positions,
+            "control_time": self.control_time - self.control_time[0],
+            "control_positions": self.control_positions,
+            "control_velocities": self.control_velocities,
+            "control_accelerations": self.control_accelerations,
+        }
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Collisions of a motion, and its smallest distance from one."""
+
+    known: bool = False  # whether anything could be checked
+    why: str = "collision checking was not requested"  # reason where nothing was checked
+    share: float = 0.0  # share of the control steps that collide
+    distance: float = np.inf  # smallest distance at and around the closest waypoints [m]; negative in a collision
+    time: float = 0.0  # time of the smallest distance [s]
+    pair: tuple[str, str] = ("", "")  # names of the closest pair
+    stand_ins: tuple[str, ...] = ()  # links checked by their collision shapes, since visual ones are missing
+
+    @classmethod
+    def of(cls, collisions: Collisions | None, motion: Trajectory) -> "Clearance":
+        """Check all control steps; measure distances at the waypoints and at control steps next to the closest."""
+        if collisions is None or not collisions.known:
+            return cls(why=cls.why if collisions is None else collisions.why)
+        share = float(collisions.collides(motion.control_positions).mean())
+        distance = collisions.clearance(motion.joint_positions)
+        close = distance <= distance.min() + 0.01
+        steps = np.flatnonzero(np.interp(motion.control_time, motion.time, close.astype(float)) > 0.0)
+        steps = steps[evenly_spaced(len(steps), 1000)]
+        configurations = np.concatenate([motion.joint_positions[close], motion.control_positions[steps]])
+        time = np.append(motion.time[close], motion.control_time[steps])
+        nearest = collisions.nearest(configurations)
+        i = int(np.argmin(nearest.distance))
+        pair = (str(nearest.first[i]), str(nearest.second[i]))
+        return cls(True, "", share, float(nearest.distance[i]), float(time[i]), pair, collisions.stand_ins)

@@ -1,0 +1,117 @@
+"""Initial rotations of the ICP."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import permutations, product
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from maniport.spd.kernels import eigh
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
+
+
+@dataclass(frozen=True)
+class Initialization:
+    """Rotations from which the ICP begins; `first` is that of parallel transport, or the identity."""
+
+    first: Array
+    random: np.random.Generator
+
+    def rotations(self, teacher: Array, student: Array, pairs: tuple[Array, Array] | None = None) -> list[Array]:
+        """Return `first` and further rotations, or those that suit known pairs (k, d, d) equally well."""
+        if pairs is not None:
+            return rotations_of_pairs(*pairs, self.first, self.random)
+        return [self.first, *voted(teacher, student), *aligned_frames(teacher, student, self.random)]
+
+
+def aligned_frames(
+    teacher: Array, student: Array, random: np.random.Generator, near_isotropic: float = 0.1
+) -> list[Array]:
+    """Rotations that align the frames of the arithmetic means; also random ones where these frames are ill-defined."""
+    value_t, frame_t = eigh(teacher.mean(axis=0))
+    value_s, frame_s = eigh(student.mean(axis=0))
+    d = len(value_t)
+    mirror = np.eye(d) - 2.0 * frame_t[:, :1] @ frame_t[:, :1].T
+    aligned = [frame_s @ permutation @ frame_t.T for permutation in signed_permutations(d)]
+    rotations = [orthonormal(rotation if np.linalg.det(rotation) > 0 else rotation @ mirror) for rotation in aligned]
+    gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
+    if d > 3 or gaps.min() < near_isotropic:
+        rotations += [random_rotation(d, random) for _ in range(16)]
+    return rotations
+
+
+def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3, elected: int = 4) -> list[Array]:
+    """Rotations that many pairs of ellipsoids with nearly equal eigenvalues agree on, most votes first.
+
+    Up to `voters` ellipsoids of the smaller cloud each propose the rotations onto their most similar `candidates`.
+    """
+    if len(teacher) > len(student):
+        return [rotation.T for rotation in voted(student, teacher, voters, candidates, elected)]
+    d = teacher.shape[-1]
+    signs = np.array([np.diag(turn) for turn in signed_permutations(d) if np.diag(turn).all()])
+    count = min(voters, len(teacher), 4096 // (len(signs) * candidates))
+    if count < 3:
+        return []
+    (value_t, frame_t), (value_s, frame_s) = eigh(teacher[evenly_spaced(len(teacher), count)]), eigh(student)
+    for frame in (frame_t, frame_s):
+        frame[:, :, 0] *= np.sign(np.linalg.det(frame))[:, None]
+    _, similar = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)])
+    turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
+    proposals = turns.reshape(-1, d * d)
+    radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)  # |R - R'| for 10° apart in one plane
+    tree, found = cKDTree(proposals), list[Array]()
+    for place in np.argsort(-tree.query_ball_point(proposals, radius, return_length=True), kind="stable"):
+        if len(found) == elected:
+            break
+        agreeing = tree.query_ball_point(proposals[place], radius, return_sorted=True)
+        rotation = orthonormal(proposals[agreeing].mean(axis=0).reshape(d, d))
+        if all(np.linalg.norm(rotation - other) > 2.0 * radius for other in found):
+            found.append(rotation)
+    return found
+
+
+@lru_cache
+def signed_permutations(d: int) -> tuple[Array, ...]:
+    """Signed permutation matrices of determinant +1; beyond d = 3 only sign changes, at most 64 of them."""
+    orders = list(permutations(range(d))) if d <= 3 else [tuple(range(d))]
+    found = []
+    for order in orders:
+        for signs in product((1.0, -1.0), repeat=d):
+            matrix = np.zeros((d, d))
+            matrix[np.arange(d), order] = signs
+            # in even dimension −P does what P does: one of the two is enough
+            if np.linalg.det(matrix) > 0 and (d % 2 or signs[0] > 0):
+                found.append(matrix)
+    return tuple(found[:64])
+
+
+def rotations_of_pairs(
+    teacher: Array,
+    student: Array,
+    near: Array,
+    random: np.random.Generator,
+    equal: float = 1e-6,
+    distinct: float = 0.01,
+) -> list[Array]:
+    """Rotations that turn known pairs (k, d, d) onto each other best, equally well; the nearest to `near` first.
+
+    Costs that differ by less than `equal`, relative to the size of the pairs, are equal; rotations less than `distinct`
+    [rad] apart are the same.
+    """
+    count = len(teacher)
+    problem = RotationProblem(student, teacher, np.full(count, 1.0 / count))
+    ends = [problem.minimize(start, tol=1e-12) for start in [near, *aligned_frames(teacher, student, random)]]
+    size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([teacher, student]))) ** 2) / count
+    highest = min(end.cost for end in ends) + equal * (1.0 + float(size))
+    found = list[Array]()
+    # the one that was reached from `near` is the nearest of a continuum
+    for rotation in sorted(
+        (end.rotation for end in ends if end.cost <= highest), key=lambda r: rotation_angle(r, near)
+    ):
+        if all(rotation_angle(rotation, other) > distinct for other in found):
+            found.append(rotation)
+    return found

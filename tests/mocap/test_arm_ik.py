@@ -1,0 +1,422 @@
+"""Fits of arm models to recordings: exact data, missing information, faults, both arms."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from maniport import arms, spd
+from maniport.arms import load_arm
+from maniport.arms.human import FRACTIONS, hand_rotations, middle_of
+from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, UnknownNameError
+from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
+from maniport.mocap.arm_path import FASTEST_JOINT, joint_jumps, smooth_jumps, treat_jumps
+from maniport.mocap.data_quality import calibration_pose
+from maniport.mocap.directions import AXES, SEGMENTS, Directions
+from mirror_images import in_a_mirror
+
+DIFFER = pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
+SIDES = ("left", "right")
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    """Fit of the shipped BVH."""
+    return fit_arm(read_recording("ladder"))
+
+
+# ---- exact data ---------------------------------------------------------------------------------------------------
+
+
+def test_exact_data_give_the_joint_angles_back(arm, slow_motion, record):
+    """With all roles, a recording of the arm model gives its joint angles to 1e-6 rad and no residual."""
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time, q), arm.name)
+    np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
+    assert fit.residual.max() < 1e-4
+    assert max(np.abs(twist).max() for twist in fit.twist_residual.values()) < 1e-4
+    assert fit.observable.all()
+    assert not fit.unobservable
+    np.testing.assert_array_equal(fit.frames, np.arange(len(q)))
+    assert not fit.at_limit.any()
+    assert not fit.quality_warnings
+
+
+def test_rigid_motion_of_the_recording_changes_nothing(arm, slow_motion, record):
+    """Rotating and moving the whole recording, differently in every frame, leaves the joint angles as they are."""
+    time, q = slow_motion(arm, n=20)
+    recording = record(arm, time, q)
+    turns = Rotation.from_rotvec(np.outer(time + 0.3, [1.0, 2.0, -0.5])).as_matrix()
+    moved = np.einsum("nij,nkj->nki", turns, recording.positions) + np.outer(time, [1.0, 0, 2.0])[:, None]
+    fit = fit_arm(Recording(recording.names, moved, time), arm.name)
+    np.testing.assert_allclose(fit.joint_angles, fit_arm(recording, arm.name).joint_angles, atol=1e-6)
+
+
+def test_derivatives_of_the_directions(arm):
+    """Analytic derivatives of all segments and axes agree with central differences."""
+    names = (*SEGMENTS, *AXES)
+    q = arm.sample(16, random_state=1)
+    directions = Directions(arm, names, np.zeros((16, len(names), 3)))
+    slopes = directions.model(q)[1]
+    for joint, step in enumerate(1e-6 * np.eye(arm.dof)):
+        difference = (directions.model(q + step)[0] - directions.model(q - step)[0]) / 2e-6
+        np.testing.assert_allclose(slopes[..., joint], difference, atol=1e-7)
+
+
+@pytest.mark.parametrize("excess", [5.0, 15.0])
+def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
+    """The fit stays within the limits; an elbow beyond its limit by 15° is a warning, by 5° a note."""
+    arm = arms.myoarm(upper_arm=0.31, forearm=0.26, hand=0.06)
+    elbow = arm.joint_names.index("elbow_flexion")
+    time, half = np.linspace(0.0, 2.0, 60), 30
+    q = np.tile(np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), (60, 1))
+    q[:, elbow] = np.concatenate([np.linspace(q[0, elbow], arm.upper[elbow], half),
+                                  np.full(half, arm.upper[elbow] + np.radians(excess))])  # fmt: skip
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fit = fit_arm(record(arm, time, q))
+    assert np.all((fit.joint_angles >= fit.arm.lower) & (fit.joint_angles <= fit.arm.upper))
+    assert fit.joint_angles[-1, elbow] == pytest.approx(arm.upper[elbow], abs=1e-6)
+    assert fit.at_limit[elbow] > 0.1
+    assert fit.residual[0].max() < 0.1 < 0.2 * excess < fit.residual[-1].max() < 25
+    np.testing.assert_allclose(fit.beyond_limit[half + 5 :, elbow], excess, atol=0.2 * excess)
+    reported = [text for text in fit.quality_warnings if "elbow_flexion" in text]
+    noted = [text for text in fit.notes if "elbow_flexion would go beyond its limit of 130°" in text]
+    assert (len(reported), len(noted)) == ((1, 0) if excess > 10.0 else (0, 1))
+    assert [str(one.message) for one in caught] == reported
+
+
+# ---- missing information ------------------------------------------------------------------------------------------
+
+
+def test_without_hand_and_wrist_axis_the_wrist_is_unobservable(slow_motion, record):
+    """Shoulder, elbow and wrist leave pro-supination and the wrist open: neutral, reported, with the reason."""
+    arm = arms.rhuman(0.31, 0.26, 0.06)
+    time, q = slow_motion(arm)
+    fit = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
+    assert fit.segments == ("upper arm", "forearm")
+    assert tuple(fit.unobservable) == ("pro_sup", "deviation", "flexion")
+    assert all("neutral" in reason for reason in fit.unobservable.values())
+    np.testing.assert_array_equal(fit.joint_angles[:, 4:], 0.0)
+    np.testing.assert_allclose(fit.joint_angles[:, :4], q[:, :4], atol=1e-6)
+
+
+def test_a_straight_elbow_makes_the_axial_rotation_unobservable(slow_motion, record):
+    """It is observable again with an elbow axis; through a short straight phase it is interpolated near the truth."""
+    arm = arms.rhuman(0.31, 0.26, 0.06)
+    time, q = slow_motion(arm, n=121, seconds=4.0)
+    passing = q.copy()
+    passing[:, 3] = 0.4 * (time - 2.0) ** 2
+    fit = fit_arm(record(arm, time, passing, axes=False, hand=False), "rhuman")
+    assert np.abs(fit.joint_angles[:, 2] - passing[:, 2]).max() < np.radians(3)
+    q[:, 3], q[:, 1] = 0.0, 1.0
+    blind = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
+    assert "shoulder_rot" in blind.unobservable
+    assert blind.largest_step[0] < 5
+    assert "shoulder_rot" not in fit_arm(record(arm, time, q), "rhuman").unobservable
+
+
+def test_short_gaps_are_interpolated_and_long_ones_omitted(arm, slow_motion, record):
+    """A short gap keeps its frames, a long one loses them, and the notes report times and points."""
+    time, q = slow_motion(arm, n=100)
+    recording = record(arm, time, q)
+    positions = recording.positions.copy()
+    positions[10:14, recording.names.index("elbow")] = np.nan
+    positions[50:70, recording.names.index("wrist")] = np.nan
+    fit = fit_arm(replace(recording, positions=positions), arm.name)
+    np.testing.assert_array_equal(fit.frames, np.r_[0:50, 70:100])
+    np.testing.assert_allclose(fit.time, time[fit.frames])
+    assert np.abs(fit.joint_angles - q[fit.frames]).max() < np.radians(0.1)
+    assert any("elbow" in note and "interpolated" in note for note in fit.notes)
+    assert any("20 frames omitted, 1.01–1.39 s: wrist missing" in note for note in fit.notes)
+    assert "20 frames in the middle" in fit.quality_warnings[-1]
+
+
+def test_lengths_that_are_not_recorded_come_from_the_height(arm, slow_motion, record):
+    """With a height, the length of a hand that is not recorded is a fraction of it, and the notes report it."""
+    time, q = slow_motion(arm, n=20)
+    fit = fit_arm(record(arm, time, q, hand=False), arm.name, height=1.8)
+    assert fit.segment_lengths["upper arm"] == pytest.approx(0.31)
+    assert fit.segment_lengths["hand"] == pytest.approx(1.8 * FRACTIONS["hand"])
+    assert any("hand: 0.062 m by the body height of 1.8 m" in note for note in fit.notes)
+    ends = fit.arm.point_positions(np.zeros(7), ("wrist", "hand"))
+    assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(1.8 * FRACTIONS["hand"])
+    for wrong in (180, -1, float("nan"), "tall"):
+        with pytest.raises(InvalidInputError, match="height"):
+            fit_arm(record(arm, time, q), arm.name, height=wrong)
+
+
+# ---- real recordings ----------------------------------------------------------------------------------------------
+
+
+def test_ladder_is_followed_closely(ladder):
+    """Residuals of upper arm and forearm are small except briefly at limits; the wrist is unobservable."""
+    summary = ladder.residual_summary()
+    for segment in ("upper arm", "forearm"):
+        assert summary[segment]["median"] < 0.1
+        assert summary[segment]["p95"] < 1.0
+        assert summary[segment]["max"] < 7.0
+    assert summary["hand"]["median"] < 1.5
+    assert tuple(ladder.unobservable) == ("pro_sup", "deviation", "flexion")
+    assert len(ladder) == 1128
+    assert ladder.segment_lengths["upper arm"] == pytest.approx(0.2959, abs=1e-4)
+
+
+def test_a_part_of_a_recording_is_fitted_as_in_the_whole(ladder):
+    """Also where the arm hangs straight, and its angles hardly change the residual."""
+    part = fit_arm(read_recording("ladder").crop(25, 30))
+    rows = np.searchsorted(ladder.time, part.time - 1e-6)
+    assert np.abs(ladder.joint_angles[rows] - part.joint_angles)[15:-15].max() < 0.02
+
+
+def test_freeform_is_followed_closely():
+    """Residuals of real markers are about a degree (median), although elbow and wrist exceed limits of the model."""
+    fit = fit_arm(read_recording("freeform"))
+    summary = fit.residual_summary()
+    assert summary["upper arm"]["median"] < 0.8
+    assert summary["forearm"]["median"] < 1.0
+    assert summary["hand"]["median"] < 5.0
+    assert max(summary["upper arm"]["max"], summary["forearm"]["max"]) < 8.0
+    assert fit.observable.all()
+    assert fit.at_limit[3] > 0.3
+
+
+@pytest.mark.parametrize(
+    ("person", "pair", "segment", "axis"),
+    [
+        ("myoarm", ("ROWR", "RIWR"), "forearm", "wrist_axis"),
+        ("rhuman", ("RIEL", "RELB"), "upper arm", "elbow_axis"),
+    ],
+)
+def test_exchanged_markers_are_reported(person, pair, segment, axis):
+    """Exchanged points of wrist or elbow cause a warning with their names and the remedy, which works."""
+    recording = read_recording("freeform")
+    exchanged = dict(zip(pair, pair[::-1], strict=True))
+    wrong = replace(recording, names=tuple(exchanged.get(name, name) for name in recording.names))
+    with pytest.warns(ManiportWarning, match=f"{pair[0]} and {pair[1]} may be exchanged.*'{axis}': "
+                      rf"\[\['{pair[1]}'\], \['{pair[0]}'\]\]"):  # fmt: skip
+        fit = fit_arm(wrong, person)
+    row = fit.residual_summary()[f"{segment} about its axis"]
+    assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
+    assert abs(fit.twist_residual[segment][fit.time == row["max_at_s"]][0]) == row["max"]
+    repaired = fit_arm(wrong, person, markers={axis: ([pair[1]], [pair[0]])})
+    assert not any("exchanged" in text or "differ" in text for text in repaired.quality_warnings)
+    assert repaired.residual_summary()[f"{segment} about its axis"]["median"] < 16
+
+
+# ---- faults -------------------------------------------------------------------------------------------------------
+
+
+def wandering(arm, rate=30.0, seconds=5.0):
+    """Times and joint angles of a smooth random motion."""
+    middle, width = np.radians([[20, 60, 0, 70, 0, 5, 0], [40, 35, 30, 40, 20, 8, 20]])
+    time, knots = np.arange(int(seconds * rate) + 1) / rate, np.arange(0.0, seconds + 2.0, 0.8)
+    ways = np.random.default_rng(0).uniform(-1, 1, (len(knots), arm.dof))
+    return time, middle + width * CubicSpline(knots, ways)(time)
+
+
+@DIFFER
+def test_noise_and_outliers_of_video_are_reduced():
+    """With 10 mm of noise and 3 % of points 0.2 m off, errors of angles and ellipsoids are half of those without."""
+    arm = arms.myoarm(0.3, 0.26, 0.06)
+    time, q = wandering(arm)
+    names = ("shoulder", "elbow", "wrist", "hand")
+    trunk = {
+        "trunk_right": [0, -0.15, 0],
+        "trunk_left": [0, 0.15, 0],
+        "trunk_low": [0, 0, -0.5],
+        "trunk_high": [0, 0, 0],
+    }
+    fixed = np.tile(np.array(list(trunk.values()), dtype=float), (len(time), 1, 1))
+    clean = Recording((*names, *trunk), np.concatenate([arm.point_positions(q, names), fixed], axis=1), time)
+    generator = np.random.default_rng(1)
+    noisy = clean.positions + generator.normal(0.0, 0.01, clean.positions.shape)
+    away = generator.normal(size=noisy.shape)
+    away *= 0.2 / np.linalg.norm(away, axis=-1, keepdims=True)
+    noisy += np.where(generator.random(noisy.shape[:2]) < 0.03, 1.0, 0.0)[..., None] * away
+    video, truth = replace(clean, positions=noisy), fit_arm(clean, side="right")
+    fits = [fit_arm(video, side="right", smooth=smooth) for smooth in ("auto", "off")]
+    joints, raw_joints = (np.sqrt(np.mean((fit.joint_angles - truth.joint_angles)[:, :4] ** 2)) for fit in fits)
+    ellipsoids, raw_ellipsoids = (
+        np.mean(spd.distance(*(one.arm.manipulability(one.joint_angles) for one in (fit, truth)))) for fit in fits
+    )
+    assert joints < min(0.5 * raw_joints, np.radians(2.5))
+    assert ellipsoids < 0.5 * raw_ellipsoids
+    assert any("noise of" in text and "smoothed" in text for text in fits[0].quality_warnings)
+    assert any("outlier" in note for note in fits[0].notes)
+
+
+def test_repaired_faults_leave_the_fit_as_it_is():
+    """Zeros for missing points, a second unit and swapped wrists in one recording: the angles of the clean one."""
+    arm = arms.myoarm(0.3, 0.26, 0.06)
+    time, q = wandering(arm, seconds=10.0)
+    clean = synthetic_recording(arm, q, time)
+    names = tuple({"wrist": "RightWrist"}.get(name, name) for name in clean.names)
+    left = clean.positions[:, [clean.names.index("wrist")]] * [1.0, -1.0, 1.0]
+    positions = np.concatenate([clean.positions, left], axis=1)
+    positions[40:43, names.index("hand")] = 0.0
+    wrist = names.index("RightWrist")
+    positions[100:120, [wrist, -1]] = positions[100:120, [-1, wrist]]
+    positions[250:] *= 1000.0
+    fit = fit_arm(Recording((*names, "LeftWrist"), positions, time), markers={"wrist": "RightWrist"}, side="right")
+    assert np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.3
+    assert any("hand: exactly at the origin in 3 frames" in note for note in fit.notes)
+    assert any("swapped in 20 frames" in text for text in fit.quality_warnings)
+    assert any("1000 times as large" in text for text in fit.quality_warnings)
+
+
+# ---- jumps and calibration poses ----------------------------------------------------------------------------------
+
+TIME, FRAMES = np.arange(120) / 30, np.arange(120)
+
+
+def test_jumps_are_found_described_and_smoothed():
+    """No joint jumps after smoothing; frames elsewhere stay, and none leaves the range of the frames around."""
+    swing = np.stack([0.5 * np.sin(np.pi * TIME), 0.3 * TIME], axis=1)
+    q = swing.copy()
+    q[50:, 0] += np.radians(80)
+    q[52:, 0] += np.radians(70)
+    jumps = joint_jumps(q, TIME, FRAMES)
+    assert jumps.tolist() == [50, 52]
+    assert not len(joint_jumps(swing, TIME, FRAMES))
+    assert not len(joint_jumps(swing[:1], TIME[:1], FRAMES[:1]))
+    assert not len(joint_jumps(q[[0, 50]], TIME[[0, 50]], FRAMES[[0, 50]]))
+    _, kept, text = treat_jumps(q, TIME, FRAMES, ("elv_angle", "elbow_flexion"), "split")
+    assert "2 of 120 frames" in text
+    assert "1.67 s, 1.73 s); most elv_angle, by 8" in text
+    assert (kept.start, kept.stop) == (52, 120)
+    smooth, width = smooth_jumps(q, TIME, FRAMES, jumps)
+    near = np.minimum(np.abs(TIME - TIME[50]), np.abs(TIME - TIME[52])) < width + 1e-9
+    np.testing.assert_array_equal(smooth[~near], q[~near])
+    assert width == 0.15
+    assert q[40:62, 0].min() <= smooth[near, 0].min() <= smooth[near, 0].max() <= q[40:62, 0].max()
+    assert np.degrees(np.abs(np.diff(smooth, axis=0)).max()) * 30 < FASTEST_JOINT
+
+
+def test_jumps_of_a_real_recording_are_kept_smoothed_or_cut():
+    """Where the arm hangs, joints of the ladder jump: the options treat them, and leave other frames unchanged."""
+    recording = read_recording("ladder").crop(11, 14)
+    kept = fit_arm(recording)
+    assert kept.largest_step[0] > 60
+    assert "jumps='smooth'" in kept.quality_warnings[-1]
+    smooth, split = fit_arm(recording, jumps="smooth"), fit_arm(recording, jumps="split")
+    assert smooth.largest_step[0] < 50
+    np.testing.assert_array_equal(smooth.joint_angles[70:], kept.joint_angles[70:])
+    assert split.largest_step[0] < 50
+    assert len(split) < len(kept)
+    np.testing.assert_array_equal(split.joint_angles, kept.joint_angles[split.frames])
+    with pytest.raises(UnknownNameError, match="'smooth'"):
+        fit_arm(recording, jumps="smoth")
+
+
+@pytest.mark.parametrize(
+    ("upper", "held", "words"),
+    [
+        ((0.0, -1.0, 0.0), 30, "a T-pose, as for calibration, held for 0.97 s"),
+        ((0.1, 0.7, -0.7), 30, "an A-pose, as for calibration, held for 0.97 s"),
+        ((0.0, -1.0, 0.0), 1, "a T-pose, as for calibration, left at once"),
+        ((0.0, -1.0, 0.0), 10, ""),  # not long enough, and left gently
+        ((0.0, 0.0, -1.0), 30, ""),  # the arm hangs
+        ((0.0, -1.0, 0.0), 120, ""),  # nothing else is recorded
+    ],
+)
+def test_calibration_poses_are_reported(upper, held, words):
+    """A straight arm to the side that is held at the beginning, or left in one frame, causes a warning."""
+    angle = (1.0 if held == 1 else 0.1) * np.maximum(FRAMES - held + 1, 0)[:, None]
+    direction = np.cos(angle) * np.array(upper) / np.linalg.norm(upper) + np.sin(angle) * np.array([0.6, 0.0, -0.8])
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    text = calibration_pose({"upper arm": direction, "forearm": direction}, TIME)
+    assert words in text if words else not text
+
+
+def test_repetitions_are_found(repeated):
+    """Each time that the hand moves out and back is found, with rests of unequal length, and none overlap."""
+    fit = fit_arm(repeated)
+    parts = np.array(fit.repetitions())
+    np.testing.assert_allclose(parts.mean(axis=1), [1.0, 2.2, 4.0, 6.5], atol=0.05)
+    assert np.all(parts[1:, 0] >= parts[:-1, 1])
+    assert fit.crop(0.0, 0.04).repetitions() == []
+    assert len(fit.crop(4.8, 5.6).repetitions()) < 2
+
+
+# ---- left and right -----------------------------------------------------------------------------------------------
+
+
+@DIFFER
+@pytest.mark.parametrize(("name", "person"), [("ladder", "rhuman"), ("freeform", "myoarm")])
+def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person):
+    """The left arm of the mirrored recording has the right one's joint angles; path and ellipsoids are mirrored."""
+    recording, s = read_recording(name).crop(0, 1), np.diag([1.0, -1.0, 1.0])
+    right, left = fit_arm(recording, person), fit_arm(in_a_mirror(recording), person)
+    assert (right.arm.side, left.arm.side, left.arm.name) == ("right", "left", f"{person}_left")
+    q = right.joint_angles
+    np.testing.assert_allclose(left.joint_angles, q, atol=1e-9)
+    np.testing.assert_allclose(left.arm.ellipsoids(q), s @ right.arm.ellipsoids(q) @ s, atol=1e-9)
+    np.testing.assert_allclose(left.arm.forward(q)[:, :3, 3], right.arm.forward(q)[:, :3, 3] @ s, atol=1e-9)
+    np.testing.assert_allclose(left.residual, right.residual, atol=1e-6)
+    for segment, twist in right.twist_residual.items():
+        np.testing.assert_allclose(left.twist_residual[segment], -twist, atol=1e-6)
+    assert left.summary == right.summary.replace("right arm", "left arm")
+    np.testing.assert_array_equal(left.observable_share, right.observable_share)
+
+
+@pytest.mark.parametrize("person", ["myoarm", "rhuman"])
+def test_a_left_arm_is_recognized(person, slow_motion):
+    """A recording of a left arm gives its angles back; as a right arm it is rejected by the positions."""
+    arm = load_arm(person, side="left")
+    time, q = slow_motion(arm)
+    for side in ("left", "auto"):
+        fit = fit_arm(synthetic_recording(arm, q, time), person, side=side)
+        np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
+        assert fit.arm.side == "left"
+    with pytest.raises(RecordingError, match=r"shoulder of the right arm: .* to the left of trunk_up"):
+        fit_arm(synthetic_recording(arm, q, time), person, side="right")
+    np.testing.assert_allclose(hand_rotations(fit.arm, q), hand_rotations(arm, q), atol=1e-12)
+
+
+@pytest.mark.parametrize("person", ["myoarm", "rhuman"])
+def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, slow_motion):
+    """Of two arms on one trunk each gets its joint angles, and the distance of the hands is that of the recording."""
+    tracks, angles, paths = {}, [], []
+    for k, side in enumerate(SIDES):
+        arm = load_arm(person, side=side)
+        time, q = slow_motion(arm, n=60)
+        angles.append(q[::-1] if k else q)
+        single = synthetic_recording(arm, angles[k], time)
+        points = dict(zip(single.names, np.moveaxis(single.positions, 1, 0) - [0, middle_of(arm), 0], strict=True))
+        tracks |= {name if "trunk" in name else f"{side}_{name}": track for name, track in points.items()}
+        paths.append(arm.forward(angles[k])[:, :3, 3] - [0, middle_of(arm), 0])
+    motion = fit_arms(Recording(tuple(tracks), np.stack(list(tracks.values()), axis=1), time), person)
+    assert motion.names == SIDES
+    for fit, q in zip(motion.arms, angles, strict=True):
+        np.testing.assert_allclose(fit.joint_angles, q, atol=1e-6)
+        np.testing.assert_array_equal(fit.time, motion.time)
+    np.testing.assert_allclose(motion.hands[1] - motion.hands[0], paths[1] - paths[0], atol=1e-6)
+    np.testing.assert_allclose(motion.bases.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_the_shipped_recording_of_both_arms():
+    """Residuals are below 2.5° in the frames that show both; warnings name the arm, common ones occur once."""
+    with pytest.warns(ManiportWarning) as caught:
+        motion = fit_arms(read_recording("both-arms"))
+    assert [str(one.message).split(":")[0] for one in caught] == ["left arm"]
+    assert [len(motion), *map(len, motion.arms)] == [272] * 3
+    np.testing.assert_array_equal(motion.arms[0].frames, motion.arms[1].frames)
+    for fit in motion.arms:
+        residuals = fit.residual_summary()
+        assert max(residuals["upper arm"]["median"], residuals["forearm"]["median"]) < 2.5
+        assert fit.observable.all()
+    assert 0.1 < np.median(np.linalg.norm(motion.hands[1] - motion.hands[0], axis=-1)) < 1.0
+    assert sum("frames in the middle" in text for text in motion.quality_warnings) == 1
+    assert len(motion.crop(3.0, 4.0)) < 41
+
+
+def test_a_recording_of_one_arm_is_rejected_for_both():
+    """The message names the recorded arm and the missing points of the other one."""
+    single = synthetic_recording(load_arm("rhuman"), np.zeros((4, 7)), np.arange(4.0))
+    for recording in (read_recording("freeform"), single):
+        with pytest.raises(RecordingError, match=r"shows the right arm only"):
+            fit_arms(recording)

@@ -1,0 +1,95 @@
+"""Faults and noise of recordings, made in recordings of known truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maniport import arms
+from maniport.errors import InvalidInputError, RecordingError
+from maniport.mocap import read_recording
+from maniport.mocap.cleaning import in_one_unit, in_order, smoothed, unswapped, without_outliers, without_zeros
+from maniport.mocap.roles import assign_roles
+
+
+@pytest.fixture
+def swinging(slow_motion, record):
+    """Ten seconds of a whole arm at 30 Hz that swings beside a trunk, without a fault."""
+    arm = arms.rhuman(0.3, 0.27, 0.06)
+    return record(arm, *slow_motion(arm, n=300, seconds=10.0, curved=True))
+
+
+def changed(recording, name, frames, value):
+    """The recording with other positions of one point in some frames."""
+    positions = recording.positions.copy()
+    positions[frames, recording.names.index(name)] = value
+    return replace(recording, positions=positions)
+
+
+@pytest.mark.parametrize("name", ["ladder", "freeform"])
+def test_recordings_without_faults_stay_as_they_are(name):
+    """None of the repairs makes a new recording."""
+    recording = read_recording(name)
+    assert without_zeros(recording) is recording
+    assert unswapped(recording, recording.names) is recording
+    assert in_one_unit(recording, assign_roles(recording)) is recording
+    assert without_outliers(recording) is recording
+    assert smoothed(recording) is recording
+
+
+def test_late_frames_are_sorted_and_repeated_ones_dropped():
+    """Frames in disorder come back in order, each time once, with their positions, and notes report both."""
+    time, positions = np.arange(40) / 30, np.arange(40.0)[:, None]
+    order = np.arange(40)
+    order[[10, 12]] = order[[12, 10]]
+    order = np.insert(order, 20, 19)
+    times, places, notes = in_order(time[order], positions[order])
+    np.testing.assert_array_equal(times, time)
+    np.testing.assert_array_equal(places, positions)
+    assert len(notes) == 2
+    assert in_order(time, positions)[0] is time
+
+
+@pytest.mark.parametrize(
+    ("time", "words"),
+    [
+        (np.r_[np.arange(90), np.arange(90)] / 30, "2.97 s at index 90, to 0 s"),
+        (np.round(np.arange(90) / 30, 1), "59 of 90 frames .*index 1"),
+    ],
+)
+def test_two_recordings_in_one_and_coarse_times_are_rejected(time, words):
+    """Times that cannot be sorted without loss are an error with their index."""
+    with pytest.raises(InvalidInputError, match=words):
+        in_order(time, np.zeros((len(time), 1)))
+
+
+def test_a_body_of_another_size_is_rejected(swinging):
+    """A change of size that is no metric unit may be another person: an error with the time."""
+    positions = swinging.positions.copy()
+    positions[200:] *= 2.5
+    with pytest.raises(RecordingError, match=r"6.69 to 10.00 s the body is 2.5 times as large"):
+        in_one_unit(replace(swinging, positions=positions), assign_roles(swinging))
+
+
+def test_outliers_are_missing(swinging):
+    """A frame or two far from their neighbors are marked as missing, exactly these; a step that stays is not."""
+    far = changed(swinging, "wrist", 70, swinging.point("wrist")[70] + np.array([0.0, 0.2, 0.0]))
+    far = changed(far, "wrist", slice(90, 92), swinging.point("wrist")[90:92] + np.array([0.3, 0.0, 0.0]))
+    clean = without_outliers(far)
+    assert np.flatnonzero(np.isnan(clean.point("wrist")[:, 0])).tolist() == [70, 90, 91]
+    assert any("wrist: outlier in 3 frames" in note for note in clean.notes)
+    away = changed(swinging, "wrist", slice(150, 300), swinging.point("wrist")[150:] + np.array([0.3, 0.0, 0.0]))
+    assert without_outliers(away) is away
+
+
+def test_noise_is_smoothed(swinging):
+    """Noise of 10 mm falls to less than half, outliers have no effect, and points without noise stay."""
+    generator = np.random.default_rng(1)
+    track = swinging.point("wrist") + generator.normal(0.0, 0.01, (300, 3))
+    track[generator.random(300) < 0.03] += [0.0, 0.2, 0.0]
+    clean = smoothed(changed(swinging, "wrist", slice(None), track))
+    error = np.linalg.norm(clean.point("wrist") - swinging.point("wrist"), axis=-1)
+    assert np.sqrt(np.mean(error**2)) < 0.5 * 0.01 * np.sqrt(3)
+    np.testing.assert_array_equal(clean.point("elbow"), swinging.point("elbow"))
+    assert "wrist: noise of" in clean.quality_warnings[0]
+    assert "smooth='off'" in clean.quality_warnings[0]

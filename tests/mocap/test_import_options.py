@@ -1,0 +1,64 @@
+"""Contradictions between the points of a recording and its unit, vertical axis or times."""
+
+import numpy as np
+import pytest
+
+from dialect_files import POINTS, SKELETONS, mirrored, write_bvh
+from maniport.errors import InvalidInputError
+from maniport.mocap import Recording, read_recording
+from maniport.mocap.roles import assign_roles
+
+
+@pytest.fixture
+def skeleton_file(tmp_path, made):
+    """The motion as BVH in centimeters, y up."""
+    return write_bvh(tmp_path / "small.bvh", SKELETONS["LAFAN1"], made)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("ladder", "CMU"), ("freeform", "mm")])
+def test_right_options_cause_no_warning(name, unit):
+    """With the right unit and axis there is no warning, whether the person hangs, reaches or bends."""
+    assert read_recording(name, unit=unit, up="y").quality_warnings == ()
+
+
+@pytest.mark.parametrize("unit", ["m", "mm", "inch"])
+def test_an_impossible_unit_is_rejected(skeleton_file, unit):
+    """An upper arm of 30 m is impossible; the message names the unit that makes it possible."""
+    with pytest.raises(InvalidInputError, match=f"small.bvh: unit='{unit}' .*unit='cm' makes it 0.3"):
+        read_recording(skeleton_file, unit=unit)
+
+
+@pytest.mark.parametrize("up", ["z", "x", "-y"])
+def test_an_unlikely_vertical_axis_causes_a_warning(skeleton_file, up):
+    """The warning has the angle of the trunk to the axis, and the more likely axis."""
+    (text,) = read_recording(skeleton_file, up=up).quality_warnings
+    assert f"up='{up}'" in text
+    assert "with up='y'" in text
+
+
+def test_of_several_bodies_one_is_used(tmp_path, made):
+    """Points of different bodies are never combined; a warning names the body, a point of another selects that."""
+    markers = made.recording(mirrored(POINTS["Plug-in Gait"]))
+    names = tuple(f"{body}:{name}" for body in "AB" for name in markers.names)
+    positions = np.concatenate([markers.positions, markers.positions + 0.1], axis=1)
+    file = tmp_path / "two.npz"
+    Recording(names, positions, markers.time).save(file)
+    both = read_recording(file)
+    assert "several bodies: A, B" in both.quality_warnings[0]
+    for own, body in ((None, "A"), ({"shoulder": "B:RSHO"}, "B")):
+        roles = assign_roles(both, own)
+        assert {name[:2] for role in ("shoulder", "elbow", "wrist") for name in roles[role]} == {f"{body}:"}
+        assert roles["trunk_up"][0][0].startswith(body)
+    positions[:, names.index("A:RELB")] = np.nan
+    Recording(names, positions, markers.time).save(file)
+    assert assign_roles(read_recording(file))["wrist"] == ("B:RWRA", "B:RWRB")
+
+
+@pytest.mark.parametrize(("scale", "word"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_that_cannot_be_seconds_are_recognized(tmp_path, markers, scale, word):
+    """Frames that would be 20 s apart are 20 ms apart, and a note reports it."""
+    file = tmp_path / "slow.npz"
+    np.savez(file, names=np.array(markers.names), positions=markers.positions, time=markers.time * scale)
+    recording = read_recording(file)
+    assert any(f"recognized as {word}" in note for note in recording.notes)
+    np.testing.assert_allclose(recording.time, markers.time, atol=1e-12)

@@ -1,0 +1,86 @@
+"""Configuration: checks of values, changes by name, and YAML files."""
+
+import numpy as np
+import pytest
+
+import maniport as mp
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
+from maniport.pipeline.config import OPTIONS, SECTIONS, Config
+from maniport.util.options import options_of
+
+
+def test_a_saved_configuration_is_equal_when_loaded(tmp_path):
+    """Every option survives, paths of files become absolute."""
+    config = Config().changed(
+        recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth=6,
+        workspace=[[0.2, None], [0, 1], [-np.inf, 1]], base_rotation=(0.0, 0.1, 1e-7), robot=["ur5", "panda"], seed=3,
+        pose=[(0, 0.3, 0, 0), (0, -0.3, 0, 0)], collisions=False,
+    )  # fmt: skip
+    config.save(tmp_path / "run.yaml")
+    assert Config.load(tmp_path / "run.yaml") == config
+    (tmp_path / "empty.yaml").write_text("human: {}")
+    assert Config.load(tmp_path / "empty.yaml") == Config()
+
+
+def test_objects_become_names_in_files(tmp_path):
+    """An adapter is saved as the name of its class, an arm as its source."""
+    config = Config().changed(method=mp.ParallelTransport(), robot=mp.load_arm("panda"))
+    config.save(tmp_path / "run.yaml")
+    assert Config.load(tmp_path / "run.yaml").transfer.method == "parallel-transport"
+    assert Config.load(tmp_path / "run.yaml").robot.robot == ("panda",)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("human:\n  persn: myoarm", ("line 2", "persn", "person")),
+        ("humn: {}", ("humn", "human")),
+        ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "at least 10")),
+        ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
+        ("motion: {tracking: {}}", ("line 1", "tracking")),
+        ("human: 3", ("line 1", "mapping")),
+        ("seed: -1", ("seed",)),
+        ("a: &x 1", ("a",)),
+        ("motion: [", ("line 1",)),
+    ],
+)
+def test_wrong_files_are_refused(tmp_path, text, words):
+    """The message has the file, the line where it is known, the key and what is allowed."""
+    (tmp_path / "run.yaml").write_text(text)
+    with pytest.raises(FileFormatError) as caught:
+        Config.load(tmp_path / "run.yaml")
+    assert all(word in str(caught.value) for word in ("run.yaml", *words))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"position_tolerance": 0.0},
+        {"rate": np.inf},
+        {"unit": "ft"},
+        {"height": 3.0},
+        {"joint_limit_margin": 0.5},
+        {"damping": -1.0},
+        {"orientation": "up"},
+        {"orientation": [0, 0]},
+        {"move": "yes"},
+        {"n_teacher": 1},
+        {"export": ["ros2"], "move": False},
+    ],
+)
+def test_wrong_values_are_refused(options):
+    """One of a range, a choice or a combination."""
+    with pytest.raises(InvalidInputError):
+        Config().changed(**options)
+
+
+def test_an_unknown_option_lists_the_nearest():
+    """The nearest name is first."""
+    with pytest.raises(UnknownNameError, match="nearest first: 'position_tolerance'"):
+        Config().changed(positon_tolerance=0.01)
+
+
+def test_names_of_options_are_unique_and_described():
+    """An option belongs to one section, and its description is a short noun phrase."""
+    assert len(OPTIONS) == sum(len(options_of(kind)) for kind in (Config, *SECTIONS.values()))
+    assert all(len(described.help.split()) <= 12 for _, described in OPTIONS.values())
