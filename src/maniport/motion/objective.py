@@ -13,7 +13,7 @@ Searches, placements, starts, the tracker and the motion as a whole all judge by
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,6 +144,16 @@ class Objective:
         return Targets(self, root, whitening, positions, weights, rotations)
 
 
+class Linearization(NamedTuple):
+    """Cost f of n configurations and its derivatives."""
+
+    ellipsoid_square: Array  # (n,): rᵀ W r; infinite where an ellipsoid is singular
+    pose_square: Array  # (n,): weighted squared errors of position and orientation
+    gradient: Array  # (n, dof): half the gradient of f
+    hessian: Array  # (n, dof, dof): Gauss-Newton Hessian of f
+    poses: Array | None  # (n, 4, 4) of the end effector; None where neither position nor orientation has a target
+
+
 @dataclass(frozen=True)
 class Targets:
     """What an arm shall reach, one row for each target; make them with `Objective.targets`."""
@@ -183,6 +193,11 @@ class Targets:
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
+        parts = self.linearize(q)
+        return np.sqrt(parts.ellipsoid_square + parts.pose_square), parts.gradient, parts.hessian
+
+    def linearize(self, q: Array) -> "Linearization":
+        """Evaluate f and its derivatives at configurations (n, dof)."""
         values, vectors, frames, singular, changes, jacobian, tips = self.differentials(q)
         gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
@@ -195,10 +210,11 @@ class Targets:
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
             square = np.sum(residual * pull, axis=1)
+        pose_square = np.zeros(len(q))
         for away, moves in self._tip_residuals(q, tips, jacobian):
             add_residual(away, moves, gradient, hessian)
-            square += np.sum(away**2, axis=1)
-        return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
+            pose_square += np.sum(away**2, axis=1)
+        return Linearization(np.where(singular, np.inf, square), pose_square, gradient, hessian, tips)
 
     def log_changes(self, q: Array) -> Array:
         """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""

@@ -92,7 +92,7 @@ def follow(
         plan = motion
         if tracking:
             more = tracking | {"reference": plan.joint_positions, "rotations": turned}
-            motion = track(arm, target, time=plan.time, path=tips, **more, **same)
+            motion = track(arm, target, time=plan.time, path=tips, **more, **same).arms[0]
             room = Clearance.of(planner.collisions, motion)
         gap = feasibility_gap(
             arm, target, bank=planner.arms[0].bank, **as_effort(settings.planning_effort).of_gap, **same
