@@ -7,6 +7,7 @@ import numpy as np
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
+from maniport.arms.manipulability import manipulability
 from maniport.motion import MotionLimits, Objective, SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
@@ -39,7 +40,7 @@ class Robot:
         own_limits: Sequence[Limit] = (),
     ):
         require_trackable(limits.arm, spec)
-        self._arm, self._spec = limits.arm, spec
+        self._arm, self._spec = limits.arm, limits.arm.resolved(spec)
         self._objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
         self._references = None if reference is None else SeedBank(limits.arm, reference, self._objective.damping, spec)
         self._collision = None
@@ -59,7 +60,9 @@ class Robot:
 
     def _set(self, state: ControlState) -> None:
         self._state = state
-        self.tip = self._arm.forward(state.q)[:3, 3]
+        poses, jacobians = self._arm.motion(state.q[None])
+        self.tip = poses[0, :3, 3]
+        self.achieved = manipulability(jacobians[0] @ self._arm.chain.coupling, self._spec)  # (d, d)
 
     @property
     def q(self) -> Array:
@@ -75,11 +78,6 @@ class Robot:
     def resting(self) -> bool:
         """Whether it is at rest."""
         return not self.velocity.any()
-
-    @property
-    def achieved(self) -> Array:
-        """Velocity ellipsoid, shape (d, d)."""
-        return np.asarray(self._arm.ellipsoids(self.q, self._spec))
 
     def distance(self, target: Array) -> float:
         """Affine-invariant distance of a target (d, d) and the achieved ellipsoid, with the damping."""
