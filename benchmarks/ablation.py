@@ -28,7 +28,7 @@ from maniport.motion import PlanControl
 from maniport.motion.effort import EFFORTS, FULL, QUICK
 from maniport.motion.placement import placement_search
 from maniport.motion.plan import planner
-from maniport.pipeline.follow import follow
+from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
 from .tracking_motions import motions
@@ -103,7 +103,8 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     continue
                 with changed(variant):
                     begin = time.process_time()
-                    result = follow(arm, target, clock, path, planning_effort="ablation", random_state=seed, **options)
+                    options |= {"planning_effort": "ablation", "random_state": seed}
+                    result = follow_profile(arm, [target], clock, [path], **options)
                     seconds = time.process_time() - begin
                 motion = result.motion
                 assert motion.position_error is not None
@@ -112,7 +113,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     "duration": float(motion.control_time[-1]),
                     "error_p95": float(np.percentile(motion.position_error, 95)) / tolerance,
                     "error_max": float(motion.position_error.max()) / tolerance,
-                    "collides": float(result.room.share),
+                    "collides": float(motion.room.share),
                 }
                 with open(file, "a", encoding="utf-8") as stream:
                     stream.write(json.dumps(row) + "\n")

@@ -42,16 +42,16 @@ FACTOR, SCALING = 10.0, 1.8
 RUN = """
 import json, resource, sys, time
 import maniport as mp
-from maniport.pipeline.work import Job
-aside = {"known": 0.0, "fit_adapter": 0.0}
+from maniport.pipeline import stages
+aside = {"sample_robot": 0.0, "fit_map": 0.0}
 def timed(name):
-    whole = getattr(Job, name)
+    whole = getattr(stages, name)
     def one(*given):
         begin = time.process_time()
         found = whole(*given)
         aside[name] += time.process_time() - begin
         return found
-    setattr(Job, name, one)
+    setattr(stages, name, one)
 if __name__ == "__main__":
     recordings, output, processes, dask, *robots = sys.argv[1:]
     if processes == "1":
@@ -61,7 +61,7 @@ if __name__ == "__main__":
     used = [resource.getrusage(one) for one in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     print(json.dumps({
         "wall": time.perf_counter() - begin, "cpu": sum(one.ru_utime + one.ru_stime for one in used),
-        "started": started, "robots": aside["known"], "fits": aside["fit_adapter"],
+        "started": started, "robots": aside["sample_robot"], "fits": aside["fit_map"],
         "pairs": len(found.table), "failed": len(found.failed), "kept": found.kept,
         "recorded": sum(row.get("recording.duration_s") or 0.0 for row in found.table),
         "distance": sorted(row["motion.distance.median"] for row in found.table if row["state"] == "done"),

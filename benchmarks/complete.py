@@ -20,7 +20,7 @@ from maniport.mocap import shipped_recording
 from maniport.motion import ArmMotion
 from maniport.motion.motion_limits import DERIVATIVES
 from maniport.motion.trajectory import Clearance
-from maniport.pipeline.execution import Execution
+from maniport.pipeline.results import ArmResult
 
 from .inputs import Array
 from .measure import Row, duration
@@ -52,18 +52,18 @@ def rows(quick: bool) -> Iterator[Row]:
         yield from _compared(name, ours, peer, execution, frames)
 
 
-def _ours(file: Path) -> tuple[Motion, Execution, int]:
+def _ours(file: Path) -> tuple[Motion, ArmResult, int]:
     with tempfile.TemporaryDirectory() as folder:
         begin = clock.perf_counter()
         result = mp.transfer_recording(file)
-        execution = result.execution
-        assert execution is not None
-        execution.save(Path(folder) / "out")
+        execution = result.arm
+        assert execution.motion is not None
+        result.save(Path(folder) / "out")
         seconds = clock.perf_counter() - begin
-    return Motion(seconds, execution.motion, execution.room), execution, len(result.time)
+    return Motion(seconds, execution.motion, execution.motion.clearance), execution, len(result.time)
 
 
-def _hand_only(file: Path, execution: Execution) -> Motion:
+def _hand_only(file: Path, execution: ArmResult) -> Motion:
     placed, robot = execution.placement, execution.robot
     assert placed is not None
     with tempfile.TemporaryDirectory() as folder:
@@ -82,9 +82,9 @@ def _hand_only(file: Path, execution: Execution) -> Motion:
     return Motion(seconds, followed, Clearance.of(apart, followed))
 
 
-def _compared(name: str, ours: Motion, peer: Motion, execution: Execution, frames: int) -> Iterator[Row]:
+def _compared(name: str, ours: Motion, peer: Motion, execution: ArmResult, frames: int) -> Iterator[Row]:
     work = f"{name}, recording to joint file"
-    lasts = float(execution.plan.demonstrated_time[-1] - execution.plan.demonstrated_time[0])
+    lasts = float(execution.motion.demonstrated_time[-1] - execution.motion.demonstrated_time[0])
     yield Row(
         work,
         f"{duration(ours.seconds)}, {lasts / ours.seconds:.2g} s of recording a second",
@@ -125,6 +125,6 @@ def _tip(result: ArmMotion) -> str:
     return _spread(1e3 * result.position_error)
 
 
-def _use(execution: Execution, result: ArmMotion) -> str:
-    largest = execution.plan.limits.use(result.control_time, result.control_positions).largest
+def _use(execution: ArmResult, result: ArmMotion) -> str:
+    largest = execution.motion.limits.use(result.control_time, result.control_positions).largest
     return " / ".join(f"{largest[quantity][1]:.0%}" for quantity in DERIVATIVES)

@@ -57,7 +57,7 @@ def measured(rounds: int) -> dict[str, float]:
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
     shown = person.joint_angles[::8]
     target = adapter.transform(person.arm.manipulability(shown))
-    path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.turn_)
+    path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.map_rotation_)
     found = []
     for _ in range(rounds):
         live, transport = mp.Live(person, adapter, robot, path=path), Datagrams(0)

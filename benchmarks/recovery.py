@@ -18,7 +18,7 @@ import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer.icp.initialization import aligned_frames
 from maniport.transfer.icp.rotation import RotationProblem
-from maniport.transfer.rigid_adapter import recentre
+from maniport.transfer.rigid_adapter import recenter
 from maniport.transfer.rotation_group import rotation_angle
 
 from .inputs import DAMPING, Array, load
@@ -161,13 +161,13 @@ def outcome(setting: Setting, seed: int) -> Outcome:
 
 
 def best_for_copies(adapter: mp.RiemannianICP, teacher: Array, student: Array) -> Array:
-    """The rotation that the true copies ask for, once both clouds are recentred at their own means, as a fit does.
+    """The rotation that the true copies ask for, once both clouds are recentered at their own means, as a fit does.
 
     Where a share of each cloud is its own, so are its mean and its spread; no rotation makes up for that.
     """
     sides = adapter.teacher_regularization.apply(teacher, ""), adapter.student_regularization.apply(student, "")
-    moved = recentre(sides[0], adapter.teacher_mean_, adapter.dispersion_ratio_)
-    fixed = recentre(sides[1], adapter.student_mean_)
+    moved = recenter(sides[0], adapter.teacher_mean_, adapter.dispersion_ratio_)
+    fixed = recenter(sides[1], adapter.student_mean_)
     problem = RotationProblem(fixed, moved, np.full(len(fixed), 1.0 / len(fixed)))
     return min(
         (problem.minimize(one) for one in aligned_frames(moved, fixed, np.random.default_rng(0))),

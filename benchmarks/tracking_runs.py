@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from maniport.arms import Arm
 from maniport.arms.chain import rotation_about
-from maniport.evaluation import structure
+from maniport.evaluation import distance_preservation
 from maniport.motion import ArmMotion, Placement, SeedBank, place_path, robot_model, track
 from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.spd import distance
@@ -127,7 +127,9 @@ def _tracked(placed: Placement, profile: Array, time: Array, damping: Regulariza
 def _followed(result: ArmMotion, adapted: Array, damping: Regularization, person: Array) -> Followed:
     lift = damping.epsilon * np.eye(3)
     achieved = result.achieved + lift
-    return Followed(result.distance, distance(achieved, adapted + lift), structure(achieved, person).spearman)
+    return Followed(
+        result.distance, distance(achieved, adapted + lift), distance_preservation(achieved, person).rank_correlation
+    )
 
 
 def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regularization) -> ArmMotion:

@@ -47,7 +47,7 @@ def main(folder):
     }
     for name, adapter in fits.items():
         error = np.sqrt(np.mean(adapter.errors(profile, truth) ** 2))
-        off = np.degrees(np.arccos(np.clip((np.trace(adapter.turn_.T @ WALL) - 1.0) / 2.0, -1.0, 1.0)))
+        off = np.degrees(np.arccos(np.clip((np.trace(adapter.map_rotation_.T @ WALL) - 1.0) / 2.0, -1.0, 1.0)))
         print(f"{name}: {error:.3f} from the truth (root mean square), turned by {off:.1f}° beside it")
         print(f"  {adapter.identifiability_.in_words()}")
 
@@ -61,10 +61,8 @@ def main(folder):
     # Is it better than doing nothing? The same measures for the identity baseline and other cheap alternatives.
     chosen, pairs = fits["ICP, five pairs"], (few, hung(few))
     evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0, draws=0)
-    verdict = evaluation.verdict
-    print(
-        f"take {verdict.recommended}: {verdict.measure} {verdict.best_value:.3f}, the identity baseline {verdict.identity:.3f}"
-    )
+    summary = evaluation.summary
+    print(f"take {summary.recommended}: {summary.measure} {summary.best_value:.3f}, identity {summary.identity:.3f}")
     write_facts(folder / "evaluation.md", mp.report.facts_of(evaluation))
 
     # A file for later; the map is exact there and back.

@@ -38,7 +38,7 @@ def main(folder):
     target, damping = adapter.transform(profile), adapter.student_regularization
 
     # 3. The path is placed where the robot makes these ellipsoids best; whatever turned them turns the path as well.
-    placed = place_path(hand, target, robot, turn=adapter.turn_, scale=(0.5, 1.0), damping=damping)
+    placed = place_path(hand, target, robot, turn=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping)
     print(placed)
 
     # 4. The motion: the tip on its path, the ellipsoids as near as that lets them, within the Panda's limits.

@@ -21,18 +21,19 @@ def main(folder):
     recording = mp.read_recording("both-arms").crop(5.1, 6.6)
     arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     print(f"{arms.name}: {arms.dof} joints, from {arms.joint_names[0]} to {arms.joint_names[-1]}")
-    result = mp.transfer_both(recording, robot=arms, method="parallel-transport", planning_effort="quick")
-    apart = np.linalg.norm(result.fits.hands[1] - result.fits.hands[0], axis=-1)
-    tips = np.linalg.norm(np.diff(arms.forward(result.motion.joint_positions)[:, :, :3, 3], axis=1)[:, 0], axis=-1)
-    scale = result.left.execution.placement.scale
+    result = mp.transfer_recording(recording, robot=arms, method="parallel-transport", planning_effort="quick")
+    hands = mp.fit_arms(recording).hands
+    apart = np.linalg.norm(hands[1] - hands[0], axis=-1)
+    tips = np.linalg.norm(np.diff(arms.forward(result.motion.trajectory.joint_positions)[:, :, :3, 3], axis=1)[:, 0], axis=-1)
+    scale = result.arms[0].placement.scale
     print(
         f"the hands are {apart.min():.2f} to {apart.max():.2f} m apart, the tips {tips.min():.2f} to {tips.max():.2f} m"
     )
     print(f"(their paths are {scale:.2f} times the hands')")
-    for side, one in zip(("left", "right"), result.each, strict=True):
-        motion = one.execution.motion
+    for arm in result.arms:
+        motion = arm.motion
         print(
-            f"{side:>5}: ellipsoids at {np.median(motion.distance):.2f} (median) from the targets, the tip "
+            f"{arm.name:>5}: ellipsoids at {np.median(motion.distance):.2f} (median) from the targets, the tip "
             f"{1e3 * np.percentile(motion.position_error, 95):.1f} mm beside its path (95 %)"
         )
     clearance = result.motion.clearance

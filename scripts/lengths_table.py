@@ -22,11 +22,11 @@ import numpy as np
 import maniport as mp
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
-from maniport.evaluation import identity_test, smoothness, structure
+from maniport.evaluation import distance_preservation, identity_test, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
 from maniport.studies.human_to_panda import Motion, motions
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
-from maniport.transfer.length_field.inverse import FOLDED
+from maniport.transfer.length_field.inverse import NEAR_SINGULAR
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
@@ -95,7 +95,7 @@ class Case:
     motions: tuple[Motion, ...]
 
 
-HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "structure", "longest axis [deg]",
+HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "rank correlation", "longest axis [deg]",
          "identity", "singular", "folded", "inverse", "reversing", "own slope <= 0", "axis moved > 10")  # fmt: skip
 WORST = (max, max, max, max, max, max, min, max, max, min, max, max, max, max, max)
 
@@ -130,14 +130,14 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
         own, found = adapter.teacher_side(motion.profile), adapter.student_side(images)
         steps.append(smoothness(found, own).largest_ratio)
     images = adapter.transform(fresh)
-    kept = structure(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
+    kept = distance_preservation(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
     other = [mp.sample_domain(case.arm, TEACHER, random, spec=spec) for _ in range(2)]
     squeezed, folded, back = inverse(adapter, fresh, images) if isinstance(adapter, LengthField) else (np.nan,) * 3
     step, report = max(steps, default=np.nan), getattr(adapter, "report_", None)
-    checks = (report.reversing, report.contrary, report.moved_axes) if report else (np.nan,) * 3
+    checks = (report.reversing, report.nonmonotone, report.moved_axes) if report else (np.nan,) * 3
     return [seconds, along.mean(), np.percentile(along, 95), apart.mean(), np.percentile(apart, 95), step,
-            kept.spearman, kept.major_turn or 0.0, identity_test(adapter, *other),
+            kept.rank_correlation, kept.major_axis_angle or 0.0, identity_test(adapter, *other),
             squeezed, folded, back, *checks]  # fmt: skip
 
 
@@ -154,9 +154,9 @@ def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tupl
         try:
             back = adapter.inverse_transform(image)
         except NotInvertibleError:
-            return float(squeezed.min()), float(np.mean(squeezed <= FOLDED)), np.nan
+            return float(squeezed.min()), float(np.mean(squeezed <= NEAR_SINGULAR)), np.nan
         worst = max(worst, float(np.abs(back - one).max() / np.abs(one).max()))
-    return float(squeezed.min()), float(np.mean(squeezed <= FOLDED)), worst
+    return float(squeezed.min()), float(np.mean(squeezed <= NEAR_SINGULAR)), worst
 
 
 def main() -> None:

@@ -124,8 +124,8 @@ def while_it_moves(folder: Path) -> Figure:
 def from_above(result: Any) -> Figure:
     """The paths of both tips and where they were to be, seen from above, between the bases (example 11)."""
     figure, (axes,) = panels(1, 1.6)
-    for side, arm in zip(result.each, result.robot.arms, strict=True):
-        motion = side.execution.motion
+    for one in result.arms:
+        motion, arm = one.motion, one.robot
         tips = arm.forward(motion.joint_positions)[:, :3, 3]
         axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="path")
         axes.plot(tips[:, 1], tips[:, 0], color=ACHIEVED.color, linewidth=0.9, label="tip")

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from maniport.arms.chain import Mesh, Shape
 from maniport.arms.loaders.model import read_shapes
 from maniport.arms.loaders.urdf import Urdf
-from maniport.arms.meshes.visual import reduced, welded
+from maniport.arms.meshes import reduced, welded
 from maniport.util.validation import Array
 
 TARGET = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"

@@ -35,7 +35,7 @@ what is largest: that is not compared."""
 
 def figures_of(result: mp.TransferResult) -> dict[str, float]:
     """What the README tells of the demo."""
-    motion = result.execution.motion
+    motion = result.arm.motion
     told = {
         "distance_median": np.median(motion.distance),
         "distance_95": np.percentile(motion.distance, 95),
@@ -63,7 +63,7 @@ def check(now: dict[str, float]) -> None:
 
 def three_rows(result: mp.TransferResult) -> None:
     """Draw the ellipsoids of the person, those that are asked for and those that the robot makes."""
-    rows = {"person": result.demonstrated_profile, "target": result.target_profile, "achieved": in_place(result)}
+    rows = {"person": result.arm.demonstrated_profile, "target": result.arm.target_profile, "achieved": in_place(result)}
     roles = {"person": PERSON.name, "target": TARGET.name, "achieved": ACHIEVED.name}
     figure = figures.ellipsoids(result.time, rows, roles=roles)
     figures.save(figure, DOCS / "demo_ellipsoids.png")
@@ -71,8 +71,8 @@ def three_rows(result: mp.TransferResult) -> None:
 
 def in_place(result: mp.TransferResult) -> np.ndarray:
     """What the robot makes, in the frame of the targets before the path was placed."""
-    turn = result.execution.placement.rotation
-    return turn.T @ result.execution.motion.achieved @ turn
+    turn = result.arm.placement.rotation
+    return turn.T @ result.arm.motion.achieved @ turn
 
 
 def loop(browser: "Browser") -> None:  # noqa: F821 - tests/headless_chromium

@@ -4,6 +4,8 @@ from dataclasses import replace
 from unittest import mock
 
 from maniport.motion.effort import EFFORTS
+from maniport.pipeline import MotionResult
+from maniport.pipeline.results import ArmResult, motion_of_arm
 
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
@@ -13,3 +15,16 @@ def few_places(**sizes):
     """Patch every effort so that few placements are tried; prefer ``effort="quick"``."""
     few = {"candidates": 64, "placement_nodes": 24} | sizes
     return mock.patch.dict(EFFORTS, {name: replace(effort, **few) for name, effort in EFFORTS.items()})
+
+
+def with_arm(result, **changes):
+    """Return a result of one arm with other attributes of the arm, and its motion."""
+    arm = replace(result.arm, **changes)
+    return replace(result, arms=(arm,), motion=motion_of_arm(result.robot, arm.motion))
+
+
+def motion_alone(result):
+    """Return the motion of a transfer as a result without a person."""
+    names = ("name", "robot", "placement", "motion", "free", "gap", "collisions")
+    arm = ArmResult(**{name: getattr(result.arm, name) for name in names})
+    return MotionResult(robot=result.robot, arms=(arm,), motion=result.motion)

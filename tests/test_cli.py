@@ -79,7 +79,7 @@ def test_info_describes_results(run, tmp_path):
     assert "Path: 5 positions.\n- Duration: 2 s." in run("info", tmp_path / "path.npz")[1]
     (tmp_path / "report.html").write_text("")
     (tmp_path / "summary.json").write_text(
-        '{"title": "a → b", "status": "amber", "verdict": {"title": "It follows."}, '
+        '{"title": "a → b", "status": "amber", "summary": {"title": "It follows."}, '
         '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
     )
     out = run("info", tmp_path)[1]
@@ -238,7 +238,7 @@ def test_units_of_the_command_line_are_converted(track):
     [
         (("--home", "0,-45"), "--home must have 7 numbers, for panda_joint1"),
         (("--home", "0,-100,0,-135,0,90,45"), "--home: panda_joint2 is -100°; allowed are -96.96° to 96.96°"),
-        (("--home", "0,60,0,-160,0,5,0"), "home: in this posture panda_link0 and panda_link6"),
+        (("--home", "0,60,0,-160,0,5,0"), "home: panda_link0 and panda_link6"),
         (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
         (("--joint-limit-margin", 50), "--joint-limit-margin [%] must be a number in [0, 40]; found 50"),
         (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found 0"),
@@ -246,7 +246,7 @@ def test_units_of_the_command_line_are_converted(track):
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
         (("--orientation", "demonstrated"), "--orientation must be free or a vector"),
-        (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "keep must be 'pointing'; found 'whole'"),
+        (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes must be 'pointing'"),
         (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1] must be a number above 0.5; found 0.2"),
     ],
 )

@@ -20,8 +20,8 @@ from typer.testing import CliRunner
 import maniport
 import ros_stand_in
 from maniport.errors import ManiportError
-from maniport.pipeline import transfer_both, transfer_recording
-from maniport.pipeline.job import checked
+from maniport.pipeline import transfer_recording
+from maniport.pipeline.transfer import checked
 from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL
@@ -62,13 +62,7 @@ def short_work():
         named = "parallel-transport" if method == AUTO else method
         return transfer_recording(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
 
-    def quick_both(*recording, method=AUTO, **job):
-        named = "parallel-transport" if method == AUTO else method
-        return transfer_both(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
-
     with (
-        mock.patch("maniport.pipeline.transfer_both", quick_both),
-        mock.patch.object(maniport, "transfer_both", quick_both, create=True),
         mock.patch("maniport.batch.inputs.checked", partial(checked, **SMALL)),
         mock.patch("maniport.batch.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),

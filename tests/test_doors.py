@@ -66,13 +66,13 @@ def test_the_main_job_takes_all_of_them(result, moment, tmp_path):
     """Formats are read by their suffixes, the method is fitted, evaluated and kept, the figure stands in the page."""
     np.testing.assert_allclose(result.recording.positions, moment.positions, atol=1e-12)
     assert result.recording.names == moment.names
-    assert (result.robot.name, result.robot.dof) == ("six joints", 6)
-    assert result.execution.motion.joint_positions.shape == (len(result.time), 6)
-    assert result.method == "LogEuclideanShift"
-    assert result.evaluation.adapter.feasibility_gap is not None
-    result.adapter.save(tmp_path / "adapter.npz")
+    assert (result.arm.robot.name, result.arm.robot.dof) == ("six joints", 6)
+    assert result.arm.motion.joint_positions.shape == (len(result.time), 6)
+    assert result.arm.method == "LogEuclideanShift"
+    assert result.arm.evaluation.adapter.feasibility_gap is not None
+    result.arm.adapter.save(tmp_path / "adapter.npz")
     again = mp.load_adapter(tmp_path / "adapter.npz")
-    np.testing.assert_array_equal(again.transform(result.demonstrated_profile), result.target_profile)
+    np.testing.assert_array_equal(again.transform(result.arm.demonstrated_profile), result.arm.target_profile)
     write_page_with_speed(tmp_path / "page.html", result)
     assert "Speed of the tip" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
@@ -100,9 +100,9 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
     """A model of a person is found by its name, scaled as shipped ones are, and keeps its own limits."""
-    assert result.fit.arm.name == "stiff_shoulder"
-    elevation = result.fit.arm.joint_names.index("shoulder_elv")
-    highest = [np.degrees(fit.joint_angles[:, elevation]).max() for fit in (result.fit, mp.fit_arm(moment))]
+    assert result.arm.fit.arm.name == "stiff_shoulder"
+    elevation = result.arm.fit.arm.joint_names.index("shoulder_elv")
+    highest = [np.degrees(fit.joint_angles[:, elevation]).max() for fit in (result.arm.fit, mp.fit_arm(moment))]
     assert highest[0] <= 70.0 + 1e-9 < highest[1]
 
 
@@ -115,12 +115,12 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     student = mp.sample_domain(robot, 200, random_state=0)
     turn = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     again = method.fit(turn.T @ student[::-1] @ turn, student)
-    np.testing.assert_allclose(again.turn_, turn, atol=1e-6)
+    np.testing.assert_allclose(again.map_rotation_, turn, atol=1e-6)
 
 
 def test_an_own_cost_is_used_by_the_tracker(result):
     """A cost for the height of the wrist brings it nearer to that height."""
-    robot, placed, plan = result.robot, result.execution.placement, result.execution.plan
+    robot, placed, plan = result.arm.robot, result.arm.placement, result.arm.motion
     heights = []
     for costs in ([], [HeightCost(robot, "link5", 0.0)]):
         motion = mp.track(

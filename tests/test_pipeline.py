@@ -10,8 +10,7 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
-from maniport.pipeline import transfer_recording
-from maniport.pipeline.follow import follow
+from maniport.pipeline import follow_profile, transfer_recording
 from maniport.report import as_numbers, facts_of
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
 from maniport.util.files import load_ellipsoids, load_path
@@ -34,36 +33,36 @@ def result(small_result):
 
 def test_a_method_is_chosen_or_named(clip, result):
     """A choice and its reason are among the metrics; a named method is taken."""
-    choice, numbers = result.choice, as_numbers(facts_of(result))
-    assert result.adapter is choice.adapter
-    assert numbers["evaluation"]["choice"] == {"method": result.method, "failures": list(choice.failures)}
+    choice, numbers = result.arm.choice, as_numbers(facts_of(result))
+    assert result.arm.adapter is choice.adapter
+    assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(choice.failures)}
     assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
     named = transfer_recording(clip, method="mean-transport", **STILL)
-    assert (named.method, named.choice) == ("mean-transport", None)
+    assert (named.arm.method, named.arm.choice) == ("mean-transport", None)
 
 
 def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
     """The demonstrated ones are those of the fitted arm within its limits; the map can be inverted."""
-    arm, angles, target = result.fit.arm, result.fit.joint_angles, result.target_profile
-    assert len(result.time) == len(angles) == len(target) == len(result.demonstrated_profile) == 31
-    np.testing.assert_array_equal(result.demonstrated_profile, arm.manipulability(angles))
+    arm, angles, target = result.arm.fit.arm, result.arm.fit.joint_angles, result.arm.target_profile
+    assert len(result.time) == len(angles) == len(target) == len(result.arm.demonstrated_profile) == 31
+    np.testing.assert_array_equal(result.arm.demonstrated_profile, arm.manipulability(angles))
     assert arm.within_limits(angles).all()
-    np.testing.assert_array_equal(target, result.adapter.transform(result.demonstrated_profile))
+    np.testing.assert_array_equal(target, result.arm.adapter.transform(result.arm.demonstrated_profile))
     assert np.linalg.eigvalsh(target).min() > 0
-    back, scale = result.adapter.inverse_transform(target), np.abs(result.demonstrated_profile).max()
-    np.testing.assert_allclose(back, result.demonstrated_profile, atol=1e-9 * scale)
+    back, scale = result.arm.adapter.inverse_transform(target), np.abs(result.arm.demonstrated_profile).max()
+    np.testing.assert_allclose(back, result.arm.demonstrated_profile, atol=1e-9 * scale)
 
 
 def test_the_robot_follows_to_the_end(result):
     """A configuration within the limits for every frame, and the position tolerance is kept."""
-    motion, robot = result.execution.motion, result.robot
+    motion, robot = result.arm.motion, result.arm.robot
     assert len(motion.joint_positions) == len(result.time)
     assert robot.within_limits(motion.control_positions).all()
-    np.testing.assert_allclose(motion.target, result.execution.placement.profile, atol=1e-12)
+    np.testing.assert_allclose(motion.target, result.arm.placement.profile, atol=1e-12)
     np.testing.assert_allclose(motion.achieved, robot.manipulability(motion.joint_positions))
-    assert np.percentile(motion.position_error, 95) < result.execution.plan.position_tolerance
+    assert np.percentile(motion.position_error, 95) < result.arm.motion.position_tolerance
     assert motion.limit_use is not None
-    assert result.execution.room.share == 0.0
+    assert result.motion.clearance.share == 0.0
 
 
 def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
@@ -82,7 +81,7 @@ def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
     for file in files:
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "again" / file).read_bytes(), file
     other = transfer_recording(clip, **job | {"move": False}, random_state=7)
-    assert not np.array_equal(other.target_profile, first.target_profile)
+    assert not np.array_equal(other.arm.target_profile, first.arm.target_profile)
     for name in dict.fromkeys(step[0] for step in steps):
         fractions = [step[1] for step in steps if step[0] == name]
         assert fractions == sorted(fractions)
@@ -93,26 +92,26 @@ def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
 def test_other_parts_are_transferred(clip, part, d, tmp_path):
     """Rotational and full ellipsoids are transferred and written too."""
     other = transfer_recording(clip, method="parallel-transport", spec=mp.EllipsoidSpec(part=part), **STILL)
-    assert other.target_profile.shape[1:] == (d, d)
+    assert other.arm.target_profile.shape[1:] == (d, d)
     other.save(tmp_path / "out")
-    assert load_ellipsoids(tmp_path / "out" / "target_profile.npz")[0].shape == other.target_profile.shape
+    assert load_ellipsoids(tmp_path / "out" / "target_profile.npz")[0].shape == other.arm.target_profile.shape
 
 
 def test_force_ellipsoids_are_followed_as_their_inverses(clip):
     """The robot follows the velocity ellipsoids that belong to the target force ellipsoids."""
     job = SMALL | {"method": "parallel-transport", "spec": mp.EllipsoidSpec("force")}
     forces = transfer_recording(clip, **job)
-    yaw = forces.execution.placement.yaw
+    yaw = forces.arm.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-    wanted = turn @ np.linalg.inv(forces.target_profile) @ turn.T
-    np.testing.assert_allclose(forces.execution.motion.target, wanted, rtol=1e-6, atol=1e-9)
+    wanted = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
+    np.testing.assert_allclose(forces.arm.motion.target, wanted, rtol=1e-6, atol=1e-9)
 
 
 def test_a_robot_that_cannot_follow_is_not_moved(clip):
     """A robot of two joints gets its ellipsoids, and a warning says why it was not moved."""
     planar = mp.Arm.from_dh("planar", [[0, 0, 0.4, 0], [0, 0, 0.4, 0]])
     result = transfer_recording(clip, robot=planar, method="parallel-transport", **SMALL)
-    assert result.execution is None
+    assert result.motion is None
     assert any("was not moved: 'planar' has 2 joints" in warning for warning in result.warnings)
 
 
@@ -124,33 +123,33 @@ def test_the_mounting_turns_results_and_baselines(clip):
         transfer_recording(clip, method="parallel-transport", base_rotation=base_rotation, **STILL)
         for base_rotation in (None, turn, half_turn)
     )
-    copy = turn @ turned.demonstrated_profile @ turn.T
-    gaps = mp.nearest_feasible(turned.robot, copy, damping=turned.adapter.student_regularization).distance
-    assert turned.evaluation.row("identity").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
-    as_seen = half_turn @ half.target_profile @ half_turn
-    assert np.median(mp.spd.distance(as_seen, plain.target_profile)) < 0.3
-    assert np.median(mp.spd.distance(half.target_profile, plain.target_profile)) > 0.3
+    copy = turn @ turned.arm.demonstrated_profile @ turn.T
+    gaps = mp.nearest_feasible(turned.arm.robot, copy, damping=turned.arm.adapter.student_regularization).distance
+    assert turned.arm.evaluation.row("identity").feasibility_gap.mean == pytest.approx(gaps.mean(), rel=0.02)
+    as_seen = half_turn @ half.arm.target_profile @ half_turn
+    assert np.median(mp.spd.distance(as_seen, plain.arm.target_profile)) < 0.3
+    assert np.median(mp.spd.distance(half.arm.target_profile, plain.arm.target_profile)) > 0.3
 
 
 def test_a_result_is_written_whole_and_can_be_read_back(result, tmp_path):
     """Also over an earlier one: data, adapter, figures and summaries; no temporary folder is left."""
     folder = tmp_path / "out"
     with pytest.raises(dataclasses.FrozenInstanceError):
-        result.method = "icp"
+        result.arm.method = "icp"
     result.save(folder)
     assert {entry.name for entry in folder.iterdir()} < set(RUN_FILES)
     mp.write_results(result, folder, overwrite=True)
     assert {"report.html", "summary.md", "joints.csv"} <= {entry.name for entry in folder.iterdir()} <= set(RUN_FILES)
     assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
     rows = list(csv.reader((folder / "person.csv").open()))
-    assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.fit.joint_names)]
-    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.fit.joint_angles), atol=1e-4)
-    for name, profile in (("demonstrated", result.demonstrated_profile), ("target", result.target_profile)):
+    assert rows[0] == ["time_s", *(f"{name}_deg" for name in result.arm.fit.joint_names)]
+    np.testing.assert_allclose(np.array(rows[1:], float)[:, 1:], np.degrees(result.arm.fit.joint_angles), atol=1e-4)
+    for name, profile in (("demonstrated", result.arm.demonstrated_profile), ("target", result.arm.target_profile)):
         ellipsoids, time = load_ellipsoids(folder / f"{name}_profile.npz")
         np.testing.assert_array_equal(ellipsoids, profile)
         np.testing.assert_array_equal(time, result.time)
     adapter = mp.load_adapter(folder / "adapter.npz")
-    np.testing.assert_array_equal(adapter.transform(result.demonstrated_profile), result.target_profile)
+    np.testing.assert_array_equal(adapter.transform(result.arm.demonstrated_profile), result.arm.target_profile)
     assert json.loads((folder / "summary.json").read_text())["run"]["ellipsoids"]["count"] == len(result.time)
 
 
@@ -163,12 +162,12 @@ def test_a_failed_save_keeps_what_is_there(result, tmp_path, monkeypatch):
     def disk_full(self, path):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(type(result.adapter), "save", disk_full)
+    monkeypatch.setattr(type(result.arm.adapter), "save", disk_full)
     with pytest.raises(OutputError, match="No space left"):
         result.save(folder, overwrite=True)
     assert (folder / "person.csv").read_bytes() == before
     (folder / "thesis.tex").write_text("precious")
-    for run in (result, result.execution):
+    for run in (result, mp.pipeline.MotionResult(robot=result.arm.robot, arms=result.arms, motion=result.motion)):
         with pytest.raises(OutputError, match=r"thesis\.tex"):
             mp.write_results(run, folder, overwrite=True)
     for thing in (3, None, "results"):
@@ -214,12 +213,12 @@ def own(panda):
 def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
     """Ellipsoids to a median distance of 0.05; it is at rest at both ends. The folder can be read back."""
     time, profile, path = own
-    execution = follow(panda, profile, time, path, place=False)
-    motion = execution.motion
+    execution = follow_profile(panda, [profile], time, [path], place=False)
+    motion = execution.arm.motion
     assert np.median(motion.distance) < 0.05
     assert np.percentile(motion.distance, 95) < 0.1
-    assert np.percentile(motion.position_error, 95) < execution.plan.position_tolerance
-    assert execution.placement is None
+    assert np.percentile(motion.position_error, 95) < motion.position_tolerance
+    assert execution.arm.placement is None
     mp.write_results(execution, tmp_path / "out")
     assert {"report.html", "summary.md"} <= {file.name for file in (tmp_path / "out").iterdir()} <= set(EXECUTION_FILES)
     rows = list(csv.reader((tmp_path / "out" / "joints.csv").open()))
@@ -234,13 +233,13 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
 def test_tempo_and_placement(panda, own):
     """Half the speed_scale takes twice the time; a distant path is placed, and the placed path and profile are followed."""
     time, profile, path = own
-    slow = follow(panda, profile, time, path + 2.0, speed_scale=0.5, planning_effort="quick")
-    assert 2.0 * np.ptp(time) <= slow.motion.control_time[-1] < 2.1 * np.ptp(time)
-    np.testing.assert_array_equal(slow.plan.demonstrated_time, time)
-    np.testing.assert_allclose(slow.motion.path, slow.placement.path, atol=1e-12)
-    np.testing.assert_allclose(slow.motion.target, slow.placement.profile, atol=1e-12)
-    assert np.percentile(slow.motion.position_error, 95) < slow.plan.position_tolerance
-    assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.placement.scale
+    slow = follow_profile(panda, [profile], time, [path + 2.0], speed_scale=0.5, planning_effort="quick")
+    assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)
+    np.testing.assert_array_equal(slow.arm.motion.demonstrated_time, time)
+    np.testing.assert_allclose(slow.arm.motion.path, slow.arm.placement.path, atol=1e-12)
+    np.testing.assert_allclose(slow.arm.motion.target, slow.arm.placement.profile, atol=1e-12)
+    assert np.percentile(slow.arm.motion.position_error, 95) < slow.arm.motion.position_tolerance
+    assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.arm.placement.scale
 
 
 @pytest.mark.parametrize(
@@ -248,8 +247,8 @@ def test_tempo_and_placement(panda, own):
     [
         ({"time": None}, "no times"),
         ({"speed_scale": 0.0}, "speed_scale"),
-        ({"positions": np.zeros((20, 3))}, "must have shape"),
-        ({"time": np.arange(20.0), "place": False}, "one row for each"),
+        ({"positions": np.zeros((20, 3))}, "shape"),
+        ({"time": np.arange(20.0), "place": False}, "shape"),
     ],
 )
 def test_wrong_targets_are_named(panda, own, change, word):
@@ -257,4 +256,4 @@ def test_wrong_targets_are_named(panda, own, change, word):
     time, profile, path = own
     arguments = {"time": time, "positions": path} | change
     with pytest.raises(InvalidInputError, match=word):
-        follow(panda, profile, arguments.pop("time"), arguments.pop("positions"), **arguments)
+        follow_profile(panda, [profile], arguments.pop("time"), [arguments.pop("positions")], **arguments)

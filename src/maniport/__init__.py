@@ -17,7 +17,7 @@ _NAMES = {
     "errors": (),
     "evaluation": ("evaluate",),
     "live": ("Live",),
-    "pipeline": ("BothResult", "LearnedProfile", "TransferResult", "learn", "transfer_both", "transfer_recording"),
+    "pipeline": ("LearnedProfile", "MotionResult", "TransferResult", "follow_profile", "learn", "transfer_recording"),
     "learning": ("ProfileGMM", "align"),
     "spd": (),
     "report": (),
@@ -65,7 +65,14 @@ if TYPE_CHECKING:
     from maniport.live import Live
     from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
     from maniport.motion import FeasibleProjector, SeedBank, nearest_feasible, track
-    from maniport.pipeline import BothResult, LearnedProfile, TransferResult, learn, transfer_both, transfer_recording
+    from maniport.pipeline import (
+        LearnedProfile,
+        MotionResult,
+        TransferResult,
+        follow_profile,
+        learn,
+        transfer_recording,
+    )
     from maniport.report.console import progress
     from maniport.report.figures import write_figures
     from maniport.report.write import write_results

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.arm_group import CooperativeArm
 from maniport.util.validation import Array
@@ -50,8 +52,8 @@ def sample_domains(
     sequence: str = "sobol",
     spec: EllipsoidSpec = VELOCITY,
     collisions: Any = None,
-) -> tuple[Array, Array]:
-    """Sample the domains of both arms of a pair at the same postures, so that what keeps the pair free keeps them.
+) -> tuple[Array, ...]:
+    """Sample the domains of all arms of a group at the same configurations, free of collisions between the arms.
 
     Parameters
     ----------
@@ -62,11 +64,11 @@ def sample_domains(
 
     Returns
     -------
-    left, right : ndarray, shape (n, d, d)
-        Positive semidefinite.
+    tuple of ndarray, shape (n, d, d)
+        Of each arm; positive semidefinite.
     """
     each = arms.ellipsoids(_postures(arms, n, random_state, sequence, collisions), spec)
-    return each[:, 0], each[:, 1]
+    return tuple(np.moveaxis(each, 1, 0))
 
 
 def _postures(arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:

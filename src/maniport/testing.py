@@ -1,4 +1,4 @@
-"""The laws that every method of transfer keeps: run them on one of your own.
+"""Contract tests of transfer methods, for methods outside of maniport too.
 
 >>> from maniport.testing import check_adapter
 >>> check_adapter(MyMethod())  # doctest: +SKIP
@@ -36,27 +36,26 @@ def check_adapter(
 ) -> None:
     """Check that a method of transfer keeps the contract of `DomainAdapter`, as all shipped methods do.
 
-    Shapes, SPD results, one ellipsoid as many, order of the points, input left alone, bad input refused by name, a
-    failed fit that leaves the adapter as it was, parameters and clones, files, pickles, the base_rotation, regularisation,
-    the inverse where there is one, and that equal domains change nothing.
+    Shapes, SPD results, single ellipsoids and batches, order of the points, unchanged inputs, errors for bad inputs,
+    failed fits, parameters and clones, files, pickles, base rotation, regularization, the inverse if there is one, and
+    the identity for equal domains.
 
     Parameters
     ----------
     adapter : DomainAdapter
-        Fitted or not, with the parameters that shall be checked; clones of it are fitted. Damping, floor and base_rotation
-        are set by the check.
+        Fitted or not; clones of it are fitted. The check sets damping, eigenvalue_floor and base_rotation.
     dimensions : sequence of int
-        Sizes d of the ellipsoids that the method takes; with the first everything is checked, with each other one
-        the laws of the map, with damping.
+        Sizes d of the ellipsoids that the method takes. The first is checked with every regularization, the others
+        with damping.
     identity : bool
-        Whether the method claims to change nothing, but for damping that it keeps, where the domains are the same.
+        Whether the map is the identity, except for damping, where the domains are equal.
     random_state : int
         Seed of the domains.
 
     Raises
     ------
     AssertionError
-        When a law does not hold; the traceback names it.
+        When a property does not hold; the traceback names it.
     """
     first, *others = dimensions
     with warnings.catch_warnings():
@@ -68,13 +67,13 @@ def check_adapter(
                 law(case)
             if identity:
                 _equal_domains_change_nothing(case)
-        for law in DOORS:
+        for law in INPUT_CHECKS:
             law(cases[0])
 
 
 @dataclass(frozen=True)
 class Case:
-    """A method with one regularisation, its domains and new ellipsoids of one size: singular where allowed."""
+    """A method with one regularization, its domains and new ellipsoids of one size: singular where allowed."""
 
     prototype: DomainAdapter
     d: int
@@ -109,12 +108,12 @@ class Case:
 
     @cached_property
     def images(self) -> Array:
-        """What it makes of the new ellipsoids."""
+        """Images of the new ellipsoids."""
         return self.fitted.transform(self.domains[2])
 
     @cached_property
-    def turn(self) -> Array:
-        """Some rotation of the ellipsoids, shape (d, d); of space for d = 6."""
+    def rotation(self) -> Array:
+        """Random rotation of the ellipsoids, shape (d, d); of space for d = 6."""
         random = np.random.default_rng(self.seed)
         if self.d == 6:
             return np.asarray(np.kron(np.eye(2), rotation_from_vector(random.standard_normal(3))))
@@ -128,8 +127,8 @@ def _law_fit_returns_the_adapter_with_its_attributes(case: Case) -> None:
     assert len(adapter.history_) == adapter.n_iter_ + 1
     assert isinstance(adapter.converged_, bool)
     assert isinstance(adapter.stop_reason_, str)
-    assert adapter.turn_.shape == ((3, 3) if d == 6 else (d, d))
-    assert_allclose(adapter.turn_ @ adapter.turn_.T, np.eye(len(adapter.turn_)), atol=ROUNDING)
+    assert adapter.map_rotation_.shape == ((3, 3) if d == 6 else (d, d))
+    assert_allclose(adapter.map_rotation_ @ adapter.map_rotation_.T, np.eye(len(adapter.map_rotation_)), atol=ROUNDING)
 
 
 def _law_results_are_positive_definite(case: Case) -> None:
@@ -161,8 +160,8 @@ def _law_inverse_returns_or_is_refused(case: Case) -> None:
         return
     assert back.shape == (2, 3, d, d)
     assert case.fitted.inverse_transform(case.images[:0]).shape == (0, d, d)
-    lifted = case.fitted.teacher_regularization.apply(new) if case.fitted.eigenvalue_floor is not None else new
-    assert_allclose(back.reshape(new.shape), lifted, atol=1e-6 * np.abs(new).max())
+    raised = case.fitted.teacher_regularization.apply(new) if case.fitted.eigenvalue_floor is not None else new
+    assert_allclose(back.reshape(new.shape), raised, atol=1e-6 * np.abs(new).max())
 
 
 def _law_inputs_are_left_alone(case: Case) -> None:
@@ -208,24 +207,24 @@ def _same(other: DomainAdapter, case: Case) -> None:
     assert_array_equal(other.transform(case.domains[2]), case.images)
 
 
-def _law_the_mounting_is_a_turn_beforehand(case: Case) -> None:
-    """Fitted with the base_rotation R, it does with T what it does without with R T Rᵀ."""
+def _law_base_rotation_equals_rotated_teacher(case: Case) -> None:
+    """With the base rotation R, the image of T is that of R T Rᵀ without."""
     teacher, student, new = case.domains
-    turned, seen = congruence(case.turn, teacher), congruence(case.turn, new)
-    plain = case.make(base_rotation=np.eye(case.d)).fit(turned, student)
-    mounted = case.make(base_rotation=case.turn).fit(teacher, student)
+    rotated, seen = congruence(case.rotation, teacher), congruence(case.rotation, new)
+    plain = case.make(base_rotation=np.eye(case.d)).fit(rotated, student)
+    fitted = case.make(base_rotation=case.rotation).fit(teacher, student)
     images = plain.transform(seen)
-    assert_allclose(mounted.transform(new), images, rtol=1e-7, atol=1e-7 * np.abs(images).max())
-    turn = case.turn[:3, :3] if case.d == 6 else case.turn
-    assert_allclose(mounted.turn_, plain.turn_ @ turn, atol=1e-7)
-    assert_allclose(mounted.teacher_side(new), plain.teacher_side(seen), atol=1e-7 * np.abs(new).max())
+    assert_allclose(fitted.transform(new), images, rtol=1e-7, atol=1e-7 * np.abs(images).max())
+    rotation = case.rotation[:3, :3] if case.d == 6 else case.rotation
+    assert_allclose(fitted.map_rotation_, plain.map_rotation_ @ rotation, atol=1e-7)
+    assert_allclose(fitted.teacher_side(new), plain.teacher_side(seen), atol=1e-7 * np.abs(new).max())
 
 
 def _law_regularization_is_that_of_the_contract(case: Case) -> None:
-    """ε is damping times the mean eigenvalue of each domain, and no more of it comes off again than went in."""
+    """ε is damping times the mean eigenvalue of each domain; at most ε is removed again."""
     adapter, rho = case.fitted, case.remedy.get("damping", 0.0)
-    for points, found in zip(case.domains, (adapter.teacher_damping_, adapter.student_damping_), strict=False):
-        assert_allclose(found, rho * np.trace(points, axis1=1, axis2=2).mean() / case.d, rtol=1e-12)
+    for points, epsilon in zip(case.domains, (adapter.teacher_damping_, adapter.student_damping_), strict=False):
+        assert_allclose(epsilon, rho * np.trace(points, axis1=1, axis2=2).mean() / case.d, rtol=1e-12)
     assert 0.0 <= adapter.released_damping_ <= adapter.student_damping_
     if "eigenvalue_floor" in case.remedy:
         lowest = eigh(adapter.teacher_side(case.domains[0]))[0][:, 0]
@@ -243,38 +242,42 @@ def _law_score_is_minus_the_root_mean_squared_gap(case: Case) -> None:
 def _equal_domains_change_nothing(case: Case) -> None:
     domain = case.domains[0]
     adapter = case.make().fit(domain, domain[::-1])
-    kept = adapter.student_damping_ - adapter.released_damping_  # what of the damping the method leaves in
+    kept = adapter.student_damping_ - adapter.released_damping_  # the damping that the map keeps
     allowed = 1.001 * kept + case.remedy.get("eigenvalue_floor", 0.0) + 1e-8 * np.abs(domain).max()
     assert np.abs(adapter.transform(domain) - domain).max() <= allowed, "equal domains must change nothing"
 
 
-def _door_init_only_stores(case: Case) -> None:
-    given: dict[str, Any] = {name: object() for name in case.prototype.get_params(deep=False)}
-    assert set(given) >= {"damping", "eigenvalue_floor", "base_rotation"}, (
+def _input_init_only_stores(case: Case) -> None:
+    parameters: dict[str, Any] = {name: object() for name in case.prototype.get_params(deep=False)}
+    assert set(parameters) >= {"damping", "eigenvalue_floor", "base_rotation"}, (
         "damping, floor and base_rotation are parameters of every method"
     )
-    adapter = type(case.prototype)(**given)
-    assert all(getattr(adapter, name) is value for name, value in given.items()), "__init__ must only store"
+    adapter = type(case.prototype)(**parameters)
+    assert all(getattr(adapter, name) is value for name, value in parameters.items()), "__init__ must only store"
 
 
-def _door_not_fitted_is_said(case: Case) -> None:
+def _input_not_fitted_is_an_error(case: Case) -> None:
     adapter, (teacher, student, new) = case.make(), case.domains
     _refused("at least 2", adapter.fit, teacher, student[:1])
     with tempfile.TemporaryDirectory() as folder:
         uses = (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, x), adapter.teacher_side)
-        for use in (*uses, lambda x: adapter.turn_, lambda x: adapter.save(os.path.join(folder, "adapter.npz"))):
+        for use in (
+            *uses,
+            lambda x: adapter.map_rotation_,
+            lambda x: adapter.save(os.path.join(folder, "adapter.npz")),
+        ):
             _refused("call fit", use, new, kind=NotFittedError)
         assert not os.listdir(folder)
 
 
-def _door_a_failed_fit_changes_nothing(case: Case) -> None:
+def _input_a_failed_fit_changes_nothing(case: Case) -> None:
     adapter = case.make().fit(*case.domains[:2])
     _refused("damping", adapter.set_params(damping=-1.0).fit, *case.domains[:2])
     _refused("no dispersion", adapter.set_params(damping=None).fit, case.domains[0], np.array([np.eye(case.d)] * 3))
     _same(adapter, case)
 
 
-def _door_bad_input_is_refused_by_name(case: Case) -> None:
+def _input_bad_input_is_refused_by_name(case: Case) -> None:
     good, d = case.domains[0], case.d
     asymmetric, indefinite, singular, broken = (good.copy() for _ in range(4))
     asymmetric[2, 0, 1] += 0.5 * np.abs(good[2]).max()
@@ -306,5 +309,7 @@ def _refused(
     assert_raises_regex((kind, NotSPDError), f"(?s)^{start}.*{re.escape(words)}", use, *arguments)
 
 
-LAWS, DOORS = ([use for name, use in list(globals().items()) if name.startswith(kind)] for kind in ("_law_", "_door_"))
-"""What holds for every size and regularisation; what is checked once, since the same code serves all of them."""
+LAWS, INPUT_CHECKS = (
+    [use for name, use in list(globals().items()) if name.startswith(kind)] for kind in ("_law_", "_input_")
+)
+"""Properties for every size and regularization, and those that are checked once."""

@@ -8,7 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.arms.chain import Frame, Joint, pose
-from maniport.arms.collisions.tree import LinkTree
+from maniport.arms.collisions.solids import LinkTree
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
 

@@ -8,7 +8,7 @@ import pytest
 
 import maniport as mp
 from maniport.arms.chain import Frame, Joint, Shape, pose
-from maniport.arms.meshes.visual import box
+from maniport.arms.meshes import box
 from maniport.errors import InvalidInputError
 
 

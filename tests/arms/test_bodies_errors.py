@@ -101,7 +101,7 @@ def test_implausible_segment_lengths_are_refused(build, length):
     [
         ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
         ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
-        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower must lie below upper; found 1 and 0.5 for joint 'joint2'"),
+        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower of .joint2. must be below upper"),
         ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
         ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
         ({"base": 2 * np.eye(3)}, "base must be a rotation"),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maniport.arms.meshes.visual import box, capsule, cylinder, ellipsoid, reduced
+from maniport.arms.meshes import box, capsule, cylinder, ellipsoid, reduced
 
 
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:

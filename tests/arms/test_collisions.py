@@ -11,8 +11,9 @@ from scipy.spatial import ConvexHull
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_postures
 from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import WARNING
-from maniport.report.motion import collision_metrics
+from maniport.report.motion import collision_value
+from maniport.report.motion_warnings import collision_warnings
+from maniport.report.values import WARNING
 
 CUBE = 0.2
 
@@ -215,13 +216,12 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     assert collisions.clearance([[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]) == pytest.approx([0.35, 0.3], abs=1e-3)
     q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
     time = np.linspace(0.0, 1.0, 5)
-    room = Clearance.of(
-        collisions, SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q)
-    )
-    told, fact = collision_metrics(room, 1.0)
-    assert told.severity == WARNING
-    assert told.key == "missing-meshes"
-    assert "250 mm" in fact.text
+    motion = SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q)
+    clearance = Clearance.of(collisions, motion)
+    (warned,) = collision_warnings(clearance, collisions)
+    assert warned.severity == WARNING
+    assert warned.key == "missing-meshes"
+    assert "250 mm" in collision_value(clearance, 1.0)[0]
 
 
 def test_a_watch_sees_what_is_there(panda, collisions, gantry):

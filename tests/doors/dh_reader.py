@@ -2,8 +2,7 @@
 
 import json
 
-from maniport.arms import READERS
-from maniport.arms.denavit_hartenberg import chain_from_dh
+from maniport.arms import READERS, Arm
 from maniport.errors import FileFormatError
 
 
@@ -11,7 +10,7 @@ def read(path, frame=None, joints=None):
     """Read ``{"name": …, "rows": [[θ, d, a, α], …], "lower": [rad], "upper": [rad]}``."""
     try:
         robot = json.loads(path.read_text(encoding="utf-8"))
-        chain = chain_from_dh(robot["name"], robot["rows"], robot["lower"], robot["upper"])
+        chain = Arm.from_dh(robot["name"], robot["rows"], robot["lower"], robot["upper"]).chain
     except (ValueError, KeyError) as error:
         raise FileFormatError(f"{path}: is no table of a robot: {error!r}") from None
     return chain

@@ -15,7 +15,7 @@ class LogEuclideanShift(DomainAdapter):
     def _fit(self, teacher, student):
         self.shift_ = spd.logm(student).mean(axis=0) - spd.logm(teacher).mean(axis=0)
         self._describe(teacher, student)
-        self._found_at_once("closed form")
+        self._set_closed_form("closed form")
 
     def _map(self, points):
         return spd.expm(spd.logm(points) + self.shift_), self.released_damping_

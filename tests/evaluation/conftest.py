@@ -12,7 +12,7 @@ def rng():
 
 @pytest.fixture(scope="session")
 def make_cloud():
-    """Make n SPD matrices about a centre that is not round, so that their rotation can be told."""
+    """Make n SPD matrices about a center that is not round, so that their rotation can be told."""
 
     def make(rng, n, d=3, spread=0.5):
         noise = spread * rng.standard_normal((n, d, d)) * np.linspace(0.5, 1.5, d)

@@ -42,7 +42,7 @@ def test_every_row_has_every_metric_that_applies(evaluation):
             continue
         assert row.feasibility_gap is None
         assert row.domain_feasibility_gap is None
-        others = (row.rmse, row.smoothness, row.structure, row.energy_distance, row.identity)
+        others = (row.rmse, row.smoothness, row.preservation, row.energy_distance, row.identity)
         assert all(value is not None for value in (*others, row.stability))
     assert evaluation.row("icp") is evaluation.adapter
     with pytest.raises(UnknownNameError, match="row"):
@@ -54,7 +54,7 @@ def test_the_truth_is_recognized(evaluation):
     assert evaluation.adapter.rmse.undivided < 1e-6
     assert evaluation.adapter.energy_distance < 1e-6
     assert evaluation.row(IDENTITY).rmse.undivided > 0.5
-    assert evaluation.verdict.recommended == "icp"
+    assert evaluation.summary.recommended == "icp"
     assert 0.0 < evaluation.student_noise.energy_distance < evaluation.row(IDENTITY).energy_distance
 
 

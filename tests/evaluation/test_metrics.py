@@ -5,7 +5,7 @@ import pytest
 
 from maniport import IdentityMap, MeanTransport, NearestNeighbor, ParallelTransport, RiemannianICP, spd
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.evaluation import identity_test, rmse, smoothness, stability, structure
+from maniport.evaluation import distance_preservation, identity_test, rmse, smoothness, stability
 
 
 def diagonals(logarithms):
@@ -44,28 +44,28 @@ def test_a_rotation_keeps_distances_and_turns_axes(rng, turn_about, angle, turn)
     """M → R M Rᵀ is an isometry; axes have no sign, so that a rotation by 170° is one by 10°."""
     shapes = diagonals(np.array([[2.0, 0.5, -1.0]]) + 0.1 * rng.standard_normal((20, 3)))
     rotation = turn_about(angle)
-    found = structure(rotation @ shapes @ rotation.T, shapes)
-    assert found.spearman == pytest.approx(1.0)
+    found = distance_preservation(rotation @ shapes @ rotation.T, shapes)
+    assert found.rank_correlation == pytest.approx(1.0)
     assert found.distortion < 1e-9
-    assert (found.major_turn, found.minor_turn) == pytest.approx((turn, 0.0), abs=1e-6)
-    assert (found.major_left_out, found.minor_left_out) == (0, 0)
+    assert (found.major_axis_angle, found.minor_axis_angle) == pytest.approx((turn, 0.0), abs=1e-6)
+    assert (found.major_undefined, found.minor_undefined) == (0, 0)
 
 
 def test_axes_that_are_not_distinct_are_left_out_and_counted():
     """A disc has a shortest axis but no longest one; a ball has neither."""
     discs = diagonals([[1.0, 1.0, 0.0], [1.5, 1.5, 0.0], [2.0, 1.0, 0.0]])
-    found = structure(discs, discs)
-    assert (found.major_left_out, found.minor_left_out) == (2, 0)
+    found = distance_preservation(discs, discs)
+    assert (found.major_undefined, found.minor_undefined) == (2, 0)
     balls = diagonals([[0.0] * 3, [1.0] * 3, [3.0] * 3])
-    found = structure(balls, balls)
-    assert (found.major_turn, found.minor_turn, found.major_left_out) == (None, None, 3)
+    found = distance_preservation(balls, balls)
+    assert (found.major_axis_angle, found.minor_axis_angle, found.major_undefined) == (None, None, 3)
 
 
 def test_distortion_and_rank_correlation_on_a_line():
     """Points 0, 1, 3 mapped to 0, 2, 3 have the ratios 2, 1/2 and 1: median ratio 1, median distortion log 2."""
-    found = structure(line([0, 2, 3]), line([0, 1, 3]))
+    found = distance_preservation(line([0, 2, 3]), line([0, 1, 3]))
     assert found.distortion == pytest.approx(np.log(2.0))
-    assert found.spearman == pytest.approx(0.5)  # ranks of 1, 3, 2 against those of 2, 3, 1
+    assert found.rank_correlation == pytest.approx(0.5)  # ranks of 1, 3, 2 against those of 2, 3, 1
 
 
 @pytest.mark.parametrize("adapter", [ParallelTransport(damping=0.01), IdentityMap()], ids=repr)
@@ -119,8 +119,8 @@ STILL = np.tile(np.eye(3), (5, 1, 1))
         (lambda: rmse(POINTS, np.tile(np.diag([1.0, 1.0, 0.0]), (5, 1, 1))), NotSPDError, r"mapped\[0\]"),
         (lambda: rmse(POINTS, STILL), InvalidInputError, "dispersion"),
         (lambda: smoothness(POINTS, STILL), InvalidInputError, "original"),
-        (lambda: structure(POINTS, STILL), InvalidInputError, "original"),
-        (lambda: structure(POINTS, POINTS, most_points=2), InvalidInputError, "most_points"),
+        (lambda: distance_preservation(POINTS, STILL), InvalidInputError, "original"),
+        (lambda: distance_preservation(POINTS, POINTS, most_points=2), InvalidInputError, "most_points"),
         (lambda: stability(IdentityMap(), [POINTS], [POINTS], POINTS), InvalidInputError, "1 and 1"),
         (lambda: stability(IdentityMap(), [POINTS] * 2, [POINTS] * 3, POINTS), InvalidInputError, "2 and 3"),
         (lambda: stability(IdentityMap(), [POINTS] * 2, [POINTS] * 2, POINTS[0]), InvalidInputError, "probe"),

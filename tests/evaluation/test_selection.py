@@ -96,16 +96,16 @@ def test_choice_and_reason_are_among_the_metrics(chosen):
     assert table.row(found.method).feasibility_gap is not None
     assert (table.row("length-field").feasibility_gap is None) is bool(found.failures)
     assert as_numbers(facts)["evaluation"]["choice"] == {"method": found.method, "failures": list(found.failures)}
-    assert f"{found.method} was chosen" in as_markdown(facts)
-    assert 0.0 <= table.row(found.method).structure.major_moved <= 1.0
+    assert f"Selected {found.method.replace('-', ' ')}" in as_markdown(facts)
+    assert 0.0 <= table.row(found.method).preservation.major_axis_moved <= 1.0
 
 
 @pytest.mark.parametrize(
-    "worse", [{"reversing": 0.11}, {"contrary": 0.04}, {"moved_axes": 0.06}, {"structure": 0.79}], ids=str
+    "worse", [{"reversing": 0.11}, {"nonmonotone": 0.04}, {"moved_axes": 0.06}, {"rank_correlation": 0.79}], ids=str
 )
 def test_every_check_can_fail(worse):
     """Each measure beyond its limit fails by itself."""
-    good = FieldReport(100, 0.0, 0.0, 0.0, 1.0, 0.8, 0.0, 1.0, 0.0, moved_axes=0.05, reversing=0.1, contrary=0.03)
+    good = FieldReport(100, 0.0, 0.0, 0.0, 1.0, 0.8, 0.0, 1.0, 0.0, moved_axes=0.05, reversing=0.1, nonmonotone=0.03)
     assert good.failures() == ()
     assert len(replace(good, **worse).failures()) == 1
 

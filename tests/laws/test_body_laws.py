@@ -117,7 +117,8 @@ def test_ellipsoids_agree_with_one_another(arm, seed, spec):
     assert_allclose(weighted, (rows * weights**2) @ np.swapaxes(rows, 1, 2), atol=1e-10)
     jacobian, ellipsoids, changes = arm.differentials(q, velocity)
     assert_array_equal(jacobian, arm.jacobian(q))
-    assert_array_equal(ellipsoids, arm.ellipsoids(q, velocity))
+    assert_allclose(ellipsoids, arm.ellipsoids(q, velocity), rtol=0, atol=1e-14 * np.abs(matrices).max())
+    assert_array_equal(ellipsoids, np.swapaxes(ellipsoids, -1, -2))
     assert_array_equal(changes, arm.manipulability_jacobian(q, velocity))
     if spec.kind == "force" and arm.dof >= spec.size and np.linalg.cond(matrices).max() < 1e8:
         assert_allclose(arm.ellipsoids(q, spec) @ matrices, [np.eye(spec.size)] * 3, atol=1e-5)

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent
-from maniport.evaluation import rmse, smoothness, structure
+from maniport.evaluation import distance_preservation, rmse, smoothness
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 forms = st.sampled_from(sorted(FORMS | ROUNDED))
-MEASURES = {"rmse": rmse, "smoothness": smoothness, "structure": structure}
+MEASURES = {"rmse": rmse, "smoothness": smoothness, "distance_preservation": distance_preservation}
 measures = pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
 
 

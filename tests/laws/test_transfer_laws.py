@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer, refused_only_above
 from maniport import spd
 from maniport.errors import NotInvertibleError
-from maniport.transfer import METHODS, Search, load_adapter, method_of, name_of
+from maniport.transfer import METHODS, Search, method_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10)}, "length-field": {"n_rounds": 2}}
@@ -96,7 +96,7 @@ def test_images_are_ellipsoids_or_refused(name, case):
         adapter = made(name).fit(teacher, student)
         images = adapter.transform(new)
         assert np.all(spd.lengths(images) > 0.0)
-        rounding = 0.0 if name in METHODS else 1e-12  # of shipped methods not even rounding depends on company
+        rounding = 1e-12 if name == "length-field" else 0.0  # it sums over centers by BLAS
         bits = {"rtol": rounding, "atol": rounding * np.abs(images).max()}
         assert_allclose(adapter.transform(new[::-1]), images[::-1], **bits)
         assert_allclose([adapter.transform(one) for one in new], images, **bits)
@@ -130,18 +130,3 @@ def test_rigid_maps_take_the_mean_to_the_mean(name, case):
     assert_allclose(spd.distance(end, adapter.transform(teacher)), grown, atol=1e-5)
     if name != "mean-transport":
         assert_allclose(adapter.dispersion_ratio_, spd.dispersion(student) / spd.dispersion(teacher), rtol=1e-6)
-
-
-@methods
-@fewer(0.3)
-@given(case=cases(least=0.3, most=5.0, sizes=SMALL))
-def test_a_file_holds_the_whole_map(name, case, tmp_path_factory):
-    """A saved and loaded adapter has the images of the one that was fitted, bit by bit, and its method's name."""
-    teacher, student, new = domains(name, case)
-    adapter = made(name, damping=0.02).fit(teacher, student)
-    path = tmp_path_factory.mktemp("adapter") / "adapter.npz"
-    adapter.save(path)
-    loaded = load_adapter(path)
-    assert name_of(loaded) == name_of(method_of(name)) == name
-    assert_array_equal(loaded.transform(new), adapter.transform(new))
-    assert isinstance(method_of(loaded), type(adapter))

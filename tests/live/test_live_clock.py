@@ -30,15 +30,15 @@ def led(small_result, second):
 
     The person moves three times as slowly as recorded, at 100 Hz.
     """
-    result, plan = small_result, small_result.execution.plan
+    result, plan = small_result, small_result.arm.motion
     limits = plan.limits
     options = {
-        "path": result.execution.placement, "motion_limits": limits, "collisions": result.execution.collisions,
+        "path": result.arm.placement, "motion_limits": limits, "collisions": result.arm.collisions,
         "reference": plan.joint_positions, "start": 0.5 * (limits.lower + limits.upper),
     }  # fmt: skip
 
     def make(clock):
-        return mp.Live(result.fit, result.adapter, result.robot, clock=clock, **options)
+        return mp.Live(result.arm.fit, result.arm.adapter, result.arm.robot, clock=clock, **options)
 
     shown = second.select(make(None).points)
     time, flat = np.linspace(shown.time[0], shown.time[-1], 300), shown.positions.reshape(len(shown.time), -1)
@@ -76,7 +76,7 @@ def test_commands_keep_the_limits_over_the_time_here(small_result, led, name):
 
     The far start lets the robot move at its limits.
     """
-    clock, limits, (make, frames) = FakeClock(), small_result.execution.plan.limits, led
+    clock, limits, (make, frames) = FakeClock(), small_result.arm.motion.limits, led
     live, times, moved, q = make(clock), [], [], []
     for points, sent, came in zip(frames, *senders()[name], strict=True):
         clock.now = 1000.0 + came
@@ -91,7 +91,7 @@ def test_commands_keep_the_limits_over_the_time_here(small_result, led, name):
 
 def test_a_long_step_is_not_made_up_for(small_result, led):
     """After a step that took 80 ms, the next command comes soon, and is near: at most 2 ms of motion are ahead."""
-    clock, limits, (make, frames) = FakeClock(), small_result.execution.plan.limits, led
+    clock, limits, (make, frames) = FakeClock(), small_result.arm.motion.limits, led
     live, sent, q = make(clock), [], []
     for i, points in enumerate(frames[:100]):
         clock.delays = [0.0, 0.08] if i % 10 == 5 else []
@@ -114,7 +114,7 @@ def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
         q.append(moment.joint_positions)
         if back:
             np.testing.assert_array_equal(q[-1], q[-2])
-    require_limits(small_result.execution.plan.limits, times, q)
+    require_limits(small_result.arm.motion.limits, times, q)
 
 
 def test_frames_need_no_times(led):

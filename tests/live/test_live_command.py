@@ -53,7 +53,7 @@ def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
     given = lines(positions, time).replace(b"\n", b"\nnonsense\n", 1)
     code, (first, start, error, *rest), err = run(tmp_path / "person.npz", "--no-drop", given=given)
     assert code == 0
-    arm = small_result.robot
+    arm = small_result.arm.robot
     assert first["points"] == list(Live.of(small_result).points)
     assert first["start"] == start["joints"]
     assert (start["state"], error["line"]) == ("reaching", 2)

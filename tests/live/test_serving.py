@@ -301,7 +301,7 @@ def test_answers_are_consistent_under_overload(small_result, positions):
     times, q = [one["t"] for one in states], np.array([list(one["joints"].values()) for one in states])
     assert (np.diff(times) > 0.0).all()
     assert times[-1] - times[0] <= clock.now - 1000.0
-    require_limits(small_result.execution.plan.limits, times, q)
+    require_limits(small_result.arm.motion.limits, times, q)
     lags = [(one["tip_error"], one["t"]) for one in states if one["state"] not in ("reaching", "holding")]
     assert sorted(summary.lags) == sorted(lag for lag in lags if lag[0] is not None)
     assert len(summary.times) == summary.answered

@@ -12,7 +12,7 @@ from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.motion import plan_motion, track
 from maniport.motion.objective import POINTING, WHOLE, Objective, axis_weights
-from maniport.pipeline.turns import facing
+from maniport.pipeline.targets import facing
 
 TIME = np.linspace(0.0, 2.0, 12)
 

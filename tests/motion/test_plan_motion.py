@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 from maniport import motion
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.pipeline.execution import Execution
-from maniport.pipeline.follow import follow
+from maniport.pipeline import follow_profile
+from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, facts_of
 
 CRANE = Arm.from_dh(
@@ -102,7 +102,7 @@ def test_leaps_of_the_recording_are_named(planned):
     assert np.flatnonzero(leaping.jumps).tolist() == [3, 4, 8, 9]
     told = as_numbers(facts_of(leaping))["motion"]["jumps"]
     assert told["points"] == 4
-    assert told["there"]["tip_error_mm"] == pytest.approx(1e3 * planned.arms[0].position_error[[3, 4, 8, 9]].max())
+    assert told["there"]["position_error_mm"] == pytest.approx(1e3 * planned.arms[0].position_error[[3, 4, 8, 9]].max())
 
 
 def test_room_is_measured_between_the_points(planned, planner):
@@ -135,7 +135,7 @@ def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
     ratio = np.sqrt(np.mean(planned.arms[0].distance ** 2) / np.mean(planned.arms[0].pointwise_best ** 2))
     assert planned.pointwise_ratio == pytest.approx(ratio)
     assert ratio < 1.2
-    assert as_numbers(facts_of(planned))["motion"]["over_node_floor"] == pytest.approx(ratio)
+    assert as_numbers(facts_of(planned))["motion"]["pointwise_ratio"] == pytest.approx(ratio)
 
 
 def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planned):
@@ -211,7 +211,7 @@ def test_two_points_are_a_motion(panda, planner, wanted):
 
 def test_lowest_points_are_those_of_the_links(panda, planned):
     """The lowest point is below all origins, each link's is at its time, and fingers count."""
-    run = Execution(panda, None, planned.arms[0], planned.arms[0], planned.clearance, np.full(len(TIME), 0.1))
+    run = ArmResult(name="panda", robot=panda, motion=planned.arms[0])
     lowest = {point.link: point for point in run.lowest_of_links}
     poses = panda.link_poses(planned.arms[0].control_positions)
     assert run.lowest == run.lowest_of_links[0]
@@ -226,14 +226,16 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
 
 def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
     """An option that the tracker alone has lets it follow the plan; with others the plan is the motion."""
-    options = part_of(wanted) | {"place": False, "planner": planner, "planning_effort": "quick"}
-    plain = follow(panda, **options, position_tolerance=0.01)
-    assert plain.motion is plain.plan
-    tracked = follow(panda, **options, gain=0.5)
-    assert tracked.motion is not tracked.plan
-    assert_array_equal(tracked.motion.time, tracked.plan.time)
+    targets = part_of(wanted)
+    options = {"profiles": [targets["profile"]], "time": targets["time"], "paths": [targets["path"]], "place": False}
+    options |= {"planner": planner, "planning_effort": "quick"}
+    plain = follow_profile(panda, **options, position_tolerance=0.01)
+    tracked = follow_profile(panda, **options, gain=0.5, position_tolerance=0.01)
+    assert_array_equal(tracked.arm.motion.time, plain.arm.motion.time)
+    assert not np.array_equal(tracked.arm.motion.joint_positions, plain.arm.motion.joint_positions)
+    assert tracked.arm.motion.pointwise_best is not None
     with pytest.raises(TypeError, match="unexpected option 'sped'"):
-        follow(panda, **options, sped=2.0)
+        follow_profile(panda, **options, sped=2.0)
 
 
 @pytest.mark.parametrize(
@@ -246,7 +248,7 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
         ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
         ({"planning_effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
-        ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one posture"),
+        ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one configuration"),
         ({"collisions": "yes"}, InvalidInputError, "collisions"),
         ({"motion_limits": {"joints": {"elbow": {"velocity": 1.0}}}}, InvalidInputError, "'elbow'.*panda_joint1"),
         ({"time": TIME * 1e6}, InvalidInputError, "samples"),

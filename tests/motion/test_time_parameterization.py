@@ -157,7 +157,11 @@ def test_home_and_back():
     for jerk in (1e-9, 1e-12):
         with pytest.raises(InvalidInputError, match=r"samples|jerk"):
             with_approach(timed, MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), home)
-    for wrong, message in (([0, 0, 9], "outside the limits"), ([[0, 0, 0]], "one posture"), ([0, 0], "one value")):
+    for wrong, message in (
+        ([0, 0, 9], "outside the limits"),
+        ([[0, 0, 0]], "one configuration"),
+        ([0, 0], "one value"),
+    ):
         with pytest.raises(InvalidInputError, match=message):
             with_approach(timed, limits, wrong)
 

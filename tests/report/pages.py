@@ -1,8 +1,9 @@
 """A page with one section, for tests of how things are shown."""
 
-from maniport.report.metrics import Metric, Report, Section, Table, warnings_of
+from maniport.report.metrics import warnings_of
 from maniport.report.page import Cloud, DomainMap, as_html, write_page
-from maniport.report.series import map_of
+from maniport.report.values import Metric, Report, Section, Table
+from maniport.spd.diffusion_map import map_of
 
 
 def told(*parts, warnings=("mind",), title="a title"):

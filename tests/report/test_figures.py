@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, ManiportError, MissingPackageError, OutputError
 from maniport.report import figures
+from maniport.report.figures.curves import with_breaks
 from maniport.report.write import FIGURES
 from maniport.spd.ellipsoid import lengths
 from maniport.util.optional import matplotlib
@@ -113,3 +114,12 @@ def test_missing_matplotlib_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(MissingPackageError, match="figures"):
         matplotlib()
+
+
+def test_lines_break_where_time_jumps():
+    """A step of more than three median steps gets a row of nan, a smaller one does not."""
+    time = np.array([0.0, 1.0, 2.0, 4.9, 5.9, 9.0, 10.0])
+    times, values = with_breaks(time, np.arange(7.0)[:, None])
+    assert np.flatnonzero(np.isnan(values[:, 0])).tolist() == [5]
+    np.testing.assert_allclose(times[~np.isnan(values[:, 0])], time)
+    assert with_breaks(time[:1], np.ones((1, 2)))[1].shape == (1, 2)

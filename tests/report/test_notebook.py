@@ -10,6 +10,7 @@ from sklearn.base import clone
 import maniport as mp
 from maniport.report import Metric, Report, Section, Table, as_html
 from maniport.transfer import Search
+from sizes import motion_alone
 
 TIME = np.linspace(0.0, 1.0, 11)
 
@@ -49,34 +50,32 @@ def objects(small_result):
     profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
-        icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(
-            teacher, student
-        )
+        icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(teacher, student)
     bank = mp.SeedBank.build(panda, 1024, 0)
     return {
         "Arm": panda,
         "Recording": small_result.recording,
-        "ArmFit": small_result.fit,
+        "ArmFit": small_result.arm.fit,
         "ParallelTransport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "RiemannianICP": icp,
         "NearestNeighbor": mp.NearestNeighbor(eigenvalue_floor=1e-3).fit(teacher, student),
         "Identifiability": icp.identifiability_,
         "SeedBank": bank,
-        "Placement": small_result.execution.placement,
+        "Placement": small_result.arm.placement,
         "ArmMotion": mp.track(panda, profile, path=path, time=TIME, start=joints[0]).arms[0],
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),
-        "Execution": small_result.execution,
+        "MotionResult": motion_alone(small_result),
         "TransferResult": small_result,
-        "Evaluation": small_result.evaluation,
+        "Evaluation": small_result.arm.evaluation,
     }
 
 
 NAMES = (
     "Arm", "Recording", "ArmFit", "ParallelTransport", "RiemannianICP", "NearestNeighbor", "Identifiability",
     "SeedBank", "Placement", "ArmMotion", "FeasibleEllipsoids", "Alignment",
-    "ProfileGMM", "Execution", "TransferResult", "Evaluation",
+    "ProfileGMM", "MotionResult", "TransferResult", "Evaluation",
 )  # fmt: skip
 
 

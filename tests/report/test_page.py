@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
 from maniport.report.figures import _decoded
-from maniport.report.metrics import Metric, Table
-from maniport.report.page import LARGEST, Body, Cloud, DomainMap, Line, Motion, Panel, Picture
-from maniport.report.page.motions import ellipsoid_panels
+from maniport.report.page import LARGEST, Animation, Body, Cloud, DomainMap, Image, Line, Panel, Stage
+from maniport.report.page.panels import ellipsoid_panels
+from maniport.report.values import Metric, Table
 
 NAMES = {"person": "person", "target": "target", "achieved": "achieved"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
@@ -56,7 +56,9 @@ def shown(motion):
     skeleton = np.cumsum(np.ones((40, 4, 3)) * np.linspace(0.1, 0.2, 40)[:, None, None], axis=1)
     panels = {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": 2 * teacher}, NAMES, "m/s")}
     clouds = map_with({"person": teacher}, {"target": 2 * teacher})
-    return Motion(time, (Body("person", skeleton, {"person": teacher}),), panels, clouds, unit="m/s")
+    return Animation(
+        time, (Stage("person", (Body("person", skeleton, {"person": teacher}),)),), panels, clouds, unit="m/s"
+    )
 
 
 def read(text):
@@ -68,7 +70,7 @@ def read(text):
 
 def test_page_asks_no_network(shown):
     """The page is well-formed; it has no address with http and no link out, and a policy forbids all but its parts."""
-    text = page_of(shown, Metric("n", "1", "what"), Table(("a",), (("b",),), "caption"), Picture(PNG, "x"))
+    text = page_of(shown, Metric("n", "1", "what"), Table(("a",), (("b",),), "caption"), Image(PNG, "x"))
     page = Page(text)
     assert page.open == []
     assert ("html", {"lang": "en"}) in page.elements
@@ -92,10 +94,13 @@ def test_data_are_the_arrays_given(shown):
     data = read(page_of(shown))
     assert data["start"] == shown.time[0]
     np.testing.assert_array_equal((data["time"]), (shown.time - shown.time[0]).astype(np.float32))
-    np.testing.assert_array_equal((data["bodies"][0]["skeleton"]), shown.bodies[0].skeleton.astype(np.float32))
-    six = data["bodies"][0]["ellipsoids"]["person"]
     np.testing.assert_array_equal(
-        six, shown.bodies[0].ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].astype(np.float32)
+        (data["stages"][0]["bodies"][0]["skeleton"]), shown.stages[0].bodies[0].skeleton.astype(np.float32)
+    )
+    six = data["stages"][0]["bodies"][0]["ellipsoids"]["person"]
+    np.testing.assert_array_equal(
+        six,
+        shown.stages[0].bodies[0].ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]].astype(np.float32),
     )
     for panel, drawn in zip(shown.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True):
         for line, values in zip(panel.lines, drawn["lines"], strict=True):
@@ -111,14 +116,12 @@ def test_longest_motion_stays_small(motion):
     time, values = np.arange(count) / 100.0, np.random.default_rng(0).normal(size=count)
     skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
     shells = np.broadcast_to(np.eye(3), (count, 3, 3))
-    bodies = tuple(
-        Body(name, skeleton, dict.fromkeys(("person", "target", "achieved"), shells), skeleton[:, -1])
-        for name in ("a", "b")
-    )
+    drawn = dict.fromkeys(("person", "target", "achieved"), shells)
+    stages = tuple(Stage(name, (Body(name, skeleton, drawn, skeleton[:, -1]),)) for name in ("a", "b"))
     panels = {"all": tuple(Panel(str(k), "", (Line("x", values),)) for k in range(50))}
     cloud = Cloud("c", "person", np.zeros((count, 2)), shells)
     chart = DomainMap((), (cloud, cloud, cloud))
-    text = page_of(Motion(time, bodies, panels, chart))
+    text = page_of(Animation(time, stages, panels, chart))
     assert len(text.encode()) < LARGEST
     data = read(text)
     assert data["time"][0] == 0.0
@@ -131,10 +134,12 @@ def test_longest_motion_stays_small(motion):
 def test_texts_cannot_become_elements(shown):
     """Names with angle brackets stay text, in the page and in its data."""
     evil = "</script><script>alert(1)</script>"
-    body = Body(evil, shown.bodies[0].skeleton)
-    text = page_of(Motion(shown.time, (body,)), Metric(evil, evil, evil), warnings=(evil,), title=evil)
+    body = Body(evil, shown.stages[0].bodies[0].skeleton)
+    text = page_of(
+        Animation(shown.time, (Stage(evil, (body,)),)), Metric(evil, evil, evil), warnings=(evil,), title=evil
+    )
     assert "<script>alert" not in text
-    assert read(text)["bodies"][0]["name"] == evil
+    assert read(text)["stages"][0]["bodies"][0]["name"] == evil
     assert len(Page(text).scripts) == 2
 
 
@@ -161,9 +166,9 @@ def test_panels_are_the_numbers_of_the_ellipsoids():
         lambda: Line("a", np.zeros(2), "robot"),
         lambda: Panel("a", "", ()),
         lambda: Table(("a", "b"), (("c",),)),
-        lambda: Motion(np.zeros(2), ()),
-        lambda: Motion(np.arange(3.0), (Body("a", np.zeros((2, 2, 3))),)),
-        lambda: Motion(np.arange(3.0), (), {"g": (Panel("a", "", (Line("l", np.zeros(2)),)),)}),
+        lambda: Animation(np.zeros(2), ()),
+        lambda: Animation(np.arange(3.0), (Stage("a", (Body("a", np.zeros((2, 2, 3))),)),)),
+        lambda: Animation(np.arange(3.0), (), {"g": (Panel("a", "", (Line("l", np.zeros(2)),)),)}),
     ],
 )
 def test_bad_content_is_refused(make):

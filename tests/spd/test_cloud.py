@@ -35,7 +35,7 @@ def test_is_zero_only_for_equal_clouds(random_spd, rng, d):
 
 
 def test_does_not_change_under_congruence(random_spd, rng):
-    """X → G X Gᵀ of both clouds is an isometry, and the default centre moves along."""
+    """X → G X Gᵀ of both clouds is an isometry, and the default center moves along."""
     a, b = random_spd(rng, (30,), 3), random_spd(rng, (50,), 3)
     g = rng.standard_normal((3, 3)) + 2.0 * np.eye(3)
     moved = [g @ points @ g.T for points in (a, b)]

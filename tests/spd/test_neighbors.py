@@ -1,4 +1,4 @@
-"""Nearest neighbours on the manifold, against brute force."""
+"""Nearest neighbors on the manifold, against brute force."""
 
 import warnings
 

@@ -23,34 +23,26 @@ def pairs(d, random_spd):
     return random_spd(np.random.default_rng(d), (2, 8), d, condition=100.0)
 
 
-def test_affine_invariant_metric(d, pairs, random_symmetric):
-    """Distance, geodesic, log, exp, inner product and transport of the affine-invariant metric agree."""
+@pytest.mark.parametrize(("ours", "suffix"), [(spd, "riemann"), (log_euclidean, "logeuclid")], ids=["AI", "LE"])
+def test_metric(d, pairs, ours, suffix, random_symmetric):
+    """Distance, geodesic, log, exp, inner product and transport of both metrics agree."""
     a, b = pairs
-    one, two = random_symmetric(np.random.default_rng(0), (2, 8), d)
-    assert_allclose(spd.distance(a, b), distance.distance_riemann(a, b), rtol=1e-9)
-    assert_allclose(spd.geodesic(a, b, 0.3), geodesic.geodesic_riemann(a, b, 0.3), atol=1e-9)
-    base = a[0]
-    assert_allclose(spd.log(base, b), tangentspace.log_map_riemann(b, base, C12=True), atol=1e-9)
-    small = 0.1 * one
-    assert_allclose(spd.exp(base, small), tangentspace.exp_map_riemann(small, base, Cm12=True), atol=1e-9)
-    assert_allclose(spd.inner(base, one, two), tangentspace.innerproduct_riemann(one, two, base), rtol=1e-8, atol=1e-8)
-    assert_allclose(spd.transport(one, base, b[0]), tangentspace.transport_riemann(one, base, b[0]), atol=1e-8)
-
-
-def test_log_euclidean_metric(d, pairs, random_symmetric):
-    """Distance, geodesic, log, exp, inner product and transport of the log-Euclidean metric agree."""
-    a, b = pairs
-    one, two = random_symmetric(np.random.default_rng(0), (2, 8), d)
-    assert_allclose(log_euclidean.distance(a, b), distance.distance_logeuclid(a, b), rtol=1e-9)
-    assert_allclose(log_euclidean.geodesic(a, b, 0.3), geodesic.geodesic_logeuclid(a, b, 0.3), atol=1e-9)
-    base = a[0]
-    assert_allclose(log_euclidean.log(base, b), tangentspace.log_map_logeuclid(b, base), atol=1e-9)
-    small = 0.1 * one
-    assert_allclose(log_euclidean.exp(base, small), tangentspace.exp_map_logeuclid(small, base), atol=1e-9)
-    expected = tangentspace.innerproduct_logeuclid(one, two, base)
-    assert_allclose(log_euclidean.inner(base, one, two), expected, rtol=1e-8, atol=1e-8)
-    moved = tangentspace.transport_logeuclid(one, base, b[0])
-    assert_allclose(log_euclidean.transport(one, base, b[0]), moved, atol=1e-8)
+    first, other = random_symmetric(np.random.default_rng(0), (2, 8), d)
+    base, small = a[0], 0.1 * first
+    whitened = ({"C12": True}, {"Cm12": True}) if ours is spd else ({}, {})
+    table = {
+        "distance": (ours.distance(a, b), getattr(distance, f"distance_{suffix}")(a, b)),
+        "geodesic": (ours.geodesic(a, b, 0.3), getattr(geodesic, f"geodesic_{suffix}")(a, b, 0.3)),
+        "log": (ours.log(base, b), getattr(tangentspace, f"log_map_{suffix}")(b, base, **whitened[0])),
+        "exp": (ours.exp(base, small), getattr(tangentspace, f"exp_map_{suffix}")(small, base, **whitened[1])),
+        "inner": (ours.inner(base, first, other), getattr(tangentspace, f"innerproduct_{suffix}")(first, other, base)),
+        "transport": (
+            ours.transport(first, base, b[0]),
+            getattr(tangentspace, f"transport_{suffix}")(first, base, b[0]),
+        ),
+    }
+    for name, (result, expected) in table.items():
+        assert_allclose(result, expected, rtol=1e-8, atol=1e-8, err_msg=name)
 
 
 def test_mean(d, pairs):

@@ -96,7 +96,7 @@ def test_truncated_and_altered_files_are_refused(saved, tmp_path):
         ({"method": "Magic"}, "Magic"),
         ({"method": "RigidAdapter"}, "RigidAdapter"),
         ({"method": None}, "None"),
-        ({"parameters": {"colour": "red"}}, "colour"),
+        ({"parameters": {"color": "red"}}, "color"),
         ({"parameters": [1, 2]}, "damaged"),
         ({"fitted": {"base_rotation_": None, "dispersion_ratio_": "one"} | DAMPINGS}, "dispersion_ratio_"),
         ({"fitted": {"base_rotation_": 1.0, "dispersion_ratio_": 1.0} | DAMPINGS}, "base_rotation_"),

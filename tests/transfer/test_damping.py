@@ -1,4 +1,4 @@
-"""Regularisation belongs to the adapter: what damping and a floor add, and how much of it comes off again."""
+"""Regularization belongs to the adapter: what damping and a floor add, and how much of it comes off again."""
 
 from itertools import permutations
 

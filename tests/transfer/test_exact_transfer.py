@@ -126,7 +126,7 @@ def test_best_iterate_is_kept(unequal):
 
 
 def test_start_is_respected(unequal, random_rotation):
-    """Without rivals the search starts at parallel transport, at the identity, or at the known base orientation only."""
+    """The only start is parallel transport, the identity, or the known base orientation."""
     plain, base_rotation = mp.ParallelTransport().fit(*unequal), random_rotation(np.random.default_rng(0), 3)
     adapter = mp.RiemannianICP(search=Search(n_starts=0)).fit(*unequal)
     assert_allclose(adapter.start_rotation_, plain.rotation_)

@@ -17,7 +17,7 @@ FRAME = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 def planar(base=None):
-    """An arm of two links of one metre."""
+    """An arm of two links of one meter."""
     return Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]], base=base)
 
 
@@ -66,7 +66,7 @@ def test_a_wrong_start_does_not_win(panda_draws):
 
 
 def test_fit_names_the_flat_axis_and_what_to_give():
-    """Without the base_rotation, `fit` warns in one sentence, with the axis; with base_rotation or pairs it is silent."""
+    """Without base_rotation and pairs, `fit` warns and names the axis."""
     teacher, student = mp.sample_domain(planar(), 256, 0), mp.sample_domain(planar(FRAME), 256, 1)
     with pytest.warns(IdentifiabilityWarning, match=r"about the x axis of the student's base.*base_rotation.*pairs"):
         mp.RiemannianICP(damping=0.01).fit(teacher, student)

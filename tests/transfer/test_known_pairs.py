@@ -96,7 +96,7 @@ def test_pairs_have_half_of_the_weight(unequal):
 
 
 @pytest.mark.parametrize(("remedy", "size"), [({"damping": 0.01}, 3.0), ({"eigenvalue_floor": 1e-3}, 1.0)], ids=str)
-def test_pairs_get_the_regularisation_of_their_domains(remedy, size, random_singular):
+def test_pairs_get_the_regularization_of_their_domains(remedy, size, random_singular):
     """Singular ellipsoids may be shown, and are damped as much as their domains."""
     rng = np.random.default_rng(0)
     domain, turn = random_singular(rng, 40, 3), about_z(0.6)

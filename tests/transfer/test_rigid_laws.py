@@ -35,38 +35,6 @@ def search(kind, **options):
     return kind(search=Search(n_starts=2), random_state=0, **options)
 
 
-# ---- identity ---------------------------------------------------------------------------------------------------
-
-
-@sizes
-@rigid
-@pytest.mark.parametrize("seed", range(2))
-def test_equal_domains_change_nothing(kind, d, seed, random_spd):
-    """Where teacher and student are the same set, every ellipsoid is mapped to itself."""
-    rng = np.random.default_rng(seed)
-    domain, new = random_spd(rng, 30, d), random_spd(rng, 10, d)
-    adapter = search(kind).fit(domain, rng.permutation(domain))
-    assert relative_error(adapter.transform(new), new) < 1e-9
-    assert_allclose(adapter.rotation_, np.eye(d), atol=1e-9)
-    assert adapter.dispersion_ratio_ == pytest.approx(1.0, abs=1e-12)
-
-
-# ---- inverse ----------------------------------------------------------------------------------------------------
-
-
-@sizes
-@seeds
-@pytest.mark.parametrize("condition", [10.0, 1e6])
-@pytest.mark.parametrize("damping", [None, 0.01])
-def test_inverse_undoes_the_map(d, condition, damping, seed, random_spd):
-    """Going there and back returns every ellipsoid, well-conditioned or not, to 1e-9 relative."""
-    rng = np.random.default_rng(seed)
-    for one, other in ((condition, 100.0), (100.0, condition)):
-        teacher, student, new = random_spd(rng, 20, d, one), random_spd(rng, 25, d, other), random_spd(rng, 20, d, one)
-        adapter = Transport(damping=damping).fit(teacher, student)
-        assert relative_error(adapter.inverse_transform(adapter.transform(new)), new) < 1e-9
-
-
 @sizes
 @seeds
 @pytest.mark.parametrize("damping", [0.1, 1e-4])
@@ -79,33 +47,6 @@ def test_inverse_returns_singular_ellipsoids(d, damping, seed, random_singular, 
     back = adapter.inverse_transform(images)
     assert relative_error(back, new) < 1e-9
     assert relative_error(adapter.transform(back), images) < 1e-6
-
-
-@rigid
-def test_inverse_of_a_floored_map_returns_floored_ellipsoids(kind, random_singular):
-    """With a floor the way back ends at the ellipsoid with its small eigenvalues lifted."""
-    rng = np.random.default_rng(0)
-    adapter = search(kind, eigenvalue_floor=1e-3).fit(random_singular(rng, 20, 3), random_singular(rng, 25, 3))
-    new = random_singular(rng, 20, 3)
-    values, vectors = np.linalg.eigh(new)
-    lifted = (vectors * np.maximum(values, 1e-3)[:, None]) @ np.swapaxes(vectors, -1, -2)
-    assert relative_error(adapter.inverse_transform(adapter.transform(new)), lifted) < 1e-9
-
-
-# ---- equivariance -----------------------------------------------------------------------------------------------
-
-
-@sizes
-@rigid
-@pytest.mark.parametrize("damping", [None, 0.01])
-def test_other_base_frame_of_the_teacher(kind, d, damping, random_spd, random_rotation):
-    """Turning the teacher's base frame by Q, with a base_rotation of R_b Qᵀ instead of R_b, changes no result."""
-    rng = np.random.default_rng(d)
-    teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
-    base_rotation, q = random_rotation(rng, d), random_rotation(rng, d)
-    plain = search(kind, damping=damping, base_rotation=base_rotation).fit(teacher, student)
-    other = search(kind, damping=damping, base_rotation=base_rotation @ q.T).fit(turned(q, teacher), student)
-    assert relative_error(other.transform(turned(q, new)), plain.transform(new)) < 1e-8
 
 
 @sizes
@@ -127,7 +68,7 @@ def test_other_base_frame_of_the_student(kind, d, damping, random_spd, random_ro
 def test_common_congruence(adapter, d, seed, random_spd):
     """Congruence of all data by C is congruence of all results: f'(C T Cᵀ) = C f(T) Cᵀ.
 
-    This holds without a known base orientation, regularisation and rival starts: these are not carried along by C.
+    This holds without a known base orientation, regularization and rival starts: these are not carried along by C.
     """
     rng = np.random.default_rng(seed)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
@@ -165,8 +106,8 @@ def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
     moved, moved_new = (
         spd.transport(points, start, end) for points in (teacher, new)
     )  # E X Eᵀ, of points as of tangents
-    recentred = spd.whiten(moved_new, spd.mean(moved))
-    wanted = spd.unwhiten(spd.power(recentred, adapter.dispersion_ratio_), spd.mean(student))
+    recentered = spd.whiten(moved_new, spd.mean(moved))
+    wanted = spd.unwhiten(spd.power(recentered, adapter.dispersion_ratio_), spd.mean(student))
     assert relative_error(adapter.transform(new), wanted) < 1e-8
 
 

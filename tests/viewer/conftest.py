@@ -12,7 +12,7 @@ from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
 from maniport.motion import Placement, SeedBank
 from maniport.viewer.maps import Methods, Refitting
-from maniport.viewer.recording import Playback
+from maniport.viewer.playback import Playback
 from maniport.viewer.state import Side, ViewState
 
 

@@ -28,7 +28,7 @@ def test_a_given_adapter_keeps_its_mounting(arms, domains):
     methods = Methods(teacher, student, given=adapter)
     assert methods.names[0] == GIVEN
     chosen = methods.fit(GIVEN, TURN)
-    assert "keeps the base_rotation" in chosen.ending
+    assert "base orientation" in chosen.notes[0]
     assert chosen.transform(some[0].copy()) == pytest.approx(adapter.transform(some[0]), abs=1e-12)
     full = [sample_domain(arm, 64, 0, spec=EllipsoidSpec(part="full")) for arm in arms]
     with pytest.raises(InvalidInputError, match="6×6"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from maniport import Arm, load_arm
 from maniport.arms import Surface
@@ -16,9 +17,14 @@ from maniport.viewer.shapes import (
     find_surfaces,
     from_roll_pitch_yaw,
     roll_pitch_yaw,
-    rotation_of,
     shell,
 )
+
+
+def rotation_of_quaternion(wxyz):
+    """Return the rotation matrix of a quaternion w, x, y, z."""
+    return Rotation.from_quat(wxyz, scalar_first=True).as_matrix()
+
 
 angle = st.floats(-180.0, 180.0)
 
@@ -34,7 +40,7 @@ def test_a_scaled_and_turned_ball_is_the_ellipsoid():
     """Axes and turn put together give the matrix, in the size that it is drawn in."""
     root = np.random.default_rng(0).normal(size=(3, 3))
     semi_axes, turn = shell(root @ root.T)
-    rotation = rotation_of(turn)
+    rotation = rotation_of_quaternion(turn)
     drawn = rotation @ np.diag(np.square(semi_axes)) @ rotation.T
     assert drawn == pytest.approx(SIZE**2 * root @ root.T)
     assert min(shell(np.diag([1.0, 0.5, 0.0]))[0]) > 0, "a flat ellipsoid can be seen"
@@ -72,7 +78,7 @@ def frame_of(arm, joints):
 
 def drawn(node, points):
     """Where points of a node are, in the frame of the robot's base."""
-    return points @ rotation_of(np.asarray(node.wxyz)).T + node.position
+    return points @ rotation_of_quaternion(np.asarray(node.wxyz)).T + node.position
 
 
 def test_each_piece_of_the_surface_moves_with_its_joint(panda):
@@ -82,7 +88,7 @@ def test_each_piece_of_the_surface_moves_with_its_joint(panda):
     body = RobotBody(scene, "/robot", surfaces, frame_of(panda, first))
     for joints in (first, later):
         frame = frame_of(panda, joints)
-        body.draw(frame, surface=True)
+        body.draw(frame)
         for joint in (0, 3, 7):
             pose = frame.student_links[joint]
             at = drawn(scene.nodes[f"/robot/surface/{joint}"], CORNERS)

@@ -11,11 +11,10 @@ from maniport.arms import load_arm, load_arms
 from maniport.arms.human import human_arm
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportError
-from maniport.mocap import fit_arm, read_recording
 from maniport.motion import SeedBank
 from maniport.viewer import prepare
 from maniport.viewer.maps import GIVEN, Methods, Refitting
-from maniport.viewer.recording import Playback, Recorder
+from maniport.viewer.playback import Playback
 from maniport.viewer.shapes import find_surfaces
 from maniport.viewer.state import Command, Side, ViewState
 from real_robots import NEEDS_ROBOTS
@@ -147,27 +146,6 @@ def test_a_recording_plays_in_a_loop():
             Playback(times, path)
 
 
-def test_a_played_motion_is_a_recording(arms, tmp_path):
-    """Written when the switch is turned off; the person's joints can be fitted to it."""
-    teacher = arms[0]
-    middle, ranges = 0.5 * (teacher.lower + teacher.upper), teacher.upper - teacher.lower
-    path = middle + np.linspace(-0.3, 0.3, 40)[:, None] * ranges
-    recorder = Recorder(teacher, tmp_path)
-    for joints in path:
-        recorder.take(True, joints, 0.05)
-    message = recorder.take(False, path[-1], 0.05)
-    (file,) = tmp_path.iterdir()
-    assert file.name in message
-    fit = fit_arm(read_recording(file), "rhuman")
-    assert fit.time[-1] == pytest.approx(39 * 0.05)
-    assert np.abs(fit.joint_angles - path).max() < np.radians(2.0)
-    recorder = Recorder(teacher, tmp_path / "gone")
-    for count in (1, 20):
-        for _ in range(count):
-            recorder.take(True, np.zeros(7), 0.1)
-        assert "nothing was written" in recorder.take(False, np.zeros(7), 0.1)
-
-
 @pytest.fixture(scope="module")
 def pandas():
     """Two robots side by side."""
@@ -217,7 +195,7 @@ def test_a_shared_torso_is_in_one_place():
     (left, right), reason = find_surfaces(humanoid)
     if not reason:
         assert 0 < len(right) < len(humanoid.arms[1].surfaces())
-        assert min(surface.joint for surface in right) >= humanoid.trunk
+        assert min(surface.joint for surface in right) >= humanoid.common[0, 1]
         assert len(left) == len(humanoid.arms[0].surfaces())
 
 

@@ -3,7 +3,6 @@
 import contextlib
 import socket
 import sys
-import time
 import urllib.error
 import urllib.request
 from dataclasses import replace
@@ -16,13 +15,12 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
 from maniport.live import Moment
+from maniport.viewer.numbers import readable
 from maniport.viewer.panel import OWN
-from maniport.viewer.scene import ROBOT_AT, camera_for
+from maniport.viewer.scene import camera_for
 from maniport.viewer.server import LiveView, Onlooker, require_free
 
 pytest.importorskip("viser")
-RING = 0.65 * 0.3
-"""Radius of the arcs about the robot's base [m]: the page draws them at 0.65 of the handle's size."""
 
 
 @pytest.fixture
@@ -73,29 +71,25 @@ def test_controls_become_commands(make_view):
     command = panel.read(0.02)
     assert (command.method, command.tip_follows) == ("nearest-neighbor", True)
     assert command.joints[3] == pytest.approx(np.pi / 4)
-    assert panel.surface
-    text = panel._head.content + panel._ellipsoids.content + panel._methods.content
-    for word in ("distance", "person", "target", "achieved", "condition", *view.state.methods):
+    text = panel._head.content + panel._methods.content
+    for word in ("distance", "person", "target", "achieved", *map(readable, view.state.methods)):
         assert word in text
     assert "nan" not in text
-    (lookup,) = [line for line in panel._methods.content.splitlines() if line.startswith("| nearest-neighbor")]
+    (lookup,) = [
+        line
+        for line in panel._methods.content.splitlines()
+        if line.startswith(("| nearest neighbor", "| **nearest neighbor"))
+    ]
     assert "| — |" in lookup, "the gap of achieved samples would be zero"
 
 
-def test_sliders_rings_and_list_show_one_mounting(make_view):
-    """Each changes the others."""
+def test_sliders_and_list_have_one_base_orientation(make_view):
+    """Each changes the other."""
     panel = make_view()._panel
     for slider, value in zip(panel._angles, (30.0, -20.0, 75.0), strict=True):
         slider.value = value
-    wanted = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
-    assert panel.read(0.0).base_rotation == pytest.approx(wanted)
-    x, y, z, w = Rotation.from_matrix(wanted.T).as_quat()
-    assert np.abs(np.dot(panel.gizmo.wxyz, [w, x, y, z])) == pytest.approx(1.0)
-    panel.gizmo.wxyz = (np.cos(0.5), 0.0, 0.0, np.sin(0.5))  # the robot's base is turned by 1 rad about the vertical
-    turned = panel.read(0.0).base_rotation
-    assert turned == pytest.approx(Rotation.from_euler("z", -1.0).as_matrix())
-    assert panel._angles[2].value == pytest.approx(-57.5)
-    assert panel.read(0.0).base_rotation == pytest.approx(turned), "the rounding of the sliders must not turn it"
+    rotation = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
+    assert panel.read(0.0).base_rotation == pytest.approx(rotation)
     assert panel._preset.value == OWN
     for name, base in (
         ("on a wall", (1, 0, 0)), ("from the ceiling", (0, 0, -1)), ("at the person's right side", (0, -1, 0)),
@@ -118,8 +112,6 @@ def test_errors_before_the_page_is_complete(make_view, make_state, monkeypatch):
     fail(FileFormatError("a mesh is missing: 'hand.dae'"))
     view = make_view()
     assert view.no_surface == "a mesh is missing: 'hand.dae'"
-    assert view._panel._surface.handle.hint == view.no_surface
-    assert not view._panel.surface
     fail(KeyboardInterrupt())
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -146,7 +138,7 @@ def test_frames_arrive_whole_and_meshes_once(make_view, running):
 
 
 def test_a_browser_shows_the_page(make_view, running, browser):
-    """It draws without errors or requests of the network; controls become commands; the camera is kept."""
+    """It draws without errors or requests of the network; controls become commands."""
     view = make_view()
     panel = view._panel
 
@@ -170,12 +162,6 @@ def test_a_browser_shows_the_page(make_view, running, browser):
             browser.drag((x, y), (x - 40, y))
             return panel.read(0.0).joints[0] < before[0] - 0.1
 
-        def turned():
-            point = np.array(ROBOT_AT) + RING * np.sqrt(0.5) * np.array([1.0, 1.0, 0.0])
-            x, y = on_screen(cameras()[0], point)
-            browser.drag((x, y), (x - 30, y + 10))
-            return abs(panel._angles[2].value) > 5.0
-
         home = np.array(cameras()[0].position)
 
         def looks_from_elsewhere():
@@ -183,24 +169,12 @@ def test_a_browser_shows_the_page(make_view, running, browser):
             return np.abs(cameras()[0].position - home).max() > 0.3
 
         browser.wait(moved)
-        browser.wait(turned)
         browser.wait(looks_from_elsewhere)
         assert not [url for url in browser.requests if not url.startswith((view.url, "data:", "blob:", "about:"))]
         assert not browser.errors
-        time.sleep(1.0)  # until the camera has come to rest
-        position = np.array(cameras()[0].position)
+        assert browser.run("document.title").startswith("maniport view")
         browser.go("about:blank")
         browser.wait(lambda: view.rate == 0)
-        browser.go(view.url)
-        browser.wait(lambda: view.rate > 0 and np.allclose(cameras()[0].position, position, atol=0.05))
-        browser.go("about:blank")
-
-
-def on_screen(camera, point):
-    """Where a camera shows a point [pixels]."""
-    x, y, z = (point - camera.position) @ Rotation.from_quat(camera.wxyz, scalar_first=True).as_matrix()
-    scale = 0.5 * camera.image_height / np.tan(0.5 * camera.fov)
-    return 0.5 * camera.image_width + scale * x / z, 0.5 * camera.image_height + scale * y / z
 
 
 def test_moments_of_live_are_drawn(arms):

@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.attached import Attached
-from maniport.arms.chain import Chain
-from maniport.arms.denavit_hartenberg import chain_from_dh
+from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
 from maniport.arms.joint_space import Manipulable
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Look, Surface
 from maniport.arms.restriction import restrict
-from maniport.errors import unknown_name
-from maniport.util.validation import Array, as_count
+from maniport.errors import InvalidInputError, unknown_name
+from maniport.util.validation import Array, as_choice, as_count, as_finite, as_numbers
 
 
 class Arm(Manipulable):
@@ -99,10 +98,36 @@ class Arm(Manipulable):
         >>> Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
         Arm('planar', dof=2, frame='link2', joints=['joint1', 'joint2'])
         """
-        return cls(chain_from_dh(
-            name, rows, lower, upper, base=base, joint_names=joint_names, kinds=kinds, convention=convention,
-            velocity_limits=velocity_limits,
-        ))  # fmt: skip
+        table = as_finite(rows, "rows")
+        if table.ndim != 2 or table.shape[1] != 4 or not len(table):
+            raise InvalidInputError(
+                f"rows must have shape (n, 4), columns theta, d, a, alpha; found shape {table.shape}"
+            )
+        n = len(table)
+        as_choice(convention, "convention", ("standard", "modified"))
+        names = [f"joint{i + 1}" for i in range(n)] if joint_names is None else check_names(joint_names, "joint_names")
+        kinds = [REVOLUTE] * n if kinds is None else kinds
+        for key, values in (("joint_names", names), ("kinds", kinds)):
+            if len(values) != n:
+                raise InvalidInputError(f"{key} must have {n} entries, one for each row; found {len(values)}")
+        low, high = as_numbers(lower, "lower", n, one=True), as_numbers(upper, "upper", n, one=True)
+        if np.any(low >= high):
+            i = int(np.argmax(low >= high))
+            raise InvalidInputError(f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}")
+        before = [pose((a, 0.0, 0.0), (alpha, 0.0, 0.0)) for _, _, a, alpha in table]
+        after = [pose((0.0, 0.0, d), (0.0, 0.0, theta)) for theta, d, _, _ in table]
+        if convention == "standard":
+            before, after = [np.eye(4)] * n, [z @ x for z, x in zip(after, before, strict=True)]
+        first = np.eye(4) if base is None else as_pose(base, "base")
+        joints = tuple(
+            Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.array([0.0, 0.0, 1.0]),
+                  parent @ before[i]) for i, parent in enumerate((first, *after[:-1]))
+        )  # fmt: skip
+        frames = {"base": Frame(0, first)} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
+        speeds = None
+        if velocity_limits is not None:
+            speeds = as_numbers(velocity_limits, "velocity_limits", n, one=True, above=0.0)
+        return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n), speeds))
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
@@ -169,18 +194,22 @@ class Arm(Manipulable):
         return poses.reshape(*shape, 4, 4), *self._differentials(of_joints, shape, spec)
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give."""
+        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian`."""
         positions, shape = self._positions(q)
         return self._differentials(self._kinematics.jacobian(positions), shape, spec)
 
     def _differentials(
         self, of_joints: Array, shape: tuple[int, ...], spec: EllipsoidSpec
     ) -> tuple[Array, Array, Array]:
-        from maniport.arms.manipulability_jacobian import manipulability_jacobian  # here: Numba takes its time
+        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
 
-        meant, jacobian = self.resolved(spec), self._kinematics.coupled(of_joints).reshape(*shape, 6, self.dof)
-        changes = manipulability_jacobian(of_joints, self.chain.coupling, meant)
-        return jacobian, manipulability(jacobian, meant), changes.reshape(*shape, *changes.shape[1:])
+        jacobian = self._kinematics.coupled(of_joints)
+        ellipsoids, changes = with_derivatives(jacobian, [(1.0, of_joints, self.chain.coupling)], self.resolved(spec))
+        return (
+            jacobian.reshape(*shape, 6, self.dof),
+            ellipsoids.reshape(*shape, *ellipsoids.shape[1:]),
+            changes.reshape(*shape, *changes.shape[1:]),
+        )
 
     def motion(self, q: ArrayLike) -> tuple[Array, Array]:
         """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints), for all n of `q`."""

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain
 from maniport.arms.joint_space import JointSpace, Manipulable
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_finite, as_numbers
 
@@ -258,7 +258,7 @@ class CooperativeArm(Manipulable):
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """Return the results of `forward` and `differentials`."""
-        from maniport.arms.manipulability_jacobian import derivatives  # here: Numba takes its time
+        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
 
         array, resolved = self.configurations(q), self.resolved(spec)
         shape = array.shape[:-1]
@@ -268,11 +268,10 @@ class CooperativeArm(Manipulable):
             for factor, (_, of_joints), coupling in zip(FACTORS[self.kind], motions, self._couplings, strict=True)
         ]
         jacobian = np.asarray(sum(factor * (of_joints @ coupling) for factor, of_joints, coupling in chains))
-        changes = derivatives(chains, resolved)
+        ellipsoids, changes = with_derivatives(jacobian, chains, resolved)
         poses = self._pose(np.stack([poses for poses, _ in motions], axis=-3))
-        jacobian = jacobian.reshape(*shape, 6, self.dof)
-        ellipsoids = manipulability(jacobian, resolved)
-        return poses.reshape(*shape, 4, 4), jacobian, ellipsoids, changes.reshape(*shape, *changes.shape[1:])
+        results = (poses, jacobian, ellipsoids, changes)
+        return tuple(array.reshape(*shape, *array.shape[1:]) for array in results)  # type: ignore[return-value]
 
     def _pose(self, poses: Array) -> Array:
         """Relative or absolute poses, shape (..., 4, 4), of two poses, shape (..., 2, 4, 4)."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.util.validation import MAX_POSITION, Array, as_numbers
+from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
@@ -211,6 +211,21 @@ def pose(xyz: Sequence[float] = (0.0, 0.0, 0.0), rpy: Sequence[float] = (0.0, 0.
     matrix[:3, :3] = rotation_about(2, rpy[2]) @ rotation_about(1, rpy[1]) @ rotation_about(0, rpy[0])
     matrix[:3, 3] = xyz
     return matrix
+
+
+def as_pose(value: ArrayLike, name: str) -> Array:
+    """Convert a rotation, shape (3, 3), or a pose, shape (4, 4), to a pose."""
+    matrix, result = as_finite(value, name), np.eye(4)
+    if matrix.shape == (4, 4) and np.array_equal(matrix[3], result[3]):
+        result[:3, 3] = as_numbers(matrix[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
+    elif matrix.shape != (3, 3):
+        raise InvalidInputError(
+            f"{name} must be a rotation, shape (3, 3), or a pose, shape (4, 4), with last row 0 0 0 1; "
+            f"found shape {matrix.shape}" + (f" and last row {matrix[3]}" if matrix.shape == (4, 4) else "")
+        )
+    as_rotation(matrix[:3, :3], name)
+    result[:3, :3] = matrix[:3, :3]  # not orthogonalized, which would add rounding to exact quarter turns
+    return result
 
 
 def read_embedded(name: str) -> Chain:

@@ -44,7 +44,6 @@ from numpy.typing import ArrayLike
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose, read_embedded
-from maniport.arms.denavit_hartenberg import chain_from_dh
 from maniport.arms.restriction import mirrored
 from maniport.util.validation import Array, as_choice, as_number
 
@@ -121,7 +120,7 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     ]  # fmt: skip
     names = ["elv_angle", "shoulder_elv", "elv_angle_return", *JOINTS[2:]]
     # The table's x axis points to the person's right; the trunk frame's points forward.
-    whole = chain_from_dh("rhuman", table, -np.pi, np.pi, base=pose(rpy=(0, 0, -half)), joint_names=[*names, "fixed"])
+    whole = Arm.from_dh("rhuman", table, base=pose(rpy=(0, 0, -half)), joint_names=[*names, "fixed"]).chain
     joints = list(whole.joints[:8])
     joints[3] = replace(joints[3], axis=-joints[3].axis)  # the table counts axial rotation outward
     coupling = np.zeros((8, 7))

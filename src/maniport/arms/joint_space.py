@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
 from maniport.errors import InvalidInputError
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.sobol import sobol
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator
 
 
-class JointSpace(ShownInNotebooks):
+class JointSpace(NotebookDisplay):
     """Configurations of an arm or a pair, shape (..., dof); the attributes are described at `maniport.arms.Arm`."""
 
     def __init__(
@@ -182,7 +182,7 @@ class Manipulable(JointSpace):
         return self.differentials(q, spec)[2]
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """What `jacobian`, `ellipsoids` and `manipulability_jacobian` give, bit for bit, at once."""
+        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian` at once."""
         return self.posed_differentials(q, spec)[1:]
 
 

@@ -24,43 +24,44 @@ from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 
-def manipulability_jacobian(jacobian: Array, coupling: Array, spec: EllipsoidSpec = VELOCITY) -> Array:
-    """Derivatives of manipulability matrices with respect to the degrees of freedom."""
-    return derivatives([(1.0, jacobian, coupling)], spec)
+def with_derivatives(
+    jacobian: Array, chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY
+) -> tuple[Array, Array]:
+    """Manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
 
-
-def derivatives(chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY) -> Array:
-    """The same where J is a sum of those of several chains: their factors, Jacobians and couplings."""
-    dof = chains[0][2].shape[1]
-    whole = reduce(np.add, [factor * _coupled(jacobian, coupling) for factor, jacobian, coupling in chains])
-    rows = np.ascontiguousarray(weighted_rows(whole, spec))
+    The Jacobian, shape (n, 6, dof), is a sum over chains: their factors, Jacobians in their joints, and couplings.
+    """
+    dof = jacobian.shape[2]
+    rows = np.ascontiguousarray(weighted_rows(jacobian, spec))
     weights = 1.0 if spec.joint_weights is None else spec.weights(dof)
-    changes = []
-    for factor, jacobian, coupling in chains:
+    ellipsoids, changes = np.empty((len(rows), rows.shape[1], rows.shape[1])), []
+    for factor, of_joints, coupling in chains:
         change = np.empty((len(rows), dof, rows.shape[1], rows.shape[1]))
-        arrays = (np.ascontiguousarray(jacobian), rows, *map(np.ascontiguousarray, (coupling, coupling * weights)))
-        _derivatives(*arrays, spec.part != "rotation", change)  # not contiguous, Numba would compile once more
-        changes.append(np.multiply(factor, change, out=change))
+        # Numba compiles once more for arrays that are not contiguous
+        arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), coupling * weights
+        _derivatives(*arrays, spec.part != "rotation", ellipsoids, change)
+        changes.append(change if factor == 1.0 else np.multiply(factor, change, out=change))
     results = reduce(np.add, changes)
     if spec.kind == "velocity":
-        return results
-    force = manipulability(whole, spec)[:, None]
-    change = -force @ results @ force  # of an inverse
-    return np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
-
-
-def _coupled(jacobian: Array, coupling: Array) -> Array:
-    """Jacobians in the degrees of freedom, shape (n, 6, dof): one large product is faster than n small ones."""
-    return np.asarray((jacobian.reshape(-1, jacobian.shape[2]) @ coupling).reshape(len(jacobian), 6, coupling.shape[1]))
+        return ellipsoids, results
+    force = manipulability(jacobian, spec)
+    change = -force[:, None] @ results @ force[:, None]  # of an inverse
+    return force, np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))
 
 
 @kernel
-def _derivatives(jacobians, rows, coupling, weighted, linear, results):  # type: ignore[no-untyped-def]
-    """Fill `results` (n, dof, d, d); `rows` (n, d, dof) and `weighted` (joints, dof) carry the joint weights."""
+def _derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):  # type: ignore[no-untyped-def]
+    """Fill M (n, d, d) and derivatives (n, dof, d, d); `rows` (n, d, dof) and `weighted` (joints, dof) have weights."""
     joints, dof = coupling.shape
     d = rows.shape[1]
     b, a, sums = np.empty((joints, d)), np.empty((joints, d, d)), np.empty((3, d))
     for n in range(len(jacobians)):
+        for x in range(d):
+            for y in range(x, d):
+                total = 0.0
+                for k in range(dof):
+                    total += rows[n, x, k] * rows[n, y, k]
+                ellipsoids[n, x, y] = ellipsoids[n, y, x] = total
         for i in range(joints):
             for y in range(d):
                 b[i, y] = 0.0

@@ -1,37 +1,30 @@
 """The recordings and robots of a batch: each once, and with a name of its own."""
 
 import glob
-import inspect
 import itertools
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from maniport.arms import Arm, load_arm
+from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.batch.content import as_setting, digest
 from maniport.errors import InvalidInputError, as_text
 from maniport.mocap import shipped_recording
 from maniport.mocap.readers import SHIPPED
-from maniport.pipeline.job import checked
-from maniport.pipeline.work import Job
+from maniport.pipeline.transfer import checked
+from maniport.pipeline.values import MotionSettings, Settings
 from maniport.report.renderings import SUMMARY
 from maniport.transfer import DomainAdapter
-from maniport.util.defaults import AUTO, BATCH_EFFORT, BATCH_RATE, KEEP, PERSON, RECORDINGS
-from maniport.util.progress import untold
+from maniport.util.defaults import BATCH_EFFORT, BATCH_RATE, RECORDINGS
 from maniport.version import __version__
 
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
 
 ENDINGS = [ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")]
 """Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
-
-PERSON_OPTIONS: dict[str, Any] = {
-    "person": PERSON, "markers": None, "side": AUTO, "height": None, "smooth": AUTO, "jumps": KEEP,
-}  # fmt: skip
-"""Options of `maniport.fit_arm`, for all recordings."""
 
 RobotInput = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
 
@@ -49,7 +42,7 @@ class Robot:
     """A robot of a batch, with all that it shall do."""
 
     name: str  # Of its folder
-    job: Job
+    job: Settings
     key: str  # Digest of the job
     settings: Mapping[str, str]  # The job by names of arguments, as text
 
@@ -141,39 +134,37 @@ def find_robots(
     """Load robots and check their jobs; each once, with a name of its own that is none of those taken."""
     if isinstance(given, str | Path | Arm) or not len(given):
         raise InvalidInputError("robots must be a sequence of at least one robot")
-    parameters = inspect.signature(checked).parameters.values()
-    options = {parameter.name for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY}
-    person = {name: settings.get(name, value) for name, value in PERSON_OPTIONS.items()}
-    common = {name: value for name, value in settings.items() if name in options}
-    control = {"planning_effort": BATCH_EFFORT, "rate": BATCH_RATE}
-    control |= {name: value for name, value in settings.items() if name not in options and name not in person}
+    usual = {"planning_effort": BATCH_EFFORT, "rate": BATCH_RATE}
     found, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in given:
         arm, own = robot if isinstance(robot, tuple) else (robot, {})
         arm = arm if isinstance(arm, Arm) else load_arm(arm)
-        job = checked(person, arm, method, {**control, **own}, **common)
-        key = digest(__version__, replace(job, tell=untold))
+        job = checked(arm, method=method, **{**usual, **settings, **own})
+        key = digest(__version__, job)
         if key not in found:
             found[key] = Robot(_as_folder(arm.name, names), job, key, _settings(job))
     return list(found.values())
 
 
-def _settings(job: Job) -> dict[str, str]:
+def _settings(job: Settings) -> dict[str, str]:
     """Return all settings of a robot's pairs by their names as arguments, as text."""
     found: dict[str, Any] = {"maniport": __version__}
-    for name in (field.name for field in fields(job) if field.name not in ("tell", "once_adapted")):
-        value = getattr(job, name)
-        if name == "sizes":
-            found |= dict(zip(("n_teacher", "n_student"), value, strict=True))
-        elif isinstance(value, DomainAdapter):
+    for name, value in _fields(job).items():
+        if isinstance(value, DomainAdapter):
             found |= {"method": type(value).__name__, **value.get_params(deep=False)}
-        elif isinstance(value, Mapping):  # of the person, the motion, or a method that is to be chosen
+        elif isinstance(value, MotionSettings):
+            found |= _fields(value.plan) | dict(value.tracking)
+        elif isinstance(value, Mapping):  # of the person, or of a method that is selected
             found |= value
-        elif name == "spec" and is_dataclass(value):
-            found |= {field.name: getattr(value, field.name) for field in fields(value)}
-        else:
-            found["random_state" if name == "seed" else name] = value
+        elif isinstance(value, EllipsoidSpec):
+            found |= _fields(value)
+        elif name != "progress":
+            found[name] = value
     return {name: as_setting(value) for name, value in found.items()}
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
 def _as_folder(name: str, taken: set[str]) -> str:

@@ -4,7 +4,8 @@ import json
 import time as clock
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -18,19 +19,23 @@ from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit, Recording, read_recording
-from maniport.pipeline.parts import Fitted, RobotModel, Shown
+from maniport.pipeline import stages
+from maniport.pipeline.transfer import recorded
+from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import facts_of
-from maniport.report.write import RUN_FILES, write_run, write_run_page
-from maniport.transfer import load_adapter
+from maniport.report.write import RUN_FILES, write_run
+from maniport.transfer import DomainAdapter, load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
 
 PAIR = "pair.json"  # The file with the settings of a pair, the sizes of its files, and its row of the table
 
 ADAPTERS = "adapters"  # The folder of the adapters, which recordings of one person share
 
+Warnings = tuple[str, ...]
+
 _alone = Lock()  # Workers of Dask may have several threads, and warnings are caught for a whole process
-_robots: dict[str, RobotModel] = {}
-_adapters: dict[Path, Fitted] = {}
+_robots: dict[str, tuple[SampledRobot, Warnings]] = {}
+_maps: dict[Path, tuple[FittedMap, Warnings]] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,16 +135,17 @@ def work(task: Task) -> list[dict[str, Any]]:
         stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round alike
         if task.order.typed:
             stack.enter_context(on_the_command_line())
-        rows, shown = list[dict[str, Any]](), list[Shown]()
+        rows, human = list[dict[str, Any]](), list[tuple[Human, Warnings]]()
         for robot, settings in zip(task.robots, task.settings, strict=True):
             begun = clock.process_time()
             try:
-                if not shown:
+                if not human:
                     recording = read_part(task.source.path, **task.order.reading)
                     if content_of(task.source) != task.content:
                         raise ManiportError(f"{task.source.path}: it was changed meanwhile; start again")
-                    shown.append(robot.job.shown(recording).thinned(task.order.profile_rate))
-                rows.append(_pair(task, robot, settings, shown[0], begun))
+                    fitted, texts = recorded(partial(stages.fit_human, recording, robot.job))
+                    human.append((fitted.subsampled(task.order.profile_rate), texts))
+                rows.append(_pair(task, robot, settings, *human[0], begun))
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
                 rows.append(
                     failed_row(task.source.name, robot.name, reason(error)) | {COMPUTING: clock.process_time() - begun}
@@ -165,53 +171,60 @@ def read_part(
     return recording if start is None and stop is None else recording.crop(start, stop)
 
 
-def _pair(task: Task, robot: Robot, settings: Mapping[str, str], shown: Shown, begun: float) -> dict[str, Any]:
+def _pair(
+    task: Task, robot: Robot, settings: Mapping[str, str], human: Human, texts: Warnings, begun: float
+) -> dict[str, Any]:
     """Transfer the recording to one robot, and write the results."""
-    order, job = task.order, robot.job
-    known = _known(robot)
-    given = None if job.chooses else _adapter(order, robot, known, shown.fit)
-    result = job.transferred(shown, known, given)
+    order, selects = task.order, not isinstance(robot.job.adapter, DomainAdapter)
+    sampled, of_robot = _sampled(robot)
+    if selects:
+        maps, of_map = recorded(partial(stages.fit_transfer, human, sampled, robot.job))
+    else:
+        fitted, of_map = _fitted(order, robot, sampled, human.fits[0])
+        maps = (fitted,)
+    result, own = recorded(partial(stages.transfer, human, sampled, maps, robot.job, baselines=selects))
+    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *own))))
     facts, folder = facts_of(result), folder_of(order, task.source, robot)
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
-        write_run(result, facts, order.exports, staging)
-        if order.pages:
-            write_run_page(result, facts, order.exports, staging)
+        write_run(result, facts, order.exports, staging, order.pages)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")
     return row
 
 
-def _known(robot: Robot, most: int = 4) -> RobotModel:
-    """What is computed of a robot once in each process; of so many robots it is kept, about 60 MB each."""
+def _sampled(robot: Robot, most: int = 4) -> tuple[SampledRobot, Warnings]:
+    """Sample a robot once in each process; of so many robots the samples are kept, about 60 MB each."""
     if robot.key not in _robots:
         while len(_robots) >= most:
             del _robots[next(iter(_robots))]
-        _robots[robot.key] = robot.job.known()
+        _robots[robot.key] = recorded(partial(stages.sample_robot, robot.job))
     return _robots[robot.key]
 
 
-def _adapter(order: Order, robot: Robot, known: RobotModel, fit: ArmFit) -> Fitted:
-    """The adapter of a person and a robot, and the warnings of its fit, from the file, or fitted.
+def _fitted(order: Order, robot: Robot, sampled: SampledRobot, fit: ArmFit) -> tuple[FittedMap, Warnings]:
+    """Return the map from a person to a robot, and the warnings of its fit, from the file or fitted.
 
-    Lengths are rounded to a centimetre, so that recordings of one person share it: markers give them with errors of
-    some millimetres.
+    Lengths are rounded to a centimeter, so that recordings of one person share it: markers give them with errors of
+    some millimeters.
     """
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
-    person = human_arm(robot.job.whose["person"], side, lengths=lengths)
+    person = human_arm(robot.job.person["person"], side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
     file = order.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person)[:8]}.npz"
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
-        adapter, warned = robot.job.fit_adapter(person, known)
+        fitted, texts = recorded(partial(stages.fit_map, person, None, sampled, robot.job))
         with written_whole(about) as temporary:
-            text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": warned})
+            text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts})
             temporary.write_text(text, encoding="utf-8")
-        adapter.save(file)
-    if file not in _adapters:
-        _adapters[file] = load_adapter(file), tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
-    return _adapters[file]
+        fitted.adapter.save(file)
+    if file not in _maps:
+        texts = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
+        teacher = stages.sample_teacher(person, robot.job)
+        _maps[file] = FittedMap(load_adapter(file), teacher, 0.0), texts
+    return _maps[file]

@@ -28,12 +28,13 @@ from maniport.batch.pair import (
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.motion.exports import SCENE
+from maniport.pipeline.config import CONFIG
 from maniport.report.write import export_files
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import written_whole
 from maniport.util.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
 from maniport.util.input_limits import as_path
-from maniport.util.progress import ALMOST, Progress, Step, untold
+from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count, as_number
 from maniport.version import __version__
 
@@ -133,7 +134,7 @@ def transfer_batch(
     KeyboardInterrupt
         At Ctrl-C, with how many pairs are done. Table and overview of these are written before.
     """
-    begun, tell = clock.perf_counter(), progress or untold
+    begun, tell = clock.perf_counter(), progress or no_progress
     if dask is not None and ray:
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
     count = cores() if processes is None else as_count(processes, "processes")
@@ -141,7 +142,7 @@ def transfer_batch(
     found = find_recordings(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
     order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
-    arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, *TABLES))
+    arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     _claim(folder)
     rows, step = dict[Pair, Row](), Step(tell, "Check earlier results")
     tasks = list(_tasks(order, found, arms, overwrite, rows, count))

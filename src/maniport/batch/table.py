@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from maniport.errors import MissingPackageError, as_text
-from maniport.report.metrics import Report
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
-from maniport.report.write import TOLD
+from maniport.report.values import Report
+from maniport.report.write import SUMMARIES
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import parquet_writer, pyarrow
 
@@ -30,14 +30,15 @@ STATISTICS = ("median", "p95", "max")
 PARTS = ("upper arm", "forearm", "hand")
 
 METRICS = (
-    *(f"motion.{name}.{value}" for name in ("distance", "tip_error_mm", "orientation_error_deg", "major_axis_angle_deg",
-                                            "feasibility_gap", "pointwise_best") for value in STATISTICS),
+    *(f"motion.{name}.{value}" for name in ("distance", "position_error_mm", "orientation_error_deg",
+                                            "major_axis_angle_deg", "feasibility_gap", "pointwise_best")
+      for value in STATISTICS),
     *(f"motion.semi_axes.{axis}.median" for axis in ("major", "middle", "minor")),
-    *(f"motion.mean_distance.{part}" for part in ("mean", "no_posture", "path", "way")),
+    *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("over_node_floor", "points_missed", "points", "leaps.points", "duration_s",
-                                    "jerk.rms", "jerk.peak")),
+    *(f"motion.{name}" for name in ("pointwise_ratio", "points.missed", "points.count", "jumps.points",
+                                    "duration_s.robot", "duration_s.person", "jerk.rms", "jerk.peak")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
     *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
@@ -146,10 +147,10 @@ PAGE_METRICS = (
     Metric("motion.distance.median", "distance, median"),
     Metric("motion.distance.p95", "distance, 95th percentile"),
     Metric("motion.distance.max", "distance, max"),
-    Metric("motion.tip_error_mm.p95", "position error, 95th percentile [mm]", 1),
-    Metric("motion.tip_error_mm.max", "position error, max [mm]", 1),
+    Metric("motion.position_error_mm.p95", "position error, 95th percentile [mm]", 1),
+    Metric("motion.position_error_mm.max", "position error, max [mm]", 1),
     Metric("motion.feasibility_gap.median", "feasibility gap, median"),
-    Metric("motion.duration_s", "duration [s]", 1),
+    Metric("motion.duration_s.robot", "duration [s]", 1),
     Metric(COMPUTING, "computing time [s]", 1),
 )
 """The page sorts pairs by the first, and shows its distribution."""
@@ -179,7 +180,7 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
         failed=len(rows) - len(done),
         count=count,
         tables=tables,
-        file=REPORT if pages else TOLD[0],
+        file=REPORT if pages else SUMMARIES[0],
         metrics=PAGE_METRICS,
         distributions=_distributions(ranked, first),
         ends=[("Best", ranked[:few]), ("Worst", ranked[::-1][:few])] if few else [],

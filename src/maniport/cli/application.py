@@ -14,6 +14,7 @@ from typer.core import TyperCommand
 from maniport.cli.positions import in_si_units
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
 from maniport.pipeline.config import OPTIONS, SECTIONS, Config
+from maniport.pipeline.options import RobotOptions
 from maniport.report.console import Console
 from maniport.util.defaults import RECORDINGS
 from maniport.util.options import Option
@@ -22,6 +23,8 @@ from maniport.version import __version__
 UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
 PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}
 RECORDING = f"Recording: {', '.join(RECORDINGS)}, a folder of keypoints, or a bundled name."
+
+NO_ROBOT = Config(robot=RobotOptions(robot=()))  # defaults of commands that need no robot
 
 app = typer.Typer(
     name="maniport",
@@ -126,7 +129,7 @@ def command(
     """
     defaults = defaults or Config()
     chosen = [
-        described if name not in common else _common(described)
+        replace(described, common=described.common or name in common)
         for name, (section, described) in OPTIONS.items()
         if {name, section} & set(names) and described.typed and name not in without
     ]
@@ -156,10 +159,6 @@ def command(
         return verb
 
     return decorate
-
-
-def _common(described: Option) -> Option:
-    return replace(described, common=True)
 
 
 def _config(defaults: Config, chosen: list[Option], file: Path | None, typed: dict[str, Any]) -> Config:
@@ -202,6 +201,15 @@ def require_none(config: Config, section: str, why: str) -> None:
     for name, (place, option) in OPTIONS.items():
         if place == section and getattr(part, name) != getattr(usual, name):
             raise InvalidInputError(f"{option.flag} cannot be used here: {why}")
+
+
+def optional_robot(config: Config) -> Any:
+    """Load the robot if it was named."""
+    if config.robot.robot:
+        return config.robot.load()
+    if config.robot != NO_ROBOT.robot:
+        raise InvalidInputError("options of a robot need --robot")
+    return None
 
 
 def require_npz(path: Path) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from maniport.cli.application import RECORDING, Output, Overwrite, command
 from maniport.cli.transfer import job_of
-from maniport.pipeline.config import BATCH, Config
+from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
 from maniport.util.defaults import BATCH_PROFILE_RATE
 
@@ -28,10 +28,10 @@ def _execution(help: str, **more: Any) -> Any:
 def batch(
     config: Config,
     console: Console,
-    recordings: Annotated[
-        list[str], typer.Argument(help=f"{RECORDING} Also folders and quoted patterns 'a/**/*.bvh'.")
-    ],
     output: Output,
+    recordings: Annotated[
+        list[str] | None, typer.Argument(help=f"{RECORDING} Also folders and quoted patterns 'a/**/*.bvh'.")
+    ] = None,
     profile_rate: Annotated[float, typer.Option(help="Ellipsoids of a recording [Hz].")] = BATCH_PROFILE_RATE,
     pages: Annotated[bool, typer.Option("--pages/--no-pages", help="Write a report for each pair.")] = False,
     processes: Annotated[int | None, _execution("Processes; default: number of cores.")] = None,
@@ -46,6 +46,7 @@ def batch(
     from maniport.batch import transfer_batch
     from maniport.util.signals import raising
 
+    config = config.changed(recording=recordings) if recordings else config
     arms = [replace(config.robot, robot=(name,)).load() for name in config.robot.robot]
     robots = [(arm, vars(config.motion.control(arm))) for arm in arms]
     job = {name: value for name, value in job_of(config, arms[0]).items() if name not in robots[0][1]}
@@ -55,12 +56,14 @@ def batch(
     try:
         with console.progress() as progress, raising():
             result = transfer_batch(
-                recordings, robots, output, reading=reading, profile_rate=profile_rate, exports=config.motion.export,
+                config.recording, robots, output, reading=reading, profile_rate=profile_rate,
+                exports=config.motion.export,
                 pages=pages, processes=processes, dask=dask, ray=ray, overwrite=overwrite, progress=progress, **job,
             )  # fmt: skip
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)
         raise typer.Exit(130) from None
+    config.save(output / CONFIG)
     _finish(console, result, output)
 
 

@@ -6,20 +6,18 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import Overwrite, command, require_none, require_npz
+from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robot, require_npz
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import Config, TransferOptions
+from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import as_numbers, write_facts
 from maniport.util.defaults import AUTO, FIT_METHOD
 
-NO_ROBOT = "it needs --robot"
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
 StudentDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the student's domain, .npz.")]
 Adapter = Annotated[Path, typer.Argument(help="A fitted adapter, .npz.")]
-RobotName = Annotated[str | None, typer.Option("--robot", help="The student's arm, for its feasible set.")]
 CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
 
@@ -50,8 +48,9 @@ def domain(
 
 
 @command(
-    *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "kind", "part", "seed",
-    common=("damping", "base_rotation"), defaults=Config(transfer=TransferOptions(method=FIT_METHOD)),
+    "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "kind", "part", "seed",
+    common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method=FIT_METHOD),
+    without=("tips", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
 )  # fmt: skip
 def fit(
@@ -61,7 +60,6 @@ def fit(
     student: StudentDomain,
     output: Annotated[Path, typer.Option("--output", "-o", help="File of the adapter, .npz.")],
     unknown_base_rotation: Annotated[bool, typer.Option(help="Search all base rotations (icp).")] = False,
-    robot: RobotName = None,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
     from maniport.feasibility import knowing
@@ -72,7 +70,7 @@ def fit(
     transfer, seed = config.transfer, config.seed
     if transfer.method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
-    arm = _student(config, robot)
+    arm = optional_robot(config)
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
     adapter = method_of(transfer.method, **transfer.regularization, base_rotation=rotation, random_state=seed)
@@ -108,7 +106,7 @@ def apply(
 
 
 @command(
-    *CHAIN, "kind", "part", "seed",
+    "robot", *CHAIN, "kind", "part", "seed", without=("tips", "pose"), defaults=NO_ROBOT,
     example="maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md",
 )  # fmt: skip
 def evaluate(
@@ -119,7 +117,6 @@ def evaluate(
     student: StudentDomain,
     profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Report, .md or .json.")] = None,
-    robot: RobotName = None,
     person: Annotated[str | None, typer.Option("--person", help="The teacher's arm, for new samples.")] = None,
     truth: Annotated[Path | None, typer.Option("--truth", help="True images of the profile, .npz.")] = None,
     methods: Methods = None,
@@ -132,7 +129,7 @@ def evaluate(
     from maniport.util.files import load_ellipsoids
 
     _require_report(output)
-    arm, fitted = _student(config, robot), load_adapter(adapter)
+    arm, fitted = optional_robot(config), load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as progress:
         evaluation = evaluate(
@@ -164,14 +161,6 @@ def reproduce(
     with console.progress() as progress:
         result = reproduce(which, output, config.seed, progress, methods=names, overwrite=overwrite)
     console.tell(facts_of(result), output=str(output))
-
-
-def _student(config: Config, robot: str | None) -> Any:
-    """Load the student's arm, if it has a name."""
-    if robot is None:
-        require_none(config, "robot", NO_ROBOT)
-        return None
-    return replace(config.robot, robot=(robot,)).load()
 
 
 def _require_report(output: Path | None) -> None:

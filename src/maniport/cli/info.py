@@ -10,8 +10,9 @@ import typer
 from maniport.cli.application import command, require_none
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import Metric, Report, Section, facts_of, warning
+from maniport.report.metrics import facts_of, warning
 from maniport.report.renderings import PAGE, SUMMARY
+from maniport.report.values import Metric, Report, Section
 from maniport.util.defaults import AUTO, RECORDINGS
 
 
@@ -138,8 +139,8 @@ def _of_results(folder: Path) -> Report:
     text = read_whole(file, (), KEYPOINTS_BYTES)
     try:
         summary = json.loads(text)
-        title, verdict = summary["title"], summary.get("verdict", {})
-        lead = " ".join(verdict[key] for key in ("title", "text") if verdict.get(key))
+        title, outcome = summary["title"], summary.get("summary", {})
+        lead = " ".join(outcome[key] for key in ("title", "text") if outcome.get(key))
         status = str(summary.get("status") or "")
         quality_warnings = tuple(warning(str(one["key"]), str(one["text"])) for one in summary.get("warnings", []))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:

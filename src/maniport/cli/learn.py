@@ -6,18 +6,18 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import RECORDING, Output, Overwrite, command
+from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, command, optional_robot
 from maniport.cli.transfer import job_of
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import Report
+from maniport.report.values import Report
 from maniport.util.defaults import AUTO
 from maniport.util.progress import Progress
 
 
 @command(
-    "human", "robot", "transfer", "motion", "learning", "seed", without=("tips", "pose", "move", "robot"),
+    "human", "robot", "transfer", "motion", "learning", "seed", without=("tips", "pose", "move"), defaults=NO_ROBOT,
     example="maniport learn jumps.bvh --segments auto -o learned;  maniport learn anna.c3d ben.bvh -o learned",
 )  # fmt: skip
 def learn(
@@ -25,34 +25,23 @@ def learn(
     console: Console,
     output: Output,
     recordings: Annotated[list[Path] | None, typer.Argument(help=RECORDING)] = None,
-    robot: Annotated[
-        str | None, typer.Option("--robot", help="Robot that follows the profile; results in OUTPUT-robot.")
-    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Learn a profile from several demonstrations of a motion."""
-    from maniport.pipeline import learn
+    """Learn a profile from several demonstrations of a motion.
+
+    With --robot the robot follows the profile; these results are in OUTPUT-robot.
+    """
     from maniport.report.renderings import as_numbers
-    from maniport.report.write import LEARNED_FILES, RUN_FILES, write_results
+    from maniport.report.write import LEARNED_FILES
     from maniport.util.atomic_io import require_free
 
-    follows = Path(f"{output}-robot")
     require_free(output, LEARNED_FILES, overwrite)
     config = config.changed(recording=recordings) if recordings else config
-    if robot is not None:
-        require_free(follows, RUN_FILES, overwrite)
-        config = config.changed(robot=robot)
-        prepared = _prepared(config)
-    elif config.motion.export:
-        raise InvalidInputError("--export needs --robot")
-    parts = _segments(config.learning.segments, len(config.recording))
-    options = {**config.human.fit_options, "spec": config.transfer.spec, **config.transfer.regularization}
-    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
+    follows = Path(f"{output}-robot")
+    job = _job(config, follows, overwrite)
     with console.progress() as progress:
-        data = [config.human.read(file) for file in config.recording]
-        learned = replace(learn(data, parts, random_state=config.seed, progress=progress, **options), config=config)
-        report = write_results(learned, output, progress, overwrite=overwrite)
-        followed = None if robot is None else _followed(learned, prepared, config, follows, progress, overwrite)
+        learned, report = _learned(config, output, overwrite, progress)
+        followed = None if job is None else _followed(learned, job, config, follows, progress, overwrite)
     if followed is None:
         console.tell(report, output=str(output))
         return
@@ -61,19 +50,33 @@ def learn(
         console.tell(followed, output=str(follows))
 
 
-def _prepared(config: Config) -> dict[str, Any]:
-    """Return the arguments of the transfer to a robot, checked before the long work."""
-    from maniport.pipeline.job import checked_control
-    from maniport.report.write import export_files
-    from maniport.transfer import method_of
+def _job(config: Config, folder: Path, overwrite: bool) -> dict[str, Any] | None:
+    """Return the arguments of the transfer to a robot if there is one, checked before the long work."""
+    from maniport.report.write import RUN_FILES, export_files
+    from maniport.util.atomic_io import require_free
 
+    arm = optional_robot(config)
+    if arm is None:
+        if config.motion.export:
+            raise InvalidInputError("--export needs --robot")
+        return None
+    require_free(folder, RUN_FILES, overwrite)
     export_files(config.motion.export)
-    if config.transfer.method != AUTO:
-        method_of(config.transfer.method)
-    arm = config.robot.load()
     options = {name: value for name, value in job_of(config, arm).items() if name not in config.human.fit_options}
-    control = {name: options[name] for name in vars(config.motion.control(arm))}
-    return {"robot": arm, **options, **checked_control(arm, control, config.motion.orientation, True)}
+    return {"robot": arm, **options}
+
+
+def _learned(config: Config, folder: Path, overwrite: bool, progress: Progress) -> tuple[Any, Report]:
+    """Learn the profile, and write the results."""
+    from maniport.pipeline import learn
+    from maniport.report.write import write_results
+
+    parts = _segments(config.learning.segments, len(config.recording))
+    options = {**config.human.fit_options, "spec": config.transfer.spec, **config.transfer.regularization}
+    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
+    data = [config.human.read(file) for file in config.recording]
+    learned = replace(learn(data, parts, random_state=config.seed, progress=progress, **options), config=config)
+    return learned, write_results(learned, folder, progress, overwrite=overwrite)
 
 
 def _followed(

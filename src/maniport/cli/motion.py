@@ -8,7 +8,8 @@ import typer
 
 from maniport.cli.application import Output, Overwrite, command
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import FREE, Config
+from maniport.pipeline.config import Config
+from maniport.pipeline.options import FREE
 from maniport.report.console import Console
 from maniport.util.options import Option
 
@@ -69,7 +70,7 @@ def track(
     overwrite: Overwrite = False,
 ) -> None:
     """Plan a robot motion that follows a target profile and path."""
-    from maniport.pipeline.follow import follow
+    from maniport.pipeline import follow_profile
     from maniport.report.write import EXECUTION_FILES, export_files, write_results
     from maniport.util.atomic_io import require_free
     from maniport.util.files import load_ellipsoids, load_path
@@ -84,24 +85,21 @@ def track(
     times, file = (path_time, path) if time is None else (time, profile)  # the times of one file are enough
     times = None if times is None else as_times(times, f"time in {str(file)!r}", fewest=2)
     with console.progress() as progress:
-        execution = follow(
-            arm, target, times, positions, place=place, spec=config.transfer.spec, damping=config.transfer.damping,
+        result = follow_profile(
+            arm, [target], times, None if positions is None else [positions], place=place, spec=config.transfer.spec, damping=config.transfer.damping,
             direction=direction, random_state=config.seed, progress=progress, **control,
         )  # fmt: skip
         files = tuple(str(file) for file in (profile, path) if file is not None)
-        execution = replace(execution, sources=files, config=config)
-        report = write_results(execution, output, progress, config.motion.export, overwrite=overwrite)
+        result = replace(result, sources=files, config=config)
+        report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
     console.tell(report, output=str(output))
 
 
 def _direction(config: Config) -> Any:
     """Return the target direction of the end effector's z axis; a profile has no hand to follow."""
-    from maniport.pipeline.turns import facing
-
     orientation = config.motion.orientation
     if orientation == FREE:
         return None
     if isinstance(orientation, str):
         raise InvalidInputError(f"--orientation must be {FREE} or a vector without a person; found {orientation!r}")
-    facing(orientation, config.motion.orientation_axes)
     return orientation

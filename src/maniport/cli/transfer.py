@@ -10,7 +10,7 @@ from maniport.cli.application import RECORDING, Output, Overwrite, command
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import Report
+from maniport.report.values import Report
 from maniport.util.defaults import BOTH
 from maniport.util.progress import Progress
 
@@ -63,22 +63,17 @@ def transfer_to_folder(config: Config, console: Console, output: Path, overwrite
 
 def _transferred(config: Config, console: Console, output: Path, overwrite: bool, progress: Progress) -> Report:
     """Transfer, and write the results."""
-    from maniport.pipeline import transfer_both, transfer_recording
+    from maniport.pipeline import transfer_recording
     from maniport.report.write import export_files, write_results
 
     export_files(config.motion.export)  # raises where a package is missing
     recording = config.human.read(config.recording[0])
-    both = config.human.side == BOTH
-    arm = config.robot.load(both)
+    arm = config.robot.load(config.human.side == BOTH)
     console.say(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
     for text in recording.quality_warnings:  # before the long work, and in the result once more
         console.warn(text)
     options = job_of(config, arm)
-    if both:
-        del options["side"]
-        result: Any = transfer_both(recording, robot=arm, tips=config.robot.tips, progress=progress, **options)
-    else:
-        result = transfer_recording(recording, robot=arm, progress=progress, **options)
+    result = transfer_recording(recording, robot=arm, tips=config.robot.tips, progress=progress, **options)
     result = replace(result, config=config)
     return write_results(result, output, progress, config.motion.export, overwrite=overwrite)
 

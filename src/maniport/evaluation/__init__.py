@@ -3,34 +3,34 @@
 from maniport.evaluation.comparison import evaluate
 from maniport.evaluation.metrics import (
     RMSE,
+    DistancePreservation,
     Smoothness,
     Stability,
-    Structure,
+    distance_preservation,
     identity_test,
     rmse,
     smoothness,
     stability,
-    structure,
 )
 from maniport.evaluation.selection import Choice, choose
-from maniport.evaluation.verdict import Evaluation, Gaps, Row, Verdict, Weakness
+from maniport.evaluation.summary import Evaluation, Gaps, Row, Summary, Weakness
 
 __all__ = [
     "RMSE",
     "Choice",
+    "DistancePreservation",
     "Evaluation",
     "Gaps",
     "Row",
     "Smoothness",
     "Stability",
-    "Structure",
-    "Verdict",
+    "Summary",
     "Weakness",
     "choose",
+    "distance_preservation",
     "evaluate",
     "identity_test",
     "rmse",
     "smoothness",
     "stability",
-    "structure",
 ]

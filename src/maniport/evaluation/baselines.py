@@ -1,4 +1,4 @@
-"""The baselines that every adapter is compared with; each is an adapter itself."""
+"""Baselines of the comparison, which are adapters themselves."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation.metrics import as_pair
 from maniport.spd.kernels import symmetrize
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.transfer.rigid_adapter import RigidAdapter, recentre
+from maniport.transfer.rigid_adapter import RigidAdapter, recenter
 from maniport.util.optional import how_to_install, pyriemann_transfer
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_choice
 
-IDENTITY, RECENTRING, TRANSPORT, LOOKUP = "identity", "mean-transport", "parallel-transport", "nearest-neighbor"
+IDENTITY, MEAN_TRANSPORT, TRANSPORT, LOOKUP = "identity", "mean-transport", "parallel-transport", "nearest-neighbor"
 PROCRUSTES = "procrustes"  # Baselines by their names in `maniport.transfer.METHODS`, but for `Procrustes`
 
-ROWS = (IDENTITY, RECENTRING, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first
+ROWS = (IDENTITY, MEAN_TRANSPORT, TRANSPORT, LOOKUP, PROCRUSTES)  # The default baselines, cheapest first
 
-EVERY_ROW = (*METHODS, PROCRUSTES)  # All methods that an adapter may be compared with
+EVERY_ROW = (*METHODS, PROCRUSTES)  # All baselines
 
 
 class Procrustes(RigidAdapter):
@@ -58,15 +58,15 @@ class Procrustes(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array, max_pairs: int = 500) -> None:
         """Fit TLRotate to at most so many pairs, each of which is a class."""
-        self._found_at_once("closed form, without TLRotate: no pairs")
+        self._set_closed_form("closed form, without TLRotate: no pairs")
         if self.pairs is None:
             return
         first, other = self.teacher_side(self.pairs[0], "pairs[0]"), self.student_side(self.pairs[1], "pairs[1]")
         first, other = as_pair(first, other, "pairs[0]", "pairs[1]", minimum=2)
         chosen = evenly_spaced(len(first), max_pairs)
-        moved = recentre(first[chosen], self.teacher_mean_, self.dispersion_ratio_)
+        moved = recenter(first[chosen], self.teacher_mean_, self.dispersion_ratio_)
         classes = [f"{i:06d}" for i in range(len(chosen))]
-        clouds, labels = _labelled(moved, recentre(other[chosen], self.student_mean_), classes)
+        clouds, labels = _labelled(moved, recenter(other[chosen], self.student_mean_), classes)
         rotation = pyriemann_transfer().TLRotate("student").fit(clouds, labels).rotations_["teacher"]
         # a reflection −R does what R does where d is odd
         self.rotation_ = -rotation if np.linalg.det(rotation) < 0 and len(rotation) % 2 else rotation

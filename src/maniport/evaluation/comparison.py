@@ -1,4 +1,4 @@
-"""The comparison of a fitted adapter with baselines: every metric of every method, on the same data."""
+"""Comparison of a fitted adapter with baselines by all metrics, on the same data."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -14,8 +14,8 @@ from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
-from maniport.evaluation.metrics import identity_test, moves, rmse, smoothness, stability, structure
-from maniport.evaluation.verdict import Evaluation, Gaps, Row
+from maniport.evaluation.metrics import distance_preservation, identity_test, moves, rmse, smoothness, stability
+from maniport.evaluation.summary import Evaluation, Gaps, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
@@ -28,7 +28,7 @@ from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_generator, as_points, require_shape
 
 GAP_SEARCH = "feasibility gap"
-"""The setting that describes the search of the gap; empty where at every ellipsoid of the profile, without a floor."""
+"""Setting that describes the search of the gap; empty for every ellipsoid of the profile without a floor."""
 
 GAP_POINTS = 128  # Most ellipsoids of a profile whose feasibility gap is searched, evenly spread
 
@@ -61,7 +61,7 @@ def evaluate(
     Parameters
     ----------
     adapter : DomainAdapter
-        Fitted to these domains; it is not changed.
+        Fitted to these domains.
     teacher_domain, student_domain : array_like, shapes (N, d, d) and (M, d, d)
         The domains of the fit, without regularization, each in its own base frame.
     profile : array_like, shape (n, d, d)
@@ -70,7 +70,7 @@ def evaluate(
         The student and the teacher. With the student: fresh samples instead of parts of its domain, and the distance
         to the feasible set, of at most 128 ellipsoids of the profile. With both: stability over fresh samples of both.
     truth : array_like, shape (n, d, d), optional
-        The ellipsoids that the profile should be mapped to, where these are known.
+        Ground truth of the mapped profile.
     pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
         Known pairs of the adapter's fit, if any: for its refits, and for the rotation of Procrustes analysis.
     spec : EllipsoidSpec
@@ -105,17 +105,15 @@ def evaluate(
     methods = [own, *baselines_for(adapter, own.name, rows, pairs, fitted)]
     options = {"pairs": pairs} if pairs is not None and "pairs" in signature(adapter.fit).parameters else {}
     search = {"bank": bank, "n_starts": n_starts, "n_jobs": n_jobs}
-    measured = bench.compare(methods, adapter.student_regularization, options, search, Step(progress, "Evaluate baselines"))
+    step = Step(progress, "Evaluate baselines")
+    measured = bench.compare(methods, adapter.student_regularization, options, search, step)
     noise = Row("student's own fresh samples", energy_distance=bench.energy_distance(bench.fresh))
-    return Evaluation(
-        measured,
-        noise,
-        {**_settings(adapter, bench), "seed": random_state if isinstance(random_state, int) else "none"},
-    )
+    seed = random_state if isinstance(random_state, int) else "none"
+    return Evaluation(measured, noise, {**_settings(adapter, bench), "seed": seed})
 
 
 class _Bench:
-    """The data that every method is measured on: independent samples of the arms, or parts of the domains."""
+    """Test data of all methods: independent samples of the arms, or parts of the domains."""
 
     def __init__(
         self,
@@ -153,7 +151,7 @@ class _Bench:
         self.draws = self._draws(draws) if draws else None
 
     def _draws(self, count: int) -> tuple[list[Array], list[Array]]:
-        """Sample both domains `count` times, or split each into four parts where an arm is not known."""
+        """Sample both domains `count` times, or split each into four parts without both arms."""
         if count < 2:
             raise InvalidInputError(f"draws must be 0 or at least 2; found {count}")
         if self.person is None or self.robot is None:
@@ -164,7 +162,7 @@ class _Bench:
         return first, second
 
     def _sampled(self, arm: Arm | None, domain: Array, n: int) -> Array:
-        """Sample an arm that is known, else its domain."""
+        """Sample an arm, or its domain without an arm."""
         return self._part(domain, n) if arm is None or not n else sample_domain(arm, n, self.random, spec=self.spec)
 
     def _part(self, points: Array, most: int) -> Array:
@@ -215,7 +213,7 @@ class _Bench:
                 name_of(adapter),
                 rmse=None if self.truth is None else rmse(self.truth, mapped),
                 smoothness=smoothness(mapped, self.original) if moving else None,
-                structure=structure(mapped, self.original) if moving else None,
+                preservation=distance_preservation(mapped, self.original) if moving else None,
                 energy_distance=self.energy_distance(adapter.student_side(adapter.transform(self.teacher_part))),
                 identity=None if not self.identity else identity_test(adapter, *self.identity),
                 stability=None if self.draws is None else stability(adapter, *self.draws, self.profile, **options),
@@ -264,7 +262,7 @@ def _require_valid(adapter: Any, robot: Any, person: Any, profile: Any, truth: A
 
 
 def _remark(adapter: DomainAdapter) -> str:
-    """Why a fit stopped and, where it was searched, whether the domains determine the rotation."""
+    """Return why a fit stopped and, if examined, whether the domains determine the rotation."""
     identifiability = getattr(adapter, "identifiability_", None)
     return "; ".join([str(adapter.stop_reason_), *([identifiability.in_words()] if identifiability else [])])
 
@@ -284,7 +282,7 @@ def _settings(adapter: DomainAdapter, bench: _Bench) -> dict[str, Any]:
     return {
         "profile": f"{len(bench.profile)} ellipsoids",
         "domains": f"{len(bench.domains[0])} of the teacher, {len(bench.domains[1])} of the student",
-        "regularisation": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
+        "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
         GAP_SEARCH: "; ".join(search),
         "further samples": f"{len(bench.probes)}, {held_out}",
         "identity test": f"{tested} ellipsoids" if tested else "not measured",

@@ -1,4 +1,4 @@
-"""Metrics of mapped ellipsoids: error, steps, structure, identity test and stability.
+"""Metrics of mapped ellipsoids: error, steps, distance preservation, identity test and stability.
 
 All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
 """
@@ -22,7 +22,7 @@ from maniport.util.ranks import rank_correlation
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_points
 
-STILL = 1e-9  # Largest distance that is put down to rounding: nothing moves there
+STILL = 1e-9  # Largest distance that counts as rounding
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Smoothness:
 
     @property
     def largest_ratio(self) -> float:
-        """Largest step over the teacher's largest: 1 keeps it, a staircase is far above."""
+        """Largest step over the teacher's largest."""
         return self.largest / self.original_largest
 
     @property
@@ -73,31 +73,31 @@ class Smoothness:
 
 
 @dataclass(frozen=True)
-class Structure:
+class DistancePreservation:
     """Pairwise distances and principal axes of mapped ellipsoids, compared with the teacher's.
 
     Attributes
     ----------
-    spearman : float
+    rank_correlation : float
         Rank correlation of the pairwise distances; zero where all are mapped to one ellipsoid.
     distortion : float
         Median of abs(log(d_mapped / (s d_original))) over the pairs, s being the median ratio: 0 for an isometry up
         to scale. Infinite where most pairs collapse.
-    major_turn, minor_turn : float or None
+    major_axis_angle, minor_axis_angle : float or None
         Median angle between the longest and shortest axes of both [degrees]. None where no axis is distinct.
-    major_left_out, minor_left_out : int
+    major_undefined, minor_undefined : int
         Number of ellipsoids without a distinct longest or shortest axis, in the original or the mapped one.
-    major_moved : float or None
+    major_axis_moved : float or None
         Fraction of the ellipsoids with distinct longest axes in which that angle exceeds 10°.
     """
 
-    spearman: float
+    rank_correlation: float
     distortion: float
-    major_turn: float | None
-    minor_turn: float | None
-    major_left_out: int
-    minor_left_out: int
-    major_moved: float | None = None
+    major_axis_angle: float | None
+    minor_axis_angle: float | None
+    major_undefined: int
+    minor_undefined: int
+    major_axis_moved: float | None = None
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     )
 
 
-def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> Structure:
+def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
     """Compare pairwise distances and principal axes of mapped ellipsoids with those of the teacher's.
 
     Parameters
@@ -185,10 +185,10 @@ def structure(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) ->
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
     distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
-    spearman, distortion = _compare_distances(*distances)
+    rank, distortion = _compare_distances(*distances)
     major, minor = (axis_angles(images, own, which) for which in (-1, 0))
-    return Structure(
-        spearman,
+    return DistancePreservation(
+        rank,
         distortion,
         float(np.median(major)) if len(major) else None,
         float(np.median(minor)) if len(minor) else None,
@@ -276,7 +276,7 @@ def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
     """Rank correlation and distortion of pairwise distances."""
     if np.ptp(original) <= STILL:
         raise InvalidInputError(
-            f"original does not vary: all of its pairwise distances are {original[0]:.3g}; structure compares them"
+            f"original does not vary: all of its pairwise distances are {original[0]:.3g}; distances are compared"
         )
     rank = rank_correlation(mapped, original) if np.ptp(mapped) > STILL else 0.0
     distinct = original > STILL
@@ -289,7 +289,7 @@ def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
 
 
 def _refit(adapter: DomainAdapter, teacher: ArrayLike, student: ArrayLike, **options: Any) -> DomainAdapter:
-    """Fit without the warning of an unobservable rotation, whose dispersion is measured here."""
+    """Fit without the warning of an unobservable rotation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         return adapter.fit(teacher, student, **options)

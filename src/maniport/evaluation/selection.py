@@ -7,21 +7,21 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.evaluation.baselines import IDENTITY, RECENTRING, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
 from maniport.evaluation.comparison import evaluate
-from maniport.evaluation.verdict import Evaluation, Row
+from maniport.evaluation.summary import Evaluation, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank
 from maniport.transfer import DomainAdapter, method_of
-from maniport.util.notebook import ShownInNotebooks
-from maniport.util.progress import Progress
+from maniport.util.notebook import NotebookDisplay
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array, as_finite, as_positive_semidefinite
 
 FIELD = "length-field"
 
 
 @dataclass(frozen=True)
-class Choice(ShownInNotebooks):
+class Choice(NotebookDisplay):
     """The chosen method, and its comparison with baselines.
 
     Attributes
@@ -83,7 +83,7 @@ def choose(
         When an input is invalid, or neither method can be fitted.
     """
     step = "Fit transfer"
-    report = progress or (lambda step, fraction, found="": None)
+    report = progress or no_progress
     report(step, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
@@ -101,7 +101,7 @@ def choose(
         person=person,
         spec=spec,
         name=method,
-        rows=(IDENTITY, RECENTRING, TRANSPORT),
+        rows=(IDENTITY, MEAN_TRANSPORT, TRANSPORT),
         bank=bank,
         n_starts=16,  # with 48 the mean gaps are at most 3 % less
         n_domain=64,

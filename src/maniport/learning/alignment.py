@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Part, Progress, Step, counted, pieces
 from maniport.util.validation import Array, as_count, as_finite, as_points, as_times, require_shape
 
@@ -18,7 +18,7 @@ Path = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Alignment(ShownInNotebooks):
+class Alignment(NotebookDisplay):
     """k demonstrations on the n times of one of them.
 
     Attributes

@@ -28,7 +28,7 @@ from maniport.learning.mixture import (
     regress,
 )
 from maniport.util.files import load_arrays, save_arrays
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, pieces
 from maniport.util.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
 
@@ -38,7 +38,7 @@ _MIXTURE = "weights_", "input_means_", "means_", "covariances_"
 _SAVED = (*_MIXTURE, "converged_", "history_", "log_likelihood_", "bic_curve_")
 
 
-class ProfileGMM(ShownInNotebooks, Estimator):
+class ProfileGMM(NotebookDisplay, Estimator):
     """Gaussian mixture on inputs × SPD(d): the ellipsoid at every time or position, and its covariance.
 
     Each component is a Gaussian of [x − mean; vec(log(M^-½ X M^-½))] in the tangent space at its Fréchet mean M;

@@ -168,17 +168,18 @@ class Live:
         Parameters
         ----------
         result : TransferResult
+            Of one arm.
         **options
             As of `Live`, instead of those of the result.
         """
         if not isinstance(result, TransferResult):
             raise InvalidInputError(f"result must be a TransferResult; found {type(result).__name__}")
         known: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
-        if (execution := result.execution) is not None:
-            known |= {"path": execution.placement, "motion_limits": execution.plan.limits}
-            known |= {"collisions": execution.collisions or False, "reference": execution.plan.joint_positions}
-            known |= {"start": execution.plan.joint_positions[0]}
-        return cls(result.fit, result.adapter, result.robot, **{**known, **options})
+        arm = result.arm
+        if (motion := arm.motion) is not None:
+            known |= {"path": arm.placement, "motion_limits": motion.limits, "collisions": arm.collisions or False}
+            known |= {"reference": motion.joint_positions, "start": motion.joint_positions[0]}
+        return cls(arm.fit, arm.adapter, arm.robot, **{**known, **options})
 
     def __repr__(self) -> str:
         return f"Live({self._person.arm.name!r} leads {self.robot.name!r}, {self._state.state})"

@@ -11,7 +11,7 @@ from scipy.signal import find_peaks, peak_widths
 
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools, frames_between
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
@@ -22,7 +22,7 @@ def about_axis(segment: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmFit(ShownInNotebooks):
+class ArmFit(NotebookDisplay):
     """Joint angles of an arm fitted to a recording, and their quality.
 
     Attributes
@@ -181,7 +181,7 @@ class ArmFit(ShownInNotebooks):
 
 
 @dataclass(frozen=True, eq=False)
-class HumanMotion(ShownInNotebooks):
+class HumanMotion(NotebookDisplay):
     """Joint angles of several arms of a person, in the same frames of one recording.
 
     Attributes

@@ -27,6 +27,8 @@ from maniport.util.validation import Array, as_choice, as_number
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
 
+CUTOFFS = np.geomspace(0.8, 12.0, 15)  # Candidate cutoff frequencies, at which half the amplitude is left [Hz]
+
 LEAST_SHARE = 0.003
 """Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
 
@@ -213,7 +215,7 @@ def smoothed(recording: Recording, cutoff: float | None = None, large_noise: flo
             f"found {cutoff:g}"
         )
     amounts = np.array([noise(recording.positions[:, i]) for i in range(len(recording.names))])
-    noisy = np.flatnonzero((amounts > large_noise) & (recording.rate >= 20.0) & (least <= _cutoffs()[-1]))
+    noisy = np.flatnonzero((amounts > large_noise) & (recording.rate >= 20.0) & (least <= CUTOFFS[-1]))
     names = ", ".join(recording.names[i] for i in noisy)
     text = f"{names}: noise of {_span(1e3 * amounts[noisy])} mm" if len(noisy) else ""
     positions, cutoffs = recording.positions.copy(), []
@@ -241,11 +243,6 @@ def noise(track: Array, order: int = 6) -> float:
     return float(np.nanmedian(differences) / 0.6745 / np.sqrt(comb(2 * order, order)))
 
 
-def _cutoffs() -> Array:
-    """Return candidate cutoff frequencies, at which half the amplitude is left [Hz]."""
-    return np.geomspace(0.8, 12.0, 15)
-
-
 def _span(values: Array | list[float]) -> str:
     """Describe a range of values to two digits."""
     low, high = f"{np.nanmin(values):.2g}", f"{np.nanmax(values):.2g}"
@@ -254,7 +251,7 @@ def _span(values: Array | list[float]) -> str:
 
 def _robust_spline(track: Array, rate: float, cutoff: float | None) -> tuple[Array, float]:
     """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
-    cutoffs = [cutoff] if cutoff is not None else [f for f in _cutoffs() if LEAST_SHARE * rate <= f < 0.45 * rate]
+    cutoffs = [cutoff] if cutoff is not None else [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
     tails = 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
     weight, least = np.ones(len(track)), max(noise(track) ** 2, 1e-18)

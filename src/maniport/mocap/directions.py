@@ -74,9 +74,11 @@ class Directions:
     def model(self, q: Array) -> tuple[Array, Array]:
         """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
         followed, slopes = self._attached(q)
-        segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
-        start, end = ([self._points.index(pair[k]) for pair in segments] for k in (0, 1))
-        value, slope = _normalized(followed[:, end] - followed[:, start], slopes[:, end] - slopes[:, start])
+        start, end = self._ends.T
+        vector, slope = followed[:, end] - followed[:, start], slopes[:, end] - slopes[:, start]
+        length = np.linalg.norm(vector, axis=-1)[..., None]
+        value = vector / length
+        slope = (slope - value[..., None] * (value[..., None, :] @ slope)) / length[..., None]
         axes = len(self._points)
         return np.concatenate([value, followed[:, axes:]], axis=1), np.concatenate([slope, slopes[:, axes:]], axis=1)
 
@@ -84,6 +86,12 @@ class Directions:
     def _points(self) -> list[str]:
         """Frames between which the segments run."""
         return list(dict.fromkeys(frame for name in self.names if name in SEGMENTS for frame in SEGMENTS[name]))
+
+    @cached_property
+    def _ends(self) -> NDArray[np.int64]:
+        """Indices of both ends of each segment among these frames, shape (n_segments, 2)."""
+        segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
+        return np.array([[self._points.index(end) for end in pair] for pair in segments], dtype=np.int64)
 
     @cached_property
     def _attached(self) -> Attached:
@@ -94,12 +102,10 @@ class Directions:
 
     def arrays(self) -> tuple[tuple[Any, ...], Array]:
         """Return the arguments of `frame_terms` from `coupling` to `ends`, and the weights."""
-        segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
-        ends = np.array([[self._points.index(end) for end in pair] for pair in segments], dtype=np.int64)
-        return (*self._attached.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
+        return (*self._attached.arrays(), self._ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
-        """Return weighted residuals, shape (n, 3k), and derivatives, shape (n, 3k, dof); zero where targets are missing."""
+        """Return weighted residuals (n, 3k) and derivatives (n, 3k, dof); zero where targets are missing."""
         values, slopes = self.model(q)
         weight = np.array([WEIGHTS[name] for name in self.names]) * ~np.isnan(self.targets[..., 0])
         difference = (values - np.nan_to_num(self.targets)) * weight[..., None]
@@ -128,14 +134,6 @@ class Directions:
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
                 twists[segment] = np.arctan2(sine, cosine)
         return twists
-
-
-def _normalized(vector: Array, slope: Array) -> tuple[Array, Array]:
-    """Return unit vectors (n, k, 3) and the derivative (I - u uᵀ) v' / |v|, shape (n, k, 3, dof)."""
-    length = np.linalg.norm(vector, axis=-1)[..., None]
-    unit = vector / length
-    along = unit[..., None, :] @ slope
-    return unit, (slope - unit[..., None] * along) / length[..., None]
 
 
 @kernel

@@ -13,7 +13,7 @@ from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
 from maniport.util.files import save_arrays
 from maniport.util.input_limits import PLACES
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_choice, as_number, as_times, require_shape
 
 Bools = NDArray[np.bool_]
@@ -26,7 +26,7 @@ LONGEST_GAP = 0.2  # Default length of gaps that are interpolated [s]; within it
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(ShownInNotebooks):
+class Recording(NotebookDisplay):
     """Named points over time.
 
     Parameters

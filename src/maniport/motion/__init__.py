@@ -1,4 +1,4 @@
-"""The student follows: joint positions whose ellipsoids, and tip, are where they are asked to be.
+"""Motions of robots: feasible ellipsoids, placement of paths, planning, time parameterization and control.
 
 Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """

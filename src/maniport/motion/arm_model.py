@@ -1,4 +1,4 @@
-"""An arm as Pink takes it: a Pinocchio model whose configuration is the arm's, limits included, and its frames."""
+"""Pinocchio models of arms for Pink, with the arm's configuration, limits and frames."""
 
 from collections.abc import Sequence
 

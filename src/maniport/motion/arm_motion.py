@@ -1,7 +1,7 @@
 """The motion of one arm, and how well it follows its targets."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ class ArmMotion(Trajectory):
     demonstrated_time: Array | None = None
     limits: MotionLimits | None = None
     pointwise_best: Array | None = None
-    clearance: Clearance = Clearance()
+    clearance: Clearance = field(default_factory=Clearance)
 
     @classmethod
     def of_motion(
@@ -235,14 +235,6 @@ class ArmMotion(Trajectory):
             "status": np.array(self.status),
         }
         return arrays if self.position_error is None else arrays | {"position_error": self.position_error}
-
-    def error_text(self) -> str:
-        """Describe the errors in one line."""
-        text = f"distance {np.median(self.distance):.2f} (median), {self.distance.max():.2f} (max)"
-        if self.position_error is None:
-            return text
-        error = 1e3 * self.position_error
-        return f"{text}; position error {np.percentile(error, 95):.2f} mm (95th percentile), {error.max():.2f} mm (max)"
 
 
 def rms_ratio(distance: Array, best: Array) -> float:

@@ -6,14 +6,22 @@ from maniport.util.jit import kernel, part
 
 
 @kernel
-def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Add Jᵀr and JᵀJ of the residual r = vec(log X), X = U Λ Uᵀ, to gradient (n, dof) and hessian (n, dof, dof)."""
+def add_log_residual(values, vectors, whitening, changes, square, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Add r², Jᵀr and JᵀJ of r = vec(log X), X = U Λ Uᵀ, to (n,), (n, dof) and (n, dof, dof).
+
+    `changes` are the derivatives of M, and X is W (M + ε I) Wᵀ with the whitening W.
+    """
     dof, d = changes.shape[1], changes.shape[2]
-    slopes, product, logs = np.empty((d, d)), np.empty((d, d)), np.empty(d)
+    slopes, product, frame, logs = np.empty((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty(d)
     rows = np.empty((d * (d + 1) // 2, dof))
     for n in range(len(values)):
         for i in range(d):
             logs[i] = np.log(values[n, i])
+            square[n] += logs[i] * logs[i]
+            for j in range(d):
+                frame[i, j] = 0.0  # Uᵀ W
+                for m in range(d):
+                    frame[i, j] += vectors[n, m, i] * whitening[n, m, j]
             for j in range(i + 1):
                 slopes[i, j] = _divided_difference(values[n, i], values[n, j]) * (1.0 if i == j else np.sqrt(2.0))
         for k in range(dof):
@@ -21,13 +29,13 @@ def add_log_residual(values, frames, changes, gradient, hessian):  # type: ignor
                 for j in range(d):
                     product[i, j] = 0.0
                     for m in range(d):
-                        product[i, j] += frames[n, i, m] * changes[n, k, m, j]
+                        product[i, j] += frame[i, m] * changes[n, k, m, j]
             row = d
             for i in range(d):
                 for j in range(i + 1):
                     total = 0.0
                     for m in range(d):
-                        total += product[i, m] * frames[n, j, m]
+                        total += product[i, m] * frame[j, m]
                     if i == j:
                         rows[i, k] = slopes[i, i] * total
                     else:

@@ -1,13 +1,13 @@
-"""What following costs: how far an arm's ellipsoid and its tip are from their targets, written once.
+"""Cost of an arm's ellipsoid, end-effector position and orientation at a configuration.
 
-With a target ellipsoid A, a target position p of the tip and the damping ε, joint positions q cost
+With a target ellipsoid A, a target position p of the end effector and the damping ε, the cost of joint positions q is
 
     f(q) = rᵀ W r + (w |p(q) − p|)²,   r = vec(log(X)),   X = (A + ε I)^-½ (M(q) + ε I) (A + ε I)^-½,
 
-where vec is the Mandel form, so that |r| is the affine-invariant distance, and W, the identity mostly, weighs its
-directions. Where the tip shall be turned as a rotation A says, too, Σ_k c_k² |R(q) e_k − A e_k|² is added: with one
-axis the squared angle between the two, to second order, with all three and c_k = c/√2 that of the rotation between.
-Searches, placements, starts, the tracker and the motion as a whole all judge by this.
+where vec is the Mandel form, so that |r| is the affine-invariant distance, and W, mostly the identity, weighs its
+directions. A target rotation A adds Σ_k c_k² |R(q) e_k − A e_k|²: with one axis the squared angle between the two, to
+second order, with all three and c_k = c/√2 that of the rotation between them. Searches, placement, seed configurations,
+controller and planner use this cost.
 """
 
 import math
@@ -32,17 +32,17 @@ Damping = float | Regularization | None  # How ellipsoids are damped before they
 DAMPING_SAMPLES = 4096
 
 SEARCH_WEIGHT = 50.0
-"""What a metre beside its target counts for while postures are searched for [1/m]: soft, since a stiff weight makes
-local minima of places where the tip is right and the ellipsoid is not."""
+"""Weight of the position error in searches of configurations [1/m]: soft, since a stiff weight makes local minima where
+the position is right and the ellipsoid is not."""
 FOLLOWING_WEIGHT = 200.0
-"""The same for following: stiff enough that the tip stays within half a millimetre of its path, and no stiffer, since
-each control step knows first derivatives only."""
+"""The same of the controller: the position error stays within half a millimeter; a stiffer weight disturbs control
+steps, which use first derivatives only."""
 EXACT_WEIGHT = 1000.0
-"""The same for the best there is with the tip in place: it then stays beside its target by less than 0.1 mm."""
+"""The same of the pointwise optimum, with a position error of less than 0.1 mm."""
 
 POINTING, WHOLE = "pointing", "whole"
 """Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
-ORIENTATION_WEIGHT = 10.0  # Weight of a radian: 6° count as much as a distance of 1 between ellipsoids [1/rad]
+ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
 
@@ -59,8 +59,9 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     asked = damping if isinstance(damping, Regularization) else Regularization(damping)
     if asked.eigenvalue_floor is not None:
         raise InvalidInputError(
-            f"damping must be a number, None or a Regularization by damping; found a floor of {asked.eigenvalue_floor:g}, which "
-            "has no derivative where it sets in. Regularization.absolute(...) adds a fixed amount"
+            "damping must be a number, None or a Regularization by damping; found a floor of "
+            f"{asked.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds "
+            "a fixed amount"
         )
     if asked.damping is not None and asked.epsilon == 0.0:
         return asked.fitted(ellipsoids(), "ellipsoids")
@@ -71,7 +72,7 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
 
 @dataclass(frozen=True)
 class Objective:
-    """What following costs an arm: `track`, `plan_motion` and `nearest_feasible` go by it.
+    """Cost of an arm's configurations, of `track`, `plan_motion` and `nearest_feasible`.
 
     Attributes
     ----------
@@ -81,9 +82,9 @@ class Objective:
     damping : Regularization
         Its ε is added to all eigenvalues before ellipsoids are compared.
     position_weight : float
-        What a metre of the tip beside its target counts for [1/m].
+        Weight of the position error [1/m].
     axis_weights : tuple of three floats
-        c: what a radian between each axis of the tip and where it shall point counts for [1/rad].
+        c: weights of the angles between the axes of the end effector and their targets [1/rad].
     """
 
     arm: Arm
@@ -102,14 +103,14 @@ class Objective:
         *,
         positive: bool = False,
     ) -> "Objective":
-        """Make one of what users give; `damping` as in `as_damping`, by the arm's ellipsoids over 4096 samples."""
+        """Check arguments; `damping` as in `as_damping`, relative to the arm's ellipsoids at 4096 samples."""
         if not callable(getattr(arm, "ellipsoids", None)):
             raise InvalidInputError(f"arm must be an arm, such as maniport.load_arm('panda'); found {arm!r}")
         known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), positive)
         return cls(arm, spec, known, position_weight)
 
     def keeping(self, keep: str, weight: float) -> "Objective":
-        """The same with orientations that count; see `axis_weights`."""
+        """Return the objective with a cost of orientations; see `axis_weights`."""
         return replace(self, axis_weights=axis_weights(keep, weight))
 
     def damped(self, ellipsoids: Array) -> Array:
@@ -117,7 +118,7 @@ class Objective:
         return np.asarray(ellipsoids + self.damping.epsilon * np.eye(ellipsoids.shape[-1]))
 
     def undamped(self, damped: Array) -> Array:
-        """Take ε I away again."""
+        """Subtract ε I."""
         return np.asarray(damped - self.damping.epsilon * np.eye(damped.shape[-1]))
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
@@ -139,7 +140,7 @@ class Objective:
         weights: Array | None = None,
         rotations: Array | None = None,
     ) -> "Targets":
-        """Prepare target ellipsoids (n, d, d) and what else `Targets` has; checked by the caller."""
+        """Prepare target ellipsoids (n, d, d) and the other arrays of `Targets`; checked by the caller."""
         root, whitening = roots(self.damped(ellipsoids))
         return Targets(self, root, whitening, positions, weights, rotations)
 
@@ -156,14 +157,14 @@ class Linearization(NamedTuple):
 
 @dataclass(frozen=True)
 class Targets:
-    """What an arm shall reach, one row for each target; make them with `Objective.targets`."""
+    """Targets of an arm, one row for each; make them with `Objective.targets`."""
 
     objective: Objective
     root: Array  # (n, d, d): (A + ε I)^½ of the target ellipsoids A, and its inverse
     whitening: Array  # (n, d, d): (A + ε I)^½ of the target ellipsoids A, and its inverse
-    positions: Array | None = None  # (n, 3): target positions of the tip [m]
+    positions: Array | None = None  # (n, 3): target positions of the end effector [m]
     weights: Array | None = None  # (n, m, m): W
-    rotations: Array | None = None  # (n, 3, 3): A: where the axes of the tip shall point, in the base frame
+    rotations: Array | None = None  # (n, 3, 3): A: target rotations of the end effector in the base frame
 
     def __getitem__(self, rows: Any) -> "Targets":
         rest = (None if one is None else one[rows] for one in (self.positions, self.weights, self.rotations))
@@ -174,16 +175,16 @@ class Targets:
 
     @property
     def arm(self) -> Arm:
-        """Whose joint positions are asked for."""
+        """The arm."""
         return self.objective.arm
 
     def weighing(self, position_weight: float) -> "Targets":
-        """The same with another weight of the tip's place [1/m]."""
+        """Return the targets with another weight of the position error [1/m]."""
         return replace(self, objective=replace(self.objective, position_weight=position_weight))
 
     @property
     def turned(self) -> bool:
-        """Whether it counts how the tip is turned."""
+        """Whether orientations have a cost."""
         return self.rotations is not None and any(self.objective.axis_weights)
 
     @property
@@ -198,37 +199,45 @@ class Targets:
 
     def linearize(self, q: Array) -> "Linearization":
         """Evaluate f and its derivatives at configurations (n, dof)."""
-        values, vectors, frames, singular, changes, jacobian, tips = self.differentials(q)
-        gradient, hessian = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
+        values, vectors, singular, changes, jacobian, tips = self.differentials(q)
+        square, gradient, hessian = np.zeros(len(q)), np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
-            add_log_residual(values, frames, changes, gradient, hessian)
-            square = np.sum(np.log(values) ** 2, axis=1)
+            add_log_residual(values, vectors, self.whitening, changes, square, gradient, hessian)
         else:
-            turned = _log_changes(values, vectors, frames, changes)
-            rows, residual = to_vector(turned), to_vector(compose(np.log(values), vectors))
+            rows, residual = (
+                to_vector(self._log_changes(values, vectors, changes)),
+                to_vector(compose(np.log(values), vectors)),
+            )
             pull = (self.weights @ residual[..., None])[..., 0]
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
-            square = np.sum(residual * pull, axis=1)
+            square += np.sum(residual * pull, axis=1)
         pose_square = np.zeros(len(q))
-        for away, moves in self._tip_residuals(q, tips, jacobian):
+        for away, moves in self.pose_residuals(q, tips, jacobian):
             add_residual(away, moves, gradient, hessian)
             pose_square += np.sum(away**2, axis=1)
         return Linearization(np.where(singular, np.inf, square), pose_square, gradient, hessian, tips)
 
     def log_changes(self, q: Array) -> Array:
         """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        values, vectors, frames, _, changes, *_ = self.differentials(q)
-        return _log_changes(values, vectors, frames, changes)
+        values, vectors, _, changes, *_ = self.differentials(q)
+        return self._log_changes(values, vectors, changes)
+
+    def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
+        """Derivatives of log X in the base frame; as in `add_log_residual`."""
+        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
+        inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
+        turned = log_slopes(values)[:, None] * inner
+        return np.asarray(vectors[:, None] @ turned @ np.swapaxes(vectors, -1, -2)[:, None])
 
     def cost(self, q: Array) -> Array:
-        """F at q (n, dof), shape (n,)."""
+        """Cost f at q (n, dof), shape (n,)."""
         if self.weights is None:
             square = self.distance(q) ** 2
         else:
             residual = to_vector(self.logarithms(q))
             square = np.einsum("ni,nij,nj->n", residual, self.weights, residual)
-        for away, _ in self._tip_residuals(q):
+        for away, _ in self.pose_residuals(q):
             square = square + np.sum(away**2, axis=1)
         return np.asarray(square)
 
@@ -244,14 +253,14 @@ class Targets:
         return apply(congruence(self.whitening, self.objective.damped(achieved)), np.log)
 
     def tip_offset(self, q: Array) -> Array:
-        """Way from the target position to the tip [m], shape (n, 3)."""
+        """Vector from the target position to the end effector [m], shape (n, 3)."""
         assert self.positions is not None
         return np.asarray(self.objective.arm.forward(q)[:, :3, 3] - self.positions)
 
-    def _tip_residuals(
+    def pose_residuals(
         self, q: Array, tips: Array | None = None, jacobian: Array | None = None
     ) -> Iterator[tuple[Array, Array]]:
-        """Weighted residuals (n, 3) of the tip's place and axes; with Jacobians (n, 6, dof) their derivatives, too."""
+        """Weighted residuals (n, 3) of position and axes; with Jacobians (n, 6, dof) also their derivatives."""
         if self.positions is None and self.rotations is None:
             return
         tips = self.objective.arm.forward(q) if tips is None else tips
@@ -267,7 +276,7 @@ class Targets:
                 yield weight * (axis - self.rotations[:, :, k]), turns
 
     def axis_angles(self, q: Array) -> Array | None:
-        """Largest angle between an axis of the tip that counts and where it shall point (n,) [rad]; None without."""
+        """Largest angle between a constrained axis and its target (n,) [rad]; None without orientations."""
         counting = np.flatnonzero(self.objective.axis_weights)
         if self.rotations is None or not self.turned:
             return None
@@ -275,11 +284,11 @@ class Targets:
         return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))
 
     def tip_error(self, q: Array) -> Array | None:
-        """Distance of the tip from its target [m], shape (n,); None without one."""
+        """Position error [m], shape (n,); None without target positions."""
         return None if self.positions is None else np.linalg.norm(self.tip_offset(q), axis=1)
 
-    def differentials(self, q: Array) -> tuple[Array, Array, Array, NDArray[np.bool_], Array, Array, Array | None]:
-        """Eigenvalues, -vectors U, Uᵀ (A + ε I)^-½, singularity of X; derivatives of M; Jacobians, poses of the tip."""
+    def differentials(self, q: Array) -> tuple[Array, Array, NDArray[np.bool_], Array, Array, Array | None]:
+        """Eigenvalues, -vectors, singularity of X; derivatives of M; Jacobians and poses of the end effector."""
         arm, spec, tips = self.objective.arm, self.objective.spec.velocity, None
         if self.positions is None and self.rotations is None:
             jacobian, velocity, changes = arm.differentials(q, spec)
@@ -288,10 +297,10 @@ class Targets:
         values, vectors, inverse, singular = self._spectrum(velocity)
         if inverse is not None:
             changes = -inverse[:, None] @ changes @ inverse[:, None]
-        return values, vectors, np.swapaxes(vectors, -1, -2) @ self.whitening, singular, changes, jacobian, tips
+        return values, vectors, singular, changes, jacobian, tips
 
     def _spectrum(self, velocity: Array) -> tuple[Array, Array, Array | None, NDArray[np.bool_]]:
-        """Eigenvalues, ones where M is singular, and -vectors of X; M⁻¹ of the velocity for a force."""
+        """Eigenvalues (1 where M is singular) and -vectors of X; M⁻¹ of the velocity for a force."""
         inverse, singular, achieved = None, np.zeros(len(velocity), bool), velocity
         if self.objective.spec.kind == "force":
             values, vectors = eigh(velocity)
@@ -302,9 +311,3 @@ class Targets:
         singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
         values[singular] = 1.0
         return values, vectors, inverse, singular
-
-
-def _log_changes(values: Array, vectors: Array, frames: Array, changes: Array) -> Array:
-    """Derivatives of log X in the base frame; as in `add_log_residual`, whose T are the `frames` here."""
-    inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
-    return np.asarray(vectors[:, None] @ (log_slopes(values)[:, None] * inner) @ np.swapaxes(vectors, -1, -2)[:, None])

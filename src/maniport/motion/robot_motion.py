@@ -1,7 +1,7 @@
 """The motion of a group of arms."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from maniport.motion.arm_motion import ArmMotion, rms_ratio
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.files import save_arrays
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RobotMotion(ShownInNotebooks):
+class RobotMotion(NotebookDisplay):
     """The motion of one or several arms; made by `plan_motion`.
 
     Attributes
@@ -44,7 +44,7 @@ class RobotMotion(ShownInNotebooks):
     arms: tuple[ArmMotion, ...]
     limits: MotionLimits | None = None
     limit_use: LimitUse | None = None
-    clearance: Clearance = Clearance()
+    clearance: Clearance = field(default_factory=Clearance)
     coupled: bool = False
     relative: Array | None = None
     relative_error: Array | None = None
@@ -79,9 +79,3 @@ class RobotMotion(ShownInNotebooks):
         if self.relative is not None and self.relative_error is not None:
             arrays |= {"relative": self.relative, "relative_error": self.relative_error}
         save_arrays(path, arrays)
-
-    def error_text(self) -> str:
-        """Describe the errors of each arm in one line."""
-        if len(self.arms) == 1:
-            return self.arms[0].error_text()
-        return "; ".join(f"{name}: {arm.error_text()}" for name, arm in zip(self.group.names, self.arms, strict=True))

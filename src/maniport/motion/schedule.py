@@ -1,4 +1,4 @@
-"""What an arm is asked for over time: checked, and sampled at control steps."""
+"""Target time series of an arm: checked, and sampled at control steps."""
 
 from dataclasses import dataclass, replace
 
@@ -15,8 +15,6 @@ from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
 MOST_SAMPLES = 3_000_000  # Of a motion, at its control rate
-
-MOST_BETWEEN = 8  # A finer schedule has at most so many pieces for each
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ class Schedule:
         rotations: ArrayLike | None = None,
         postures: ArrayLike | None = None,
     ) -> "Schedule":
-        """Make one of what users give, or raise what says which argument is wrong."""
+        """Check arguments; errors name the argument."""
         d, times = objective.spec.size, as_times(time, fewest=2)
         m = d * (d + 1) // 2
         objective.checked(profile, "profile", minimum=2)
@@ -59,7 +57,7 @@ class Schedule:
             rotations=(axes, (3, 3)),
             reference=(near, (arm.dof,)),
         )
-        # copies: results keep them, and what a caller does to arrays afterwards must not change what was asked for
+        # copies: results keep them, and later changes of the caller's arrays must not change them
         rest = (None if one is None else one.copy() for one in (positions, metric, axes, near))
         return cls(times.copy(), targets.copy(), *rest)
 
@@ -71,17 +69,17 @@ class Schedule:
         return len(self.time)
 
     def targets(self, objective: Objective) -> Targets:
-        """The same as targets of searches."""
+        """Return the targets of all times."""
         return objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
 
     def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
-        """The same at evenly spaced times, `rate` a second or one for each time."""
+        """Sample at evenly spaced times, `rate` per second, at least as many as there are times."""
         steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
         return self.at(objective, np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
 
     def finer(self, objective: Objective, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
-        """The same with points between those that are farther apart than `gap` [s], and the rows of its own points."""
-        pieces = np.clip(np.ceil(np.diff(self.time) / gap - 1e-9), 1, MOST_BETWEEN).astype(np.intp)
+        """Insert at most 7 points between those more than `gap` [s] apart; also return the rows of its own points."""
+        pieces = np.clip(np.ceil(np.diff(self.time) / gap - 1e-9), 1, 8).astype(np.intp)
         rows = np.concatenate([[0], np.cumsum(pieces)])
         if rows[-1] == len(self) - 1:
             return self, rows
@@ -91,7 +89,7 @@ class Schedule:
         return found, rows
 
     def at(self, objective: Objective, grid: Array, smooth: bool = False) -> "Schedule":
-        """The same at other times, by splines or by what is straight."""
+        """Interpolate at other times, by splines or linearly."""
         time, damped = self.time, symmetrize(objective.damped(self.ellipsoids))
 
         def between(values: Array, smooth: bool) -> Array:
@@ -99,7 +97,7 @@ class Schedule:
             return np.asarray(spline(grid))
 
         if smooth:
-            # In logarithms about the middle of the profile, where straight lines are geodesics nearly.
+            # in logarithms about the mean of the profile, where straight lines are nearly geodesics
             root, whitening = roots(apply(apply(damped, np.log).mean(axis=0), np.exp))
             logs = apply(congruence(whitening, damped), np.log)
             targets = congruence(root, apply(symmetrize(between(logs, True)), np.exp))
@@ -111,9 +109,9 @@ class Schedule:
             grid,
             objective.undamped(symmetrize(targets)),
             None if self.positions is None else between(self.positions, smooth),
-            None if self.weights is None else between(self.weights, False),  # a spline might leave semidefinite ones
+            None if self.weights is None else between(self.weights, False),  # splines may be indefinite
             None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
-            None if self.postures is None else between(self.postures, False),  # nor do splines keep within limits
+            None if self.postures is None else between(self.postures, False),  # splines may exceed limits
         )
 
 
@@ -135,7 +133,7 @@ def require_few(samples: float) -> None:
 
 
 def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> None:
-    """Raise unless each array that is there has one row for each of `count` times, of the shape that goes with it."""
+    """Require one row of the given shape for each of `count` times, of all arrays that are not None."""
     for name, (array, shape) in arrays.items():
         if array is not None and array.shape != (count, *shape):
             raise InvalidInputError(

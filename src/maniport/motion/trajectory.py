@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.arms.collisions import Collisions
 from maniport.util.atomic_io import written_whole
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
@@ -17,7 +17,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory(ShownInNotebooks):
+class Trajectory(NotebookDisplay):
     """A joint trajectory, of one arm or of a group.
 
     Attributes

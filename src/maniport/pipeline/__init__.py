@@ -7,27 +7,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 _MODULE_OF = {
-    "BothResult": "both_result",
     "Config": "config",
     "LearnedProfile": "learned",
-    "TransferResult": "result",
+    "MotionResult": "results",
+    "TransferResult": "results",
+    "follow_profile": "transfer",
     "learn": "learn",
-    "transfer_both": "both",
-    "transfer_recording": "job",
+    "transfer_recording": "transfer",
 }
 
 __all__ = [
-    "BothResult", "Config", "LearnedProfile", "TransferResult", "learn", "transfer_both", "transfer_recording",
+    "Config", "LearnedProfile", "MotionResult", "TransferResult", "follow_profile", "learn", "transfer_recording",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
-    from maniport.pipeline.both import transfer_both
-    from maniport.pipeline.both_result import BothResult
     from maniport.pipeline.config import Config
-    from maniport.pipeline.job import transfer_recording
     from maniport.pipeline.learn import learn
     from maniport.pipeline.learned import LearnedProfile
-    from maniport.pipeline.result import TransferResult
+    from maniport.pipeline.results import MotionResult, TransferResult
+    from maniport.pipeline.transfer import follow_profile, transfer_recording
 
 
 def __getattr__(name: str) -> Any:

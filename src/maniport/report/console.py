@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from maniport.errors import ManiportWarning, printable
-from maniport.report.metrics import Report
 from maniport.report.renderings import as_markdown, as_numbers, as_terminal, plain
+from maniport.report.values import Report
 from maniport.util.progress import Progress
 
 DONE = "✓ "
@@ -76,7 +76,7 @@ class Console:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
         more |= {"output": output} if output else {}
         short = report.summary is not None and bool(output)
-        complete = "" if short and not self.verbose else as_markdown(report)
+        complete = "" if short and not self.verbose else as_markdown(report, details=True)
         self.finish({**as_numbers(report), **more}, complete, markdown=True)
         if short and not self.as_json:
             width = min(self._out.width, 80) if self._out.is_terminal else 80

@@ -11,22 +11,10 @@ from maniport.errors import argument
 from maniport.learning.agreement import Agreement
 from maniport.learning.mixture import points_each
 from maniport.pipeline.learned import LearnedProfile
-from maniport.report.metrics import (
-    Metric,
-    Report,
-    Section,
-    Summary,
-    Table,
-    describe,
-    in_axes,
-    listed,
-    notes,
-    numbers,
-    warnings_of,
-)
+from maniport.report.metrics import describe, in_axes, listed, notes, numbers, status_of, warnings_of
 from maniport.report.recording import RECORDING
 from maniport.report.runs import software
-from maniport.report.summary import status_of
+from maniport.report.values import Metric, Report, Section, Summary, Table
 
 AGREE, IN_PART = 0.2, 0.5  # Shares of the variance between demonstrations up to which they agree, and agree in part
 
@@ -80,7 +68,7 @@ def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
     ]
     advice = f"Leave out {outlier}, or give it a profile of its own." if outlier else _more(learned)
     title = f"The demonstrations {how}."
-    return Summary(title, " ".join(texts), "", advice, "", status_of(reasons), tuple(reasons), tuple(_agreement(found)))
+    return Summary(title, " ".join(texts), advice, "", status_of(reasons), tuple(reasons), tuple(_agreement(found)))
 
 
 def _held_out(found: Agreement) -> dict[str, float]:

@@ -1,12 +1,11 @@
-"""Values that a report consists of, and the registry of functions that make a report of a result.
+"""Registries of metrics, warnings and reports.
 
-`facts_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`) and the
-page (`maniport.report.page`) render the same report.
+`facts_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
+(`maniport.report.page`) and the table of a batch render the same report.
 """
 
 import importlib
-import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
@@ -14,192 +13,82 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError
-
-INFO, NOTE, WARNING = "info", "note", "warning"
+from maniport.report.values import AMBER, GREEN, NOTE, RED, WARNING, Metric, Report, at_time
 
 MODULES = {
     "arms": "robot",
     "mocap": "recording",
     "transfer": "transfer",
     "evaluation": "transfer",
-    "motion": "motion",
+    "motion": "motion robot",
     "pipeline": "runs learning",
 }
-"""Modules here that describe the classes of a package; they are imported when they are needed."""
+"""Modules of this package that describe the classes of another package; they are imported when they are needed."""
+
+
+Value = ArrayLike | tuple[str, Any] | None
+"""Value of a metric for each waypoint, or its text and its value for programs, or nothing."""
 
 
 @dataclass(frozen=True)
-class Metric:
-    """A number, a setting, a note or a warning of a `Section`.
+class Definition:
+    """A metric of a robot's motion: the attributes as in `Metric`, and the function that returns its value."""
 
-    Attributes
-    ----------
-    label : str
-    text : str
-        The value with its unit, or, in notes and warnings, sentences. Empty: the metric is in JSON only.
-    description : str
-    key, value, unit
-        For programs: a name without the unit; a number, a text, or lists and mappings of these; the unit of all numbers
-        in it. Without a key the metric is not in JSON. The key of a warning names its kind.
-    severity : {"info", "note", "warning"}
-    """
-
+    key: str
     label: str
-    text: str
-    description: str = ""
-    key: str = ""
-    value: Any = None
-    unit: str = ""
-    severity: str = INFO
+    unit: str
+    description: str
+    main: bool
+    value: Callable[[Any], Value]
 
 
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under column names, in a `Section`.
+METRICS: dict[str, Definition] = {}
+"""Metrics of a robot's motion by key, in the order in which they are reported."""
 
-    Attributes
-    ----------
-    columns : tuple of str
-    rows : tuple of tuple of str
-    caption : str
-    key, value
-        As in `Metric`.
-    """
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    caption: str = ""
-    key: str = ""
-    value: Any = None
-
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise InvalidInputError(
-                    f"every row of a table must have {len(self.columns)} cells, one for each column; found {len(row)}"
-                )
+WARNINGS: dict[str, tuple[str, Callable[[Any], Iterable[str]]]] = {}
+"""Status and function of the warnings of a robot's motion by key."""
 
 
-@dataclass(frozen=True)
-class Section:
-    """Metrics of a `Report` that belong together.
+def metric(
+    key: str, label: str, unit: str = "", description: str = "", *, main: bool = False
+) -> Callable[[Callable[[Any], Value]], Callable[[Any], Value]]:
+    """Register a function of a motion as a metric; see `Definition`."""
 
-    Attributes
-    ----------
-    title : str
-    metrics : tuple of Metric
-    tables : tuple of Table
-    key : str
-        Name in JSON; without one the metrics are at the top level there.
-    text : str
-        Markdown below the title, one paragraph per line; names from files must be escaped.
-    folded : bool
-        Whether a page folds the section.
-    """
+    def register(function: Callable[[Any], Value]) -> Callable[[Any], Value]:
+        METRICS[key] = Definition(key, label, unit, description, main, function)
+        return function
 
-    title: str
-    metrics: tuple[Metric, ...] = ()
-    tables: tuple[Table, ...] = ()
-    key: str = ""
-    text: str = ""
-    folded: bool = False
+    return register
 
 
-@dataclass(frozen=True)
-class Summary:
-    """The outcome of a result, in a `Report`.
+def warns(key: str, status: str = AMBER) -> Callable[[Callable[[Any], Iterable[str]]], Callable[[Any], Iterable[str]]]:
+    """Register a function of a motion that yields texts of warnings with this key; they have the status."""
 
-    Attributes
-    ----------
-    title : str
-        The outcome in one sentence.
-    text, quality_warnings : str
-        What prevents a better outcome; what is doubtful about the data.
-    advice, command : str
-        The next step and its command, in which ``{folder}`` stands for the folder of the results; may be empty.
-    status : {"green", "amber", "red", ""}
-        See `maniport.report.summary.status_of`; empty where there is no outcome.
-    reasons : tuple of str
-        Keys of the warnings that the status follows from.
-    metrics : tuple of Metric
-        The most important ones first.
-    """
+    def register(function: Callable[[Any], Iterable[str]]) -> Callable[[Any], Iterable[str]]:
+        WARNINGS[key] = (status, function)
+        return function
 
-    title: str
-    text: str = ""
-    quality_warnings: str = ""
-    advice: str = ""
-    command: str = ""
-    status: str = ""
-    reasons: tuple[str, ...] = ()
-    metrics: tuple[Metric, ...] = ()
-
-    @property
-    def status_text(self) -> str:
-        """The status and its reasons in words; empty without a status."""
-        reasons = ", ".join(key.replace("-", " ") for key in self.reasons) or "no warnings"
-        return f"Status: {self.status} ({reasons})." if self.status else ""
-
-    def command_for(self, folder: str = "results") -> str:
-        """Return the command with the folder of the results, quoted for a shell."""
-        return self.command.replace("{folder}", shlex.quote(folder))
+    return register
 
 
-@dataclass(frozen=True)
-class Report:
-    """Everything that is reported of a result, see `facts_of`.
+def status_of(keys: Iterable[str]) -> str:
+    """Return the status of a result whose warnings have these keys."""
+    found = {WARNINGS[key][0] if key in WARNINGS else AMBER for key in keys}
+    return RED if RED in found else AMBER if found else GREEN
 
-    Attributes
-    ----------
-    title, lead : str
-    sections : tuple of Section
-    summary : Summary or None
-    data_warnings : tuple of Metric
-        Warnings about the data, which precede those of the sections.
-    """
 
-    title: str
-    lead: str = ""
-    sections: tuple[Section, ...] = ()
-    summary: Summary | None = None
-    data_warnings: tuple[Metric, ...] = ()
+def measured(run: Any, time: ArrayLike | None) -> list[Metric]:
+    """Return all registered metrics of a motion; `time`: times of the waypoints [s]."""
+    values = {key: one.value(run) for key, one in METRICS.items()}
+    return [as_metric(key, value, time) for key, value in values.items() if value is not None]
 
-    @property
-    def warning_metrics(self) -> tuple[Metric, ...]:
-        """The warnings, each text once."""
-        unique = dict[str, Metric]()
-        for metric in (*self.data_warnings, *self._with_severity(WARNING)):
-            unique.setdefault(metric.text, metric)
-        return tuple(unique.values())
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Texts of the warnings."""
-        return tuple(metric.text for metric in self.warning_metrics)
-
-    @property
-    def warning_keys(self) -> tuple[str, ...]:
-        """Keys of the warnings, each once."""
-        return tuple(dict.fromkeys(metric.key for metric in self.warning_metrics))
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Texts of the notes, each once."""
-        return tuple(dict.fromkeys(metric.text for metric in self._with_severity(NOTE)))
-
-    def metric(self, key: str) -> Metric:
-        """Return the first metric with this key; KeyError where there is none."""
-        by_key = {metric.key: metric for section in reversed(self.sections) for metric in reversed(section.metrics)}
-        return by_key[key]
-
-    def _with_severity(self, severity: str) -> list[Metric]:
-        return [
-            metric
-            for section in self.sections
-            for metric in section.metrics
-            if metric.severity == severity and metric.text
-        ]
+def as_metric(key: str, value: Any, time: ArrayLike | None = None) -> Metric:
+    """Return a registered metric with a value, see `Value`."""
+    one = METRICS[key]
+    if isinstance(value, tuple):
+        return Metric(one.label, value[0], one.description, key, value[1], one.unit, main=one.main)
+    return statistics(one.label, key, value, time, one.unit, one.description, main=one.main)
 
 
 def facts_of(thing: Any) -> Report:
@@ -254,53 +143,25 @@ def sentence(text: str) -> str:
 
 
 def statistics(
-    label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "", description: str = ""
+    label: str,
+    key: str,
+    values: ArrayLike,
+    time: ArrayLike | None = None,
+    unit: str = "",
+    description: str = "",
+    main: bool = False,
 ) -> Metric:
-    """Return median, 95th percentile and maximum of values over time [s] as a metric."""
+    """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
     array = np.asarray(values, dtype=float)
-    index = int(np.argmax(array))
+    index = int(np.nanargmax(array))
     where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
-    value = {
-        "median": float(np.median(array)),
-        "p95": float(np.percentile(array, 95)),
-        "max": float(array[index]),
-        **where,
-    }
+    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
+    value = {"median": median, "p95": p95, "max": float(array[index]), **where}
     suffix = f" {unit}" if unit and unit != "°" else unit
     place = f"at index {index}" if time is None else at_time(where["max_at_s"])
-    median, p95, largest = (f"{value[name]:.2f}{suffix}" for name in ("median", "p95", "max"))
-    text = f"{median} (median), {p95} (95th percentile), {largest} (max {place})"
-    return Metric(label, text, description, key, value, unit)
-
-
-# Label, unit and description of metrics that several reports and the page have, by key.
-DEFINITIONS = {
-    "distance": ("Ellipsoid distance", "", "From target to achieved; 0.1 is one axis 5 % too long, 1 is 65 %."),
-    "tip_error": ("Position error", "mm", "From the path to the end effector; position has priority over ellipsoids."),
-    "orientation_error": ("Orientation error", "°", "Angle between the constrained axes and their target."),
-    "pointwise_best": (
-        "Best pointwise solution found",
-        "",
-        "Per waypoint, with the end effector on its path; no bound.",
-    ),
-    "feasibility_gap": (
-        "Distance to the feasible set",
-        "",
-        "From the target to the nearest ellipsoid found within the joint limits; an upper bound.",
-    ),
-    "beside_way": ("Relative position error", "mm", "From the scaled, rotated vector between the hands."),
-}
-
-
-def defined(key: str, values: ArrayLike, time: ArrayLike | None = None) -> Metric:
-    """Return the statistics of a metric of `DEFINITIONS`."""
-    label, unit, description = DEFINITIONS[key]
-    return statistics(label, key, values, time, unit, description)
-
-
-def at_time(time: float) -> str:
-    """Write a time [s]; pages make links of these."""
-    return f"at {time:.1f} s"
+    texts = (f"{number:.2f}{suffix}" for number in (median, p95, array[index]))
+    text = "{} (median), {} (95th percentile), {} (max {})".format(*texts, place)
+    return Metric(label, text, description, key, value, unit, main=main)
 
 
 def in_axes(distance: float) -> str:

@@ -1,257 +1,236 @@
 """Metrics of a robot's motion, and the thresholds of its warnings."""
 
 from collections import Counter
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from maniport.arms.collisions import Collisions
-from maniport.motion.arm_motion import ArmMotion, rms_ratio
-from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE, REACHED, STATUSES, VELOCITY_LIMIT
-from maniport.motion.plan.relaxation import FAR
-from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import (
-    Metric,
-    Report,
-    Section,
-    at_time,
-    defined,
-    describe,
-    listed,
-    numbers,
-    statistics,
-    warning,
-)
-from maniport.report.robot import assumed_limits, missing_meshes, unchecked_links
+from maniport.motion import ArmMotion, RobotMotion
+from maniport.motion.arm_motion import rms_ratio
+from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, STATUSES
+from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.trajectory import Clearance, Trajectory
+from maniport.report.metrics import WARNINGS, Value, as_metric, describe, listed, measured, metric, warning, warnings_of
+from maniport.report.motion_warnings import Run, collision_texts, collision_warnings, missed_points
+from maniport.report.robot import assumed_limits
+from maniport.report.values import Report, Section, at_time
 from maniport.util.validation import Array
-
-AXIS_ANGLE = 30.0
-"""Warning threshold of the median angle between the longest axes of target and achieved ellipsoids [degrees]."""
-
-EXCESS = 1e-3  # Relative excess of a limit without a warning: a solver keeps the limits of a tracker
 
 
 @describe.register
-def track_report(motion: ArmMotion | RobotMotion) -> Report:
-    """Describe a joint trajectory."""
+def motion_report(motion: ArmMotion | RobotMotion) -> Report:
+    """Describe the motion of one or several arms."""
     arms = motion.arms if isinstance(motion, RobotMotion) else (motion,)
-    clearance = motion.clearance if isinstance(motion, RobotMotion) else Clearance()
-    lead = f"{len(arms[0].time)} target ellipsoids in {arms[0].time[-1] - arms[0].time[0]:.2f} s."
-    sections = [
-        motion_section(arm, [] if arm.pointwise_best is None else plan_metrics(arm, arm, clearance)) for arm in arms
-    ]
-    return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, tuple(sections))
+    lead = f"{len(arms[0].time)} target ellipsoids in {np.ptp(arms[0].time):.2f} s."
+    sections = tuple(motion_section(Run(arm, arm.time)) for arm in arms)
+    return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, sections)
 
 
-def motion_section(motion: ArmMotion, more: Sequence[Metric] = (), clock: Array | None = None) -> Section:
-    """Describe a motion; `clock` are times of the waypoints in the recording [s]."""
-    time = motion.time if clock is None else clock
-    unit = " or ".join(f"{unit}/s³" for unit in sorted(set(motion.joint_units), reverse=True))
-    count = Counter(motion.status)
-    points, missed = len(motion.time), missed_points(motion)
-    status = {word: count[word] for word in STATUSES if count[word]}
-    hits = {"position": motion.position_limit_hits, "velocity": motion.velocity_limit_hits}
-    metrics = (
-        *_target_warnings(motion, time, status),
-        *_solver_warnings(motion, time),
-        *errors(motion, time),
-        *_major_axis(motion, time),
-        _semi_axes(motion, time),
-        *more,
-        Metric("Jerk", f"{motion.rms_jerk:.0f} {unit} (root mean square), {motion.peak_jerk:.0f} {unit} (max)", "",
-               "jerk", {"rms": motion.rms_jerk, "peak": motion.peak_jerk}),
-        Metric("Waypoints", f"{points - missed} of {points} reached: "
-               + listed([f"{number} {word}" for word, number in status.items()]),
-               f"Followed: distance at most {ENOUGH_DISTANCE:g}; nearly followed: at most {NEAR_DISTANCE:g}; both with "
-               "a position error within the tolerance.", "status", status),
-        *(Metric(f"Joints at the {kind} limit", listed([f"{name} {number}" for name, number in found.items()]),
-                 "Number of control steps.", f"{kind}_limit_hits", found) for kind, found in hits.items()),
-        *numbers(points=points, points_missed=missed, duration_s=float(np.ptp(motion.time))),
-    )  # fmt: skip
-    return Section("Robot motion", metrics, key="motion")
+def motion_section(run: Run) -> Section:
+    """Describe a motion by all registered metrics and warnings."""
+    plan, collisions = run.plan, None if run.result is None else run.result.collisions
+    warned = [warning(key, text) for key, (_, function) in WARNINGS.items() for text in function(run)]
+    if plan is not None and plan.limits is not None:
+        warned += [*assumed_limits(plan.limits), *collision_warnings(plan.clearance, collisions)]
+    return Section("Robot motion", (*warned, *measured(run, run.time)), key="motion")
 
 
-def errors(motion: ArmMotion, time: Array) -> list[Metric]:
-    """Return the errors of a motion over time [s]."""
-    values = {
-        "distance": motion.distance,
-        "tip_error": None if motion.position_error is None else 1e3 * motion.position_error,
-        "orientation_error": None if motion.orientation_error is None else np.degrees(motion.orientation_error),
-    }
-    return [defined(key, array, time) for key, array in values.items() if array is not None]
+@metric("distance", "Ellipsoid distance", "", "0.1: one axis is 5 % too long; 1: 65 %.", main=True)
+def _distance(run: Run) -> Value:
+    return run.motion.distance
 
 
-def missed_points(motion: ArmMotion) -> int:
-    """Count the waypoints that are neither followed nor nearly followed."""
-    return sum(word not in REACHED for word in motion.status)
+@metric("position_error", "Position error", "mm", "Of the end effector; it has priority over ellipsoids.", main=True)
+def _position_error(run: Run) -> Value:
+    return None if run.motion.position_error is None else 1e3 * run.motion.position_error
 
 
-def far_points(motion: ArmMotion) -> int:
-    """Count the waypoints whose position error is more than `FAR` times the tolerance."""
-    if motion.position_error is None:
-        return 0
-    return int((motion.position_error > FAR * motion.position_tolerance).sum())
+@metric("orientation_error", "Orientation error", "°", "Between the constrained axes and their target.", main=True)
+def _orientation_error(run: Run) -> Value:
+    return None if run.motion.orientation_error is None else np.degrees(run.motion.orientation_error)
 
 
-def exceeded_limits(motion: ArmMotion, plan: ArmMotion) -> dict[str, tuple[str, float]]:
-    """Return the limits that are exceeded: joint, and the largest value as a multiple of the limit."""
-    assert plan.limits is not None
-    use = plan.limits.use(motion.control_time, motion.control_positions)
-    return {name: (joint, share) for name, (joint, share, _) in use.largest.items() if share > 1.0 + EXCESS}
+@metric("duration", "Duration", "s", "Time-scaled to satisfy the limits; other times are demonstrated.", main=True)
+def _duration(run: Run) -> Value:
+    times = run.motion.demonstrated_time
+    return None if times is None else duration_value(run.motion, times)
 
 
-def plan_metrics(
-    plan: ArmMotion,
-    motion: ArmMotion,
-    room: Clearance,
-    clock: Array | None = None,
-    collisions: Collisions | None = None,
-) -> list[Metric]:
-    """Describe pointwise solutions, duration, limits and collisions of a motion."""
-    assert plan.limits is not None and plan.pointwise_best is not None and plan.demonstrated_time is not None
-    time = motion.time if clock is None else clock
-    robot, human = float(np.ptp(motion.control_time)), float(np.ptp(plan.demonstrated_time))
-    ratio = (
-        rms_ratio(motion.distance, plan.pointwise_best) if np.median(plan.pointwise_best) > 0.01 else None
-    )  # else no sense
-    broken = [
-        f"{joint} at {share:.2f} times its {name}" for name, (joint, share) in exceeded_limits(motion, plan).items()
-    ]
-    return [
-        *([warning("limits-exceeded", f"the motion exceeds limits of the robot: {listed(broken)}")] if broken else []),
-        *assumed_limits(plan.limits),
-        *collision_metrics(room, float(np.interp(room.time, motion.time, time)), collisions),
-        *([] if collisions is None or not room.known else unchecked_links(collisions.unchecked)),
-        defined("pointwise_best", plan.pointwise_best, time),
-        Metric("Ratio to the best pointwise solution found", "" if ratio is None else f"{ratio:.2f}",
-               "Ratio of root mean squares of the distance.", "over_node_floor", ratio),
-        Metric("Duration", f"{robot:.1f} s (human {human:.1f} s)", "Time-scaled to satisfy the limits."
-               + ("" if clock is None else " All other times are those of the recording."),
-               "duration", {"robot": robot, "person": human}, "s"),
-        *_jumps(plan, motion, time),
-        used_limits(plan, motion, time),
-    ]  # fmt: skip
+@metric("limits", "Limits", "", "Largest value relative to the limit.", main=True)
+def _limits(run: Run) -> Value:
+    limits = run.motion.limits
+    return None if limits is None else limits_value(limits, run.motion, run.time)
 
 
-def used_limits(plan: ArmMotion, motion: ArmMotion, time: Array) -> Metric:
-    """Return the largest value of each quantity relative to its limit."""
-    assert plan.limits is not None
-    use = plan.limits.use(motion.control_time, motion.control_positions)
-    largest: dict[str, dict[str, Any]] = {}
-    for name, (joint, share, at) in use.largest.items():
-        largest[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, motion.time, time))}
-    texts = [f"{name} {one['share']:.0%} ({one['joint']} {at_time(one['at_s'])})" for name, one in largest.items()]
-    sources = listed([f"{name}: {source}" for name, source in plan.limits.sources.items()])
-    return Metric("Limits", listed(texts), f"Largest value relative to the limit. Sources: {sources}.", "limits",
-                  {"used": largest, "sources": plan.limits.sources})  # fmt: skip
+@metric("collisions", "Collisions", "", "Between convex hulls of links, table and obstacles.", main=True)
+def _collisions(run: Run) -> Value:
+    return None if run.plan is None else collision_value(run.plan.clearance, run.at(run.plan.clearance.time))
 
 
-def _jumps(plan: ArmMotion, motion: ArmMotion, time: Array) -> list[Metric]:
-    """Return the position error at jumps of the recording and elsewhere."""
-    jumps, error = plan.jumps, motion.position_error
-    value: dict[str, object] = {"points": int(jumps.sum())}
-    if error is None or not jumps.any():
-        return [*numbers(jumps=value)]
-    texts = []
-    for name, rows in (("there", jumps), ("elsewhere", ~jumps)):
-        if rows.any():
-            i = int(np.flatnonzero(rows)[np.argmax(error[rows])])
-            value[name] = {"tip_error_mm": 1e3 * float(error[i]), "at_s": float(time[i])}
-            texts.append(f"{name} {1e3 * error[i]:.1f} mm {at_time(float(time[i]))}")
-    text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {listed(texts)}"
-    description = "Path or ellipsoids change four times as fast as around: mostly errors of the recording or its fit."
-    return [Metric("Jumps of the recording", text, description, "jumps", value)]
+@metric(
+    "mean_distance", "Mean distance", "",
+    "Infeasible: distance to the feasible set. Path: added by the path constraint. Motion: added by limits.", main=True,
+)  # fmt: skip
+def _mean_distance(run: Run) -> Value:
+    if run.result is None or run.result.gap is None:
+        return None
+    parts = run.result.mean_distance._asdict()
+    written = {"infeasible": parts["infeasible"], "path": parts["path"], "motion": parts["motion"]}
+    if run.motion.path is None:
+        written = {"infeasible": parts["infeasible"] + parts["path"], "motion": parts["motion"]}
+    total, values = rounded_sum(list(written.values()))
+    text = f"{total} = {' + '.join(f'{name} {value}' for name, value in zip(written, values, strict=True))}"
+    return text, {"mean": float(np.mean(run.motion.distance)), **parts}
 
 
-def collision_metrics(room: Clearance, at: float, collisions: Collisions | None = None) -> list[Metric]:
-    """Describe the clearance of a motion and what was not checked; `at`: time of the smallest clearance [s]."""
-    value = {"checked": room.known, "share": room.share, "clearance_mm": None, "at_s": at, "pair": room.pair}
-    if not room.known:
-        return [warning("unchecked-collisions", f"collisions are not checked: {room.why}"), *numbers(collisions=value)]
-    meshes = missing_meshes(room.stand_ins)
-    if not np.isfinite(room.distance):
-        return [*meshes, Metric("Collisions", "none possible", key="collisions", value=value)]
-    value["clearance_mm"] = 1e3 * room.distance
-    between = f"{' and '.join(room.pair)} {at_time(at)}"
-    share = f"in {room.share:.1%} of the time" if room.share else "none"
-    hulls = ["the links"]
-    if collisions is not None:
-        hulls += ["the table"] if collisions.table is not None else []
-        hulls += ["the obstacles"] if collisions.obstacles else []
-    text = f"{share}; clearance {1e3 * room.distance:.0f} mm ({between})"
-    metric = Metric("Collisions", text, f"Between convex hulls of {' and '.join(hulls)}.", "collisions", value)
-    collision = [warning("collision", f"the robot collides in {room.share:.1%} of the time: {between}")]
-    return [*(collision if room.share else []), *meshes, metric]
+@metric("waypoints", "Waypoints", "", f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance.")
+def _waypoints(run: Run) -> Value:
+    count, total = Counter(run.motion.status), len(run.motion.status)
+    missed = {status: count[status] for status in STATUSES if count[status] and status not in REACHED}
+    reasons = f" ({listed([f'{number} {status}' for status, number in missed.items()])})" if missed else ""
+    return f"{total - missed_points(run.motion)} of {total} reached{reasons}", dict(count)
 
 
-def _semi_axes(motion: ArmMotion, time: Array) -> Metric:
-    """Return achieved semi-axes relative to those of the target; the maximum is the value farthest from 1."""
-    ratio = motion.semi_axis_ratio[:, ::-1]
+@metric("pointwise_best", "Best pointwise distance found", "", "Each waypoint alone, on the path; no bound.")
+def _pointwise_best(run: Run) -> Value:
+    return None if run.plan is None else run.plan.pointwise_best
+
+
+@metric("pointwise_ratio", "Ratio to the best pointwise distances found", "", "Of root mean squares.")
+def _pointwise_ratio(run: Run) -> Value:
+    best = None if run.plan is None else run.plan.pointwise_best
+    if best is None or np.median(best) <= 0.01:  # the ratio has no meaning
+        return None
+    ratio = rms_ratio(run.motion.distance, best)
+    return f"{ratio:.2f}", ratio
+
+
+@metric("feasibility_gap", "Distance to the feasible set", "", "Of the target; an upper bound.")
+def _feasibility_gap(run: Run) -> Value:
+    return None if run.result is None else run.result.gap
+
+
+@metric("major_axis_angle", "Angle between longest axes", "°", "Where both ellipsoids have a longest axis.")
+def _major_axis_angle(run: Run) -> Value:
+    angle = np.degrees(run.motion.major_axis_angle)
+    return angle if np.isfinite(angle).any() else None
+
+
+@metric("semi_axes", "Semi-axes, achieved / target", "", "Medians.")
+def _semi_axes(run: Run) -> Value:
+    ratio = run.motion.semi_axis_ratio[:, ::-1]
     names = {2: ("major", "minor"), 3: ("major", "middle", "minor")}.get(ratio.shape[1])
     names = names or tuple(f"axis {k + 1}" for k in range(ratio.shape[1]))
-    value: dict[str, dict[str, float] | None] = {}
-    texts = []
-    for name, column in zip(names, ratio.T, strict=True):
-        finite = np.isfinite(column) & (column > 0.0)
-        if not finite.any():
-            value[name] = None
-            continue
-        at = int(np.argmax(np.abs(np.log(np.where(finite, column, 1.0)))))
-        median, most, when = float(np.median(column[finite])), float(column[at]), float(time[at])
-        value[name] = {"median": median, "max": most, "max_at_s": when}
-        texts.append(f"{name} {median:.2f} (median), {most:.2f} (farthest from 1, {at_time(when)})")
-    return Metric("Semi-axes", "; ".join(texts), "Achieved relative to target.", "semi_axes", value)
+    medians = [
+        float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else None for column in ratio.T
+    ]
+    value = {name: None if median is None else {"median": median} for name, median in zip(names, medians, strict=True)}
+    return listed([f"{name} {one['median']:.2f}" for name, one in value.items() if one]), value
 
 
-def _target_warnings(motion: ArmMotion, time: Array, status: dict[str, int]) -> list[Metric]:
-    """Warn of missed waypoints, a motion too fast, a large position error and a wrong longest axis."""
-    found, missed = [], missed_points(motion)
-    if 2 * missed > len(motion.time):
-        why = listed([f"{number} {word}" for word, number in status.items() if word not in REACHED])
-        found.append(warning("targets-missed", f"{missed} of {len(motion.time)} waypoints are missed: {why}"))
-    if status.get(VELOCITY_LIMIT) and motion.pointwise_best is None:
-        found.append(warning("too-fast", "the motion is too fast for the robot in places: give it more time"))
-    if motion.position_error is not None and far_points(motion):
-        at = int(np.argmax(motion.position_error))
-        found.append(
-            warning(
-                "position-error",
-                f"the position error is up to {1e3 * motion.position_error[at]:.1f} mm ({at_time(time[at])}), more "
-                f"than {FAR:g} times the tolerance of {1e3 * motion.position_tolerance:g} mm",
-            )
-        )
-    angle = np.degrees(motion.major_axis_angle)
-    median = float(np.median(angle[np.isfinite(angle)])) if np.isfinite(angle).any() else 0.0
-    if median > AXIS_ANGLE:
-        text = f"the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"
-        found.append(warning("longest-axis", text))
-    return found
+@metric("jumps", "Jumps of the recording", "", "Mostly errors of the recording or of its fit.")
+def _jumps(run: Run) -> Value:
+    if run.plan is None or run.motion.position_error is None:
+        return None
+    jumps, error, texts = run.plan.jumps, 1e3 * run.motion.position_error, []
+    value: dict[str, Any] = {"points": int(jumps.sum())}
+    if not jumps.any():
+        return "", value
+    for name, rows in (("there", jumps), ("elsewhere", ~jumps)):
+        if rows.any():
+            value[name] = {"position_error_mm": float(error[rows].max())}
+            texts.append(f"{name} {error[rows].max():.1f} mm")
+    return f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {listed(texts)}", value
 
 
-def _major_axis(motion: ArmMotion, time: Array) -> list[Metric]:
-    """Return the angle between the longest axes where both are distinct."""
-    angle = motion.major_axis_angle
-    known = np.isfinite(angle)
-    if not known.any():
-        return []
-    text = f"Angle between the longest axes of target and achieved, at {known.sum()} of {len(angle)} waypoints."
-    return [statistics("Longest axis", "major_axis_angle", np.degrees(angle[known]), time[known], "°", text)]
+@metric("orientation_cost", "Cost of the orientation", "", "Mean distance with and without the constraint.")
+def _orientation_cost(run: Run) -> Value:
+    if run.result is None or run.result.free is None:
+        return None
+    kept, free = (float(np.mean(one.distance)) for one in (run.motion, run.result.free))
+    return f"{kept - free:+.2f}: {kept:.2f} instead of {free:.2f}", {"kept": kept, "free": free}
 
 
-def _solver_warnings(motion: ArmMotion, time: Array) -> list[Metric]:
-    held = np.interp(motion.control_time[motion.held], motion.time, time).tolist()
-    free = [n for n, limit in zip(motion.joint_names, motion.velocity_limits, strict=True) if np.isinf(limit)]
-    found = numbers(held_at_s=held, joints_without_known_velocity_limit=free)
-    if held:
-        found.append(warning("held", f"at {len(held)} control steps no answer was found and the robot was held"))
-    if free:
-        found.append(warning("unchecked-velocity-limits", f"no velocity limit is known of {listed(free)}"))
-    return found
+@metric("lowest_points", "Lowest point", "", "Of the moving links, above the base plane.")
+def _lowest(run: Run) -> Value:
+    if run.result is None or run.result.lowest is None:
+        return None
+    points = run.result.lowest_of_links
+    value = {point.link: {"height_mm": 1e3 * point.height, "at_s": run.at(point.time)} for point in points}
+    return f"{1e3 * points[0].height:.0f} mm, {points[0].link} {at_time(run.at(points[0].time))}", value
 
 
-def infeasible_targets(median: float) -> list[Metric]:
-    """Warn where most targets are far from the feasible set."""
-    text = f"the targets are infeasible: median distance to the feasible set {median:.2f}"
-    return [warning("infeasible-targets", text)] if median > NEAR_DISTANCE else []
+@metric("relative_position_error", "Relative position error", "mm", "From the scaled vector between the hands.")
+def _relative_position_error(run: Run) -> Value:
+    return None  # of several arms, see `group_section`
+
+
+@metric("jerk", "Jerk", "")
+def _jerk(run: Run) -> Value:
+    return "", {"rms": run.motion.rms_jerk, "peak": run.motion.peak_jerk}
+
+
+@metric("saturated", "Saturated joints", "", "Control steps at a position or velocity limit.")
+def _saturated(run: Run) -> Value:
+    value = {"position": run.motion.position_limit_hits, "velocity": run.motion.velocity_limit_hits}
+    return "", value
+
+
+@metric("points", "")
+def _points(run: Run) -> Value:
+    return "", {"count": len(run.motion.time), "missed": missed_points(run.motion)}
+
+
+def collision_value(clearance: Clearance, at: float) -> tuple[str, dict[str, Any]]:
+    """Return the text and the value of the metric of collisions; `at`: time of the smallest clearance [s]."""
+    checked = clearance.known and np.isfinite(clearance.distance)
+    value = {"checked": clearance.known, "share": clearance.share, "at_s": at, "pair": clearance.pair,
+             "clearance_mm": 1e3 * clearance.distance if checked else None}  # fmt: skip
+    if not checked:
+        return "none possible" if clearance.known else "not checked", value
+    share = f"in {clearance.share:.1%} of the time" if clearance.share else "none"
+    between = f"{' and '.join(clearance.pair)} {at_time(at)}"
+    return f"{share}; clearance {1e3 * clearance.distance:.0f} mm ({between})", value
+
+
+def duration_value(motion: Trajectory, demonstrated: Array) -> tuple[str, dict[str, float]]:
+    """Return the text and the value of the duration; `demonstrated`: times of the waypoints in the recording [s]."""
+    robot, human = float(np.ptp(motion.control_time)), float(np.ptp(demonstrated))
+    return f"{robot:.1f} s (human {human:.1f} s)", {"robot": robot, "person": human}
+
+
+def limits_value(limits: MotionLimits, motion: Trajectory, time: Array) -> tuple[str, dict[str, Any]]:
+    """Return the text and the value of the metric of limits; `time`: reported times of the waypoints [s]."""
+    used = {
+        name: {"joint": joint, "share": share, "at_s": float(np.interp(at, motion.time, time))}
+        for name, (joint, share, at) in limits.use(motion.control_time, motion.control_positions).largest.items()
+    }
+    text = listed([f"{name} {one['share']:.0%}" for name, one in used.items()])
+    return text, {"used": used, "sources": limits.sources}
+
+
+def group_section(motion: RobotMotion, time: Array, collisions: Collisions | None) -> Section:
+    """Describe what concerns several arms together; `time`: reported times of the waypoints [s]."""
+    clearance, trajectory = motion.clearance, motion.trajectory
+    at = float(np.interp(clearance.time, trajectory.time, time))
+    values: dict[str, Any] = {
+        "duration": duration_value(trajectory, time),
+        "collisions": collision_value(clearance, at),
+        "pointwise_ratio": (f"{motion.pointwise_ratio:.2f}", motion.pointwise_ratio),
+    }
+    if motion.limits is not None:
+        values["limits"] = limits_value(motion.limits, trajectory, time)
+    if motion.relative_error is not None:
+        values["relative_position_error"] = 1e3 * motion.relative_error.max(axis=1)
+    warned = [*warnings_of("collision", collision_texts(clearance, at)), *collision_warnings(clearance, collisions)]
+    return Section("All arms", (*warned, *(as_metric(key, value, time) for key, value in values.items())), key="arms")
+
+
+def rounded_sum(parts: list[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
+    """Write a sum and its parts such that the printed parts add up: the largest part takes the rounding error."""
+    unit = 10**decimals
+    whole, counts = round(sum(parts) * unit), [round(part * unit) for part in parts]
+    counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
+    total, *written = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
+    return total, tuple(written)

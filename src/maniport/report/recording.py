@@ -25,21 +25,9 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.report.metrics import (
-    Metric,
-    Report,
-    Section,
-    Table,
-    at_time,
-    describe,
-    listed,
-    notes,
-    numbers,
-    statistics,
-    warning,
-    warnings_of,
-)
+from maniport.report.metrics import describe, listed, notes, numbers, statistics, warning, warnings_of
 from maniport.report.renderings import escaped
+from maniport.report.values import Metric, Report, Section, Table, at_time
 from maniport.util.defaults import AUTO
 
 RECORDING, FIT = "recording", "human-model"

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.metrics import INFO, WARNING, Metric, Report, Section, Summary, Table, facts_of, sentence
+from maniport.report.metrics import facts_of, sentence
+from maniport.report.values import INFO, WARNING, Metric, Report, Section, Table
 from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
@@ -35,25 +36,34 @@ def files_of(*names: str) -> tuple[str, ...]:
     return tuple(f"{name}{ending}" for name in names for ending in ENDINGS)
 
 
-def as_markdown(report: Report, level: int = 1) -> str:
-    """Render a `Report` as Markdown: the summary and warnings first, then every section.
+def as_markdown(report: Report, details: bool = False) -> str:
+    """Render a `Report` as Markdown: the summary and warnings first, then the sections.
 
     Parameters
     ----------
     report : Report
-    level : int
-        Level of the heading.
+    details : bool
+        Whether sections that pages fold are rendered, too.
 
     Returns
     -------
     str
     """
-    lines = [f"{'#' * level} {escaped(report.title)}", "", *([escaped(report.lead), ""] if report.lead else [])]
-    lines += [] if report.summary is None else _summary(report.summary, level + 1)
+    lines = [f"# {escaped(report.title)}", "", *([escaped(report.lead), ""] if report.lead else [])]
+    summary = report.summary
+    if summary is not None:
+        command = f" `{printable(summary.command_for())}`" if summary.command else ""
+        texts = [escaped(summary.status_text), escaped(summary.text), escaped(summary.advice) + command]
+        lines += [f"## {escaped(summary.title)}", "", *(line for text in texts if text for line in (text, ""))]
     if report.warnings:
-        lines += [f"{'#' * (level + 1)} Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
+        lines += ["## Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
+    if summary is not None and not details:
+        visible = [metric for section in report.sections if not section.folded for metric in section.metrics]
+        lines += _section(Section("Arms", tuple(metric for metric in summary.metrics if metric not in visible)))
     for section in report.sections:
-        lines += _section(section, level + 1)
+        lines += _section(section) if details or not section.folded else []
+    if summary is not None and not details:
+        lines += [f"All metrics, settings and notes: {SUMMARY} and {PAGE}.", ""]
     return "\n".join(lines)
 
 
@@ -71,16 +81,14 @@ def as_numbers(report: Report) -> dict[str, Any]:
     suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
     result: dict[str, Any] = {"title": report.title}
     if (summary := report.summary) is not None:
-        texts = {
-            name: getattr(summary, name)
-            for name in ("title", "text", "quality_warnings", "advice", "command", "reasons")
-        }
-        result |= {"status": summary.status or None, "verdict": texts}
+        texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command", "reasons")}
+        result |= {"status": summary.status or None, "summary": texts}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
     result["notes"] = list(report.notes)
     for section in report.sections:
-        known = [one for one in section.metrics if one.key and (one.severity != WARNING or one.value is not None)]
-        entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in known}
+        metrics = [metric for metric in section.metrics
+                   if metric.key and (metric.severity != WARNING or metric.value is not None)]  # fmt: skip
+        entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in metrics}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:
             result.setdefault(section.key, {}).update(entries)
@@ -98,8 +106,7 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
     paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
     lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
     lines += _columns(summary.metrics)
-    for text in (summary.text, summary.quality_warnings):
-        lines += textwrap.wrap(printable(text), width)
+    lines += textwrap.wrap(printable(summary.text), width)
     for text in report.warnings[:most_warnings]:
         lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ", max_lines=2, placeholder=" …")
     if (more := len(report.warnings) - most_warnings) > 0:
@@ -117,24 +124,16 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
 
 def _columns(metrics: Sequence[Metric]) -> list[str]:
     """Write metrics as lines: statistics in columns, others as text."""
-    names = [f"{metric.label} [{metric.unit}]" if _is_statistics(metric) and metric.unit else metric.label
-             for metric in metrics]  # fmt: skip
-    wide = max(map(len, names), default=0)
+    wide = max((len(metric.heading) for metric in metrics), default=0)
     lines = []
-    if any(map(_is_statistics, metrics)):
+    if any(metric.is_statistics for metric in metrics):
         lines.append(f"  {'':<{wide}}{'median':>9}{'95th':>9}{'max':>9}")
-    for name, metric in zip(names, metrics, strict=True):
-        if _is_statistics(metric):
-            value = metric.value
-            cells = "".join(f"{value[key]:>9.2f}" for key in ("median", "p95", "max"))
-            lines.append(f"  {name:<{wide}}{cells}  ({value['max_at_s']:.1f} s)")
-        else:
-            lines.append(f"  {name:<{wide}}  {metric.text}")
+    for metric in metrics:
+        text = f"  {metric.text}"
+        if metric.is_statistics:
+            text = "".join(f"{cell:>9}" for cell in metric.cells()) + f"  ({metric.where.removeprefix('at ')})"
+        lines.append(f"  {metric.heading:<{wide}}{text}")
     return lines
-
-
-def _is_statistics(metric: Metric) -> bool:
-    return isinstance(metric.value, Mapping) and "max_at_s" in metric.value
 
 
 def write_facts(path: str | os.PathLike[str], report: Report) -> None:
@@ -183,20 +182,17 @@ def as_html(thing: Any) -> str:
     return f'<div style="margin:.3em 0">{"".join(parts)}</div>'
 
 
-def _summary(summary: Summary, level: int) -> list[str]:
-    texts = [escaped(text) for text in (summary.status_text, summary.text, summary.quality_warnings)]
-    texts.append(escaped(summary.advice) + (f" `{printable(summary.command_for())}`" if summary.command else ""))
-    paragraphs = [line for text in texts if text for line in (text, "")]
-    return [f"{'#' * level} {escaped(summary.title)}", "", *paragraphs]
-
-
-def _section(section: Section, level: int) -> list[str]:
+def _section(section: Section) -> list[str]:
     metrics = [metric for metric in section.metrics if metric.text and metric.severity != WARNING]
     if not (metrics or section.tables or section.text):
         return []
-    lines = [f"{'#' * level} {escaped(section.title)}", ""] if section.title else []
+    lines = [f"## {escaped(section.title)}", ""] if section.title else []
     lines += [line for text in section.text.split("\n") if text for line in (printable(text), "")]
-    lines += [*map(_line, metrics), *([""] if metrics else [])]
+    rows = [(metric.heading, *metric.cells(), metric.where) for metric in metrics if metric.is_statistics]
+    if rows:
+        lines += [*_table(Table(("", "median", "95th percentile", "max", "max at"), tuple(rows))), ""]
+    texts = [_line(metric) for metric in metrics if not metric.is_statistics]
+    lines += [*texts, *([""] if texts else [])]
     return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
 
 

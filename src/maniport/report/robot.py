@@ -9,13 +9,13 @@ from maniport.arms import PERSONS, Arm, ArmGroup
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders import ROBOTS
-from maniport.arms.loaders.end_effector import Limb
+from maniport.arms.loaders.limbs import Limb
 from maniport.arms.loaders.packages import pair_of, places_of
 from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement
 from maniport.motion.motion_limits import QUANTITIES, MotionLimits
-from maniport.report.metrics import Metric, Report, Section, Table, defined, describe, listed, numbers, warning
-from maniport.util.validation import Array
+from maniport.report.metrics import as_metric, describe, listed, numbers, warning
+from maniport.report.values import Metric, Report, Section, Table
 
 
 @describe.register
@@ -184,14 +184,13 @@ def placement_report(placed: Placement) -> Report:
     return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
 
 
-def placement_section(placed: Placement, time: Array | None = None) -> Section:
+def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
     yaw, tilt, heading = _angles(placed)
     offset = placed.offset.tolist()
     out = int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
-    pointwise = defined("pointwise_best", placed.distance, time)
     metrics = (
         *([warning("path-out-of-reach", text)] if out else []),
         Metric("Path", f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at "
@@ -200,17 +199,17 @@ def placement_section(placed: Placement, time: Array | None = None) -> Section:
         Metric("Base", f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
                "Rotation from the upright base about a horizontal axis.", "mount",
                {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()}),
-        *numbers(pointwise_best=pointwise.value, scale=float(placed.scale), yaw_deg=yaw, offset_m=offset,
-                 points_out_of_reach=out, farthest_out_of_reach_mm=far),
+        *numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,
+                 farthest_out_of_reach_mm=far),
     )  # fmt: skip
     return Section("Placement", metrics, key="placement")
 
 
 @describe.register
-def feasible_report(found: FeasibleEllipsoids) -> Report:
+def feasible_report(nearest: FeasibleEllipsoids) -> Report:
     """Describe the nearest feasible ellipsoids."""
-    count, d = found.ellipsoids.shape[:2]
-    metrics = [defined("distance", found.distance)]
-    if found.position_error is not None:
-        metrics.append(defined("tip_error", 1e3 * found.position_error))
+    count, d = nearest.ellipsoids.shape[:2]
+    metrics = [as_metric("distance", nearest.distance)]
+    if nearest.position_error is not None:
+        metrics.append(as_metric("position_error", 1e3 * nearest.position_error))
     return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))

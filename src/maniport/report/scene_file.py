@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.report.page.content import Body, Motion
+from maniport.report.page.content import Animation, Body
 from maniport.report.roles import REFERENCE, ROLES, TARGET
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
@@ -16,38 +16,35 @@ from maniport.util.validation import Array
 GREY = 190, 196, 204  # Color of arms
 
 
-def write_scene(path: str | os.PathLike[str], motion: Motion) -> None:
-    """Write a motion to a Rerun recording, whole or not at all."""
+def write_scene(path: str | os.PathLike[str], animation: Animation) -> None:
+    """Write an animation to a Rerun recording, whole or not at all."""
     package = rerun()
-    clocks = {"time": motion.time, **motion.clocks}
+    clocks = {"time": animation.time, **animation.clocks}
     columns = [package.TimeColumn(name, duration=(time - time[0]).tolist()) for name, time in clocks.items()]
     with written_whole(path) as temporary:
         stream = package.RecordingStream("maniport")
-        stream.save(temporary, default_blueprint=_layout(package.blueprint, motion))
-        for body in motion.bodies:
-            _log_body(package, stream, body, columns, motion.size)
-        _log_curves(package, stream, motion, columns)
+        stream.save(temporary, default_blueprint=_layout(package.blueprint, animation))
+        for stage in animation.stages:
+            home = _place(stage.name)
+            stream.log(home, package.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            for k, body in enumerate(stage.bodies):
+                own = f"{home}/{k}" if len(stage.bodies) > 1 else home
+                _log_arm(package, stream, body, own, columns, animation.size)
+        _log_curves(package, stream, animation, columns)
         stream.flush()
         stream.disconnect()
 
 
-def _layout(blueprint: Any, motion: Motion) -> Any:
-    """Scenes side by side, curves below in tabs."""
-    scenes = [blueprint.Spatial3DView(origin=f"/{_place(body.name)}", name=body.name) for body in motion.bodies]
-    curves = [blueprint.TimeSeriesView(origin=f"/curves/{_place(name)}", name=name) for name in motion.panels]
+def _layout(blueprint: Any, animation: Animation) -> Any:
+    """Lay out scenes side by side, and curves below in tabs."""
+    scenes = [blueprint.Spatial3DView(origin=f"/{_place(stage.name)}", name=stage.name) for stage in animation.stages]
+    curves = [blueprint.TimeSeriesView(origin=f"/curves/{_place(name)}", name=name) for name in animation.panels]
     rows = [blueprint.Horizontal(*scenes), *([blueprint.Tabs(*curves)] if curves else [])]
     return blueprint.Blueprint(blueprint.Vertical(*rows, row_shares=[3, 2][: len(rows)]), collapse_panels=True)
 
 
-def _log_body(package: Any, stream: Any, body: Body, clocks: list[Any], size: float) -> None:
-    home = _place(body.name)
-    stream.log(home, package.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for one in body.all:
-        _log_arm(package, stream, one, home if one is body else f"{home}/{_place(one.name)}", clocks, size)
-
-
 def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any], size: float) -> None:
-    tips = body.skeleton[:, -1]
+    end_effectors = body.skeleton[:, -1]
     for role, ellipsoids in body.ellipsoids.items():
         lengths, turns = _drawn(ellipsoids)
         filled = (
@@ -55,7 +52,7 @@ def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any]
         )
         shape = package.Ellipsoids3D.from_fields(colors=[ROLES[role].rgb], fill_mode=filled)
         stream.log(f"{home}/{role}", shape, static=True)
-        columns = package.Ellipsoids3D.columns(half_sizes=size * lengths, centers=tips, quaternions=turns)
+        columns = package.Ellipsoids3D.columns(half_sizes=size * lengths, centers=end_effectors, quaternions=turns)
         stream.send_columns(f"{home}/{role}", indexes=clocks, columns=columns)
     for k, part in enumerate(body.parts):
         where = f"{home}/links/{k}"
@@ -75,8 +72,8 @@ def _log_arm(package: Any, stream: Any, body: Body, home: str, clocks: list[Any]
         stream.log(f"{home}/path", line, static=True)
 
 
-def _log_curves(package: Any, stream: Any, motion: Motion, clocks: list[Any]) -> None:
-    for group, panels in motion.panels.items():
+def _log_curves(package: Any, stream: Any, animation: Animation, clocks: list[Any]) -> None:
+    for group, panels in animation.panels.items():
         for panel in panels:
             title = f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
             for line in panel.lines:

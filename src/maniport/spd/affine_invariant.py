@@ -181,7 +181,7 @@ def transport(tangent: ArrayLike, start: ArrayLike, end: ArrayLike) -> Array:
     return congruence(pair.end @ rotation, congruence(pair.start_inverse, vector))
 
 
-def recentred(factor: Array, points: Array) -> Array:
+def recentered(factor: Array, points: Array) -> Array:
     """Build G X Gᵀ; raises where that is not exact. Input unchecked."""
     results = congruence(factor, points)
     _require_exact(_rounding_between(factor, points, eigh(results)[0]))

@@ -11,7 +11,7 @@ from maniport.util.validation import Array, as_points, as_spd
 
 
 def energy_distance(a: ArrayLike, b: ArrayLike, center: ArrayLike | None = None) -> float:
-    """Energy distance 2 E|x − y| − E|x − x'| − E|y − y'| of two clouds, between their log-vectors about one centre."""
+    """Energy distance 2 E|x − y| − E|x − x'| − E|y − y'| of two clouds, between their log-vectors about one center."""
     first = as_points(a, "a", minimum=1, copy=False)
     other = as_points(b, "b", first.shape[-1], minimum=1, copy=False)
     if center is None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.errors import ConvergenceWarning, InvalidInputError, NotSPDError
-from maniport.spd.affine_invariant import distance_unchecked, recentred
+from maniport.spd.affine_invariant import distance_unchecked, recentered
 from maniport.spd.kernels import Moments, compose, congruence, eigh, mandel_basis, moments
 from maniport.spd.matrix_functions import apply, roots
 from maniport.util.validation import (
@@ -118,7 +118,7 @@ def dispersion(points: ArrayLike, center: ArrayLike | None = None, kind: str = "
 
 
 def whiten(points: ArrayLike, center: ArrayLike) -> Array:
-    """Recentre points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
+    """Recenter points at the identity: P^-½ X P^-½ (Reithmeir et al. 2022, eqs. 10 and 11); shape (..., d, d).
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def whiten(points: ArrayLike, center: ArrayLike) -> Array:
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return recentred(roots(middle)[1], data)
+    return recentered(roots(middle)[1], data)
 
 
 def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
@@ -159,7 +159,7 @@ def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return recentred(roots(middle)[0], data)
+    return recentered(roots(middle)[0], data)
 
 
 class _Sample(NamedTuple):

@@ -12,7 +12,7 @@ Indices = NDArray[np.intp]
 
 
 class NeighborIndex:
-    """Exact nearest neighbours among SPD matrices under the affine-invariant distance."""
+    """Exact nearest neighbors among SPD matrices under the affine-invariant distance."""
 
     def __init__(self, points: Array):
         self.points = points

@@ -20,7 +20,7 @@ from maniport.spd.matrix_functions import apply
 from maniport.util.validation import SPD_TOLERANCE, Array, as_number, as_positive_semidefinite, as_spd
 
 HINT = (
-    "Singular ellipsoids need regularisation: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "
+    "Singular ellipsoids need regularization: give damping=0.01 (adds 1 % of the domain's mean eigenvalue) "
     "or eigenvalue_floor=1e-4 (lifts smaller eigenvalues)"
 )
 
@@ -36,7 +36,7 @@ class Regularization:
     def __post_init__(self) -> None:
         if self.damping is not None and self.eigenvalue_floor is not None:
             raise InvalidInputError(
-                f"damping and floor exclude one another; found damping={self.damping!r} and eigenvalue_floor={self.eigenvalue_floor!r}"
+                f"damping and eigenvalue_floor exclude each other; found {self.damping!r} and {self.eigenvalue_floor!r}"
             )
         for name in ("damping", "eigenvalue_floor"):
             value = getattr(self, name)

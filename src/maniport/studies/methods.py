@@ -9,15 +9,16 @@ import numpy as np
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import Evaluation, Row
 from maniport.evaluation.baselines import EVERY_ROW, TRANSPORT
-from maniport.report.metrics import Report, Section, Table, describe
+from maniport.report.metrics import describe
 from maniport.report.transfer import evaluation_section
+from maniport.report.values import Report, Section, Table
 from maniport.spd.cloud import log_vectors
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
 from maniport.studies.human_to_panda import study
-from maniport.transfer.length_field.field import KAPPA
+from maniport.transfer.length_field.field import KAPPA, released
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.optional import optimal_transport
 from maniport.util.progress import Progress
 from maniport.util.validation import Array
@@ -25,13 +26,13 @@ from maniport.util.validation import Array
 CAPTION = (
     "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "
     "that no fit has seen. Step: mean over the motions of the median step over the teacher's own; 1 keeps it. "
-    "Structure: least rank correlation of pairwise distances. Turn: largest median angle of the longest axes. "
+    "Rank correlation: least, of pairwise distances. Turn: largest median angle of the longest axes. "
     "Identity test: from one draw of the Panda's domain to another, where nothing should change."
 )
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison(ShownInNotebooks):
+class Comparison(NotebookDisplay):
     """Evaluations of the same rows, by motion."""
 
     evaluations: Mapping[str, Evaluation]
@@ -63,7 +64,7 @@ def in_short(comparison: Comparison) -> Section:
     """One line for each method, over all motions."""
     every = list(comparison.evaluations.values())
     found = {row.name: [one.row(row.name) for one in every] for row in every[0].rows if row.feasibility_gap is not None}
-    columns = ("", "feasibility gap", "held out", "step", "structure", "turn", "identity test")
+    columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn", "identity test")
     values = {name: _summary(rows) for name, rows in found.items()}
     cells = tuple((name, *_cells(one)) for name, one in values.items())
     return Section("Methods beside one another", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
@@ -71,15 +72,15 @@ def in_short(comparison: Comparison) -> Section:
 
 def _summary(rows: Sequence[Row]) -> dict[str, float]:
     gaps, held = ([getattr(row, name) for row in rows] for name in ("feasibility_gap", "domain_feasibility_gap"))
-    kept, steps = [row.structure for row in rows], [row.smoothness for row in rows]
+    kept, steps = [row.preservation for row in rows], [row.smoothness for row in rows]
     return {
         "gap": float(np.mean([one.mean for one in gaps])),
         "gap_p95": max(one.p95 for one in gaps),
         "held_out": float(np.mean([one.mean for one in held])),
         "held_out_p95": max(one.p95 for one in held),
         "step": float(np.mean([one.median_ratio for one in steps if one is not None])),
-        "structure": min(one.spearman for one in kept if one is not None),
-        "turn_deg": max(one.major_turn or 0.0 for one in kept if one is not None),
+        "rank_correlation": min(one.rank_correlation for one in kept if one is not None),
+        "turn_deg": max(one.major_axis_angle or 0.0 for one in kept if one is not None),
         "identity": float(np.mean([row.identity for row in rows if row.identity is not None])),
     }
 
@@ -89,7 +90,7 @@ def _cells(one: Mapping[str, float]) -> tuple[str, ...]:
     return (
         *pairs,
         f"{one['step']:.2f}",
-        f"{one['structure']:.3f}",
+        f"{one['rank_correlation']:.3f}",
         f"{one['turn_deg']:.1f}°",
         f"{one['identity']:.3f}",
     )
@@ -104,7 +105,7 @@ class GaussianTransport(RigidAdapter):
         clouds = self._rigid_map().apply(teacher), student
         start, goal = (log_vectors(cloud, self.student_mean_) for cloud in clouds)
         self._solver = optimal_transport().da.LinearTransport().fit(Xs=start, Xt=goal)
-        self._found_at_once("closed form")
+        self._set_closed_form("closed form")
 
     def _settle(self) -> None:
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
@@ -114,7 +115,11 @@ class GaussianTransport(RigidAdapter):
         return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp)), self.released_damping_
 
     def _images(self, points: Array) -> Array:
-        return released(self._map(points)[0], float(self.student_damping_))
+        images, epsilon = self._map(points)[0], float(self.student_damping_)
+        if epsilon == 0.0:
+            return images
+        values, vectors = eigh(images)
+        return compose(released(values, epsilon), vectors)
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError(f"{type(self).__name__} has no inverse")
@@ -123,15 +128,3 @@ class GaussianTransport(RigidAdapter):
         """Return `transform`."""
         self._dimension()
         return self.transform
-
-
-def released(points: Array, epsilon: float) -> Array:
-    """Take the damping off: solve z = y (y + ε) / (y + κ ε) for each eigenvalue z of matrices (n, d, d)."""
-    if epsilon == 0.0:
-        return points
-    values, vectors = eigh(points)
-    gap = values - epsilon
-    root = np.sqrt(gap * gap + 4.0 * KAPPA * epsilon * values)
-    low = gap <= 0.0  # where the difference of the two would lose digits
-    lengths = np.where(low, 2.0 * KAPPA * epsilon * values / np.where(low, root - gap, 1.0), 0.5 * (gap + root))
-    return compose(lengths, vectors)

@@ -47,10 +47,9 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     Parameters
     ----------
     method : str or DomainAdapter
-        A name in `METHODS`, or an adapter, fitted or not. An adapter is taken with its own
-        parameters; what is returned is a clone, so that it stays as it is.
+        A name in `METHODS`, or an adapter, fitted or not, which is cloned with its own parameters.
     **shared
-        Parameters, such as damping and base_rotation, that a method given by its name gets where it has them.
+        Parameters, such as damping and base_rotation, for methods by name; those that a method lacks are ignored.
 
     Returns
     -------
@@ -61,27 +60,28 @@ def method_of(method: str | DomainAdapter, **shared: Any) -> DomainAdapter:
     UnknownNameError
         When no method has that name.
     InvalidInputError
-        When `method` is neither, or an adapter that does not have the base_rotation that is shared.
+        When `method` is neither, or an adapter with another base_rotation.
     """
     if isinstance(method, str):
         kind = METHODS[as_choice(method, "method", tuple(METHODS))]
-        known = kind().get_params(deep=False)
-        return kind(**{name: value for name, value in shared.items() if name in known})
+        names = kind().get_params(deep=False)
+        return kind(**{name: value for name, value in shared.items() if name in names})
     if not isinstance(method, DomainAdapter):
         raise InvalidInputError(
             f"method must be one of {', '.join(map(repr, METHODS))} or a DomainAdapter; found {method!r}"
         )
     base_rotation = shared.get("base_rotation")
-    if base_rotation is not None and not _same_mounting(base_rotation, method.base_rotation):
+    if base_rotation is not None and not _same_base_rotation(base_rotation, method.base_rotation):
         raise InvalidInputError(
-            f"give the base_rotation to the method itself, {type(method).__name__}(base_rotation=...); an adapter is taken as is"
+            f"give the base_rotation to the adapter itself: {type(method).__name__}(base_rotation=...)"
         )
     return clone(method)
 
 
-def _same_mounting(shared: ArrayLike, own: ArrayLike | None) -> bool:
-    one, other = (np.asarray(np.eye(3) if turn is None else turn, dtype=np.float64)[:3, :3] for turn in (shared, own))
-    return one.shape == other.shape and np.allclose(one, other, atol=1e-9)
+def _same_base_rotation(shared: ArrayLike, own: ArrayLike | None) -> bool:
+    rotations = (np.asarray(np.eye(3) if rotation is None else rotation) for rotation in (shared, own))
+    first, other = (rotation[:3, :3] for rotation in rotations)
+    return first.shape == other.shape and np.allclose(first, other, atol=1e-9)
 
 
 def load_adapter(path: str | os.PathLike[str]) -> DomainAdapter:

@@ -1,7 +1,7 @@
-"""The contract that every method of transfer keeps: fit, transform, inverse_transform, score, save.
+"""The contract of transfer methods: fit, transform, inverse_transform, score, save.
 
-A method supplies `_fit`, `_map` and `_map_back`, and sees regularised ellipsoids in the student's frame. Checks,
-base_rotation, regularisation and files are here.
+A method supplies `_fit`, `_map` and `_map_back`, and works on regularized ellipsoids in the student's frame.
+Checks, base rotation, regularization and files are here.
 """
 
 import os
@@ -20,16 +20,15 @@ from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
-from maniport.transfer.ellipsoids import as_mounting, regularized, require_positive, without_damping
+from maniport.transfer.ellipsoids import as_base_rotation, regularized, require_positive, without_damping
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
 
-RELEASED = 1.0 - 1e-6
-"""Share of the certain part of the student's damping that is taken off again; the rest keeps results SPD."""
+RELEASED = 1.0 - 1e-6  # Share of the damping that is subtracted from images; the rest keeps them SPD
 
 
-class DomainAdapter(ShownInNotebooks, Estimator, ABC):
+class DomainAdapter(NotebookDisplay, Estimator, ABC):
     """Base of the maps from a teacher's domain of SPD matrices to a student's. Parameters: see `ParallelTransport`.
 
     Attributes
@@ -37,27 +36,24 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
     base_rotation_ : ndarray, shape (d, d), or None
         R_b, from the teacher's base frame to the student's; None where the frames are the same.
     rotation_ : ndarray, shape (d, d)
-        R, turning recentred teacher ellipsoids into the student's, both in the student's base frame.
+        R, from recentered teacher ellipsoids to the student's, both in the student's base frame.
     dispersion_ratio_ : float
         s, the student's dispersion over the teacher's.
     teacher_mean_, student_mean_ : ndarray, shape (d, d)
-        Fréchet means of the regularised domains, in the student's base frame.
+        Fréchet means of the regularized domains, in the student's base frame.
     teacher_dispersion_, student_dispersion_ : float
-        How far the regularised domains spread about them.
-    converged_ : bool
-    n_iter_ : int
-    stop_reason_ : str
-        Why the fit ended, in words.
+        Dispersions of the regularized domains.
+    converged_, n_iter_, stop_reason_ : bool, int, str
+        Convergence, number of iterations, and why the fit ended.
     cost_ : float
-        What the fit reached; its meaning is stated at the method.
+        Final cost; each method defines it.
     history_ : ndarray, shape (k + 1,)
         The cost at the start and after each of k iterations.
     teacher_damping_, student_damping_ : float
         ε that was added to each domain, in the unit of M; zero without damping.
     released_damping_ : float
-        How much `transform` takes off the student's side again: as much of `student_damping_` as leaves every possible
-        result positive-definite. Constant, so that the map stays smooth and exactly invertible; a method that is not
-        rigid may take it off each eigenvalue by a function instead, and then says so.
+        Part of `student_damping_` that `transform` subtracts from the images, which leaves all of them
+        positive-definite. Constant, so that the map is smooth and invertible; the length field is an exception.
     """
 
     schema: ClassVar[Schema] = SCHEMA  # attributes in files, with their shapes and checks
@@ -84,36 +80,36 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         parameters = super().__repr__()
         if not is_fitted(self):
             return parameters
-        angle = np.degrees(rotation_angle(np.eye(len(self.turn_)), self.turn_))
-        knowledge = [self.identifiability_.in_words()] if hasattr(self, "identifiability_") else []
-        told = [f"turns by {angle:.1f}°, s = {self.dispersion_ratio_:.3g}", self.stop_reason_, *knowledge]
-        return f"{parameters}  # fitted: {'; '.join(told)}"
+        angle = np.degrees(rotation_angle(np.eye(len(self.map_rotation_)), self.map_rotation_))
+        rotation = [self.identifiability_.in_words()] if hasattr(self, "identifiability_") else []
+        facts = [f"rotation {angle:.1f}°, s = {self.dispersion_ratio_:.3g}", self.stop_reason_, *rotation]
+        return f"{parameters}  # fitted: {'; '.join(facts)}"
 
     @abstractmethod
     def _fit(self, teacher: Array, student: Array) -> None:
-        """Set the fitted attributes from two regularised domains in one frame, shapes (n, d, d) and (m, d, d)."""
+        """Set the fitted attributes from two regularized domains in one frame, shapes (n, d, d) and (m, d, d)."""
 
     @abstractmethod
     def _map(self, points: Array) -> tuple[Array, float]:
-        """Map regularised teacher ellipsoids (n, d, d) in the student's frame; also return the damping to take off."""
+        """Map regularized teacher ellipsoids (n, d, d) in the student's frame; also return the damping to subtract."""
 
     @abstractmethod
     def _map_back(self, points: Array) -> Array:
         """Map damped student ellipsoids (n, d, d) to damped teacher ellipsoids in the student's frame."""
 
     def _images(self, points: Array) -> Array:
-        """Map as `_map` does, and take the damping off."""
+        """Map as `_map` does, and subtract the damping."""
         mapped, released = self._map(points)
         diagonals = np.einsum("...ii->...i", mapped)
         diagonals -= released
         return mapped
 
     def _damped_again(self, points: ArrayLike) -> Array:
-        """Check the student's ellipsoids (..., d, d) and add the damping that `_images` took off."""
+        """Check the student's ellipsoids (..., d, d) and add the damping that `_images` subtracted."""
         return self._regularization(self.released_damping_).apply(points, "points", self._dimension())
 
-    def _turn(self) -> Array:
-        """How the map turns ellipsoids in the student's frame, shape (d, d); the identity unless a method says so."""
+    def _map_rotation(self) -> Array:
+        """Rotation of ellipsoids by the map in the student's frame, shape (d, d)."""
         return np.eye(self._dimension())
 
     def fit(self, teacher: ArrayLike, student: ArrayLike) -> Self:
@@ -122,17 +118,16 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         Parameters
         ----------
         teacher : array_like, shape (n, d, d)
-            Ellipsoids that the teacher can make.
+            Samples of the teacher's reachable ellipsoids.
         student : array_like, shape (m, d, d)
-            Ellipsoids that the student can make; m may differ from n.
+            Samples of the student's reachable ellipsoids; m may differ from n.
 
         Raises
         ------
         NotSPDError
-            When an ellipsoid is asymmetric, indefinite, or singular without regularisation.
+            When an ellipsoid is asymmetric, indefinite, or singular without regularization.
         InvalidInputError
-            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is wrong.
-            The adapter then is what it was before.
+            When a domain has fewer than two ellipsoids or no dispersion, sizes differ, or a parameter is invalid.
         """
         return self._fit_or_restore(teacher, student, self._fit)
 
@@ -141,15 +136,15 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         return self.fit(teacher, student).transform(teacher)
 
     def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
-        """Check, regularise and turn both domains and `learn` from them; after a failure be what was before."""
+        """Check, regularize and rotate both domains and `learn` from them; a failure changes nothing."""
         cloud_t, damping_t = regularized(self._regularization(), teacher, "teacher")
         cloud_s, damping_s = regularized(self._regularization(), student, "student", cloud_t.shape[-1])
-        base_rotation = as_mounting(self.base_rotation, cloud_t.shape[-1])
+        base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
             self.teacher_damping_, self.student_damping_, self.base_rotation_ = damping_t, damping_s, base_rotation
-            learn(self._mounted(cloud_t), cloud_s)
-        except BaseException:  # half of a new fit with half of an old one would map wrongly
+            learn(self._in_student_frame(cloud_t), cloud_s)
+        except BaseException:  # a mixture of two fits would map wrongly
             self.__dict__.clear()
             self.__dict__.update(before)
             raise
@@ -161,7 +156,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         Parameters
         ----------
         points : array_like, shape (..., d, d)
-            The teacher's ellipsoids; they get the same regularisation as the teacher's domain.
+            The teacher's ellipsoids; they get the same regularization as the teacher's domain.
 
         Returns
         -------
@@ -173,7 +168,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         NotFittedError
             Before `fit`.
         NotSPDError, InvalidInputError
-            When the input is not what `fit` was given, or an image is too elongated for floating-point numbers.
+            When the size differs from that of `fit`, or an image is singular in floating-point numbers.
         """
         d = self._dimension()
         seen = self.teacher_side(points, "points")
@@ -187,12 +182,12 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         Parameters
         ----------
         points : array_like, shape (..., d, d)
-            The student's ellipsoids. Singular ones are regularised as the domain was.
+            The student's ellipsoids. Singular ones are regularized as the domain was.
 
         Returns
         -------
         ndarray, shape (..., d, d)
-            What is the image of no teacher ellipsoid keeps the teacher's damping: without, no ellipsoid would be left.
+            An ellipsoid that is no image keeps the teacher's damping if it would not be SPD without.
 
         Raises
         ------
@@ -202,9 +197,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
             When the method has no inverse.
         """
         d = self._dimension()
-        if (
-            self.eigenvalue_floor is not None
-        ):  # a floor would change images that lie below it: only singular input needs it
+        if self.eigenvalue_floor is not None:  # only singular input is raised: images may lie below the floor
             student = as_positive_semidefinite(points, "points", d)
             regular = self.student_regularization.apply(student, "points", d)
             lowest = eigh(student)[0][..., 0]
@@ -225,17 +218,17 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
     def errors(self, points: ArrayLike, truth: ArrayLike) -> Array:
         """Distances, shape (n,), from the teacher's `points`, (n, d, d), adapted, to the true ones in the same order.
 
-        Measured between regularised ellipsoids, as in `fit`; those of other regularisations are not comparable.
+        Measured between regularized ellipsoids, as in `fit`; those of other regularizations are not comparable.
         """
-        mapped, wanted = self._compared(points, truth)
-        if len(mapped) != len(wanted):
-            raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(wanted)}")
-        return distance_unchecked(wanted, mapped)
+        mapped, target = self._compared(points, truth)
+        if len(mapped) != len(target):
+            raise InvalidInputError(f"points and truth must be equally many; found {len(mapped)} and {len(target)}")
+        return distance_unchecked(target, mapped)
 
     def gaps(self, points: ArrayLike, cloud: ArrayLike) -> Array:
         """Distance from each adapted ellipsoid to the nearest of a cloud of the student's, shape (n,).
 
-        Measured between regularised ellipsoids. A gap of the size of the cloud's own spacing says nothing.
+        Measured between regularized ellipsoids; gaps below the cloud's own spacing are noise.
         """
         mapped, student = self._compared(points, cloud)
         return nearest(mapped, student)[1]
@@ -243,7 +236,7 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
     def score(self, teacher: ArrayLike, student: ArrayLike) -> float:
         """Minus the root mean squared gap (see `gaps`): larger is better, as in scikit-learn's model selection.
 
-        Not the measure to choose a damping by: more damping makes all ellipsoids rounder and every gap smaller.
+        It cannot choose the damping: more damping makes all ellipsoids rounder and every gap smaller.
         """
         return -float(np.sqrt(np.mean(self.gaps(teacher, student) ** 2)))
 
@@ -254,65 +247,61 @@ class DomainAdapter(ShownInNotebooks, Estimator, ABC):
         return copy
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the fitted adapter to an ``.npz`` file without pickled objects; `load_adapter` reads it."""
+        """Write the fitted adapter to an ``.npz`` file; `load_adapter` reads it."""
         self._dimension()
         save_adapter(self, path)
 
     def _describe(self, teacher: Array, student: Array, spread: str = "mean") -> None:
-        """Set means and dispersions of regularised domains, and a map that does not turn, dilate or release damping."""
+        """Set means and dispersions of regularized domains, and the identity as the map."""
         self.teacher_mean_, self.student_mean_ = mean(teacher), mean(student)
         self.teacher_dispersion_ = dispersion(teacher, self.teacher_mean_, spread)
         self.student_dispersion_ = dispersion(student, self.student_mean_, spread)
         self.rotation_, self.dispersion_ratio_, self.released_damping_ = np.eye(teacher.shape[-1]), 1.0, 0.0
 
-    def _found_at_once(self, reason: str, cost: float = 0.0) -> None:
-        """Set what tells how a fit without iterations went."""
+    def _set_closed_form(self, reason: str, cost: float = 0.0) -> None:
+        """Set the convergence attributes of a fit without iterations."""
         self.cost_, self.history_ = cost, np.array([cost])
         self.converged_, self.n_iter_, self.stop_reason_ = True, 0, reason
 
     def _compared(self, teacher: ArrayLike, student: ArrayLike) -> tuple[Array, Array]:
-        """Map the teacher's ellipsoids; return them and the student's, both with the student's regularisation."""
+        """Map the teacher's ellipsoids; return them and the student's, both with the student's regularization."""
         d = self._dimension()
         mapped, _ = self._map(as_points(self.teacher_side(teacher, "points"), "points", d, 1))
         return mapped, as_points(self.student_side(student, "student"), "student", d, 1)
 
     def teacher_side(self, points: ArrayLike, name: str = "points") -> Array:
-        """Return the teacher's ellipsoids as the fit saw them: regularised, in the student's frame; (..., d, d)."""
-        return self._mounted(self.teacher_regularization.apply(points, name, self._dimension()))
+        """Return the teacher's ellipsoids as the fit saw them: regularized, in the student's frame; (..., d, d)."""
+        return self._in_student_frame(self.teacher_regularization.apply(points, name, self._dimension()))
 
     def student_side(self, points: ArrayLike, name: str = "points") -> Array:
-        """Return the student's ellipsoids as the fit saw them: regularised, shape (..., d, d)."""
+        """Return the student's ellipsoids as the fit saw them: regularized, shape (..., d, d)."""
         return self.student_regularization.apply(points, name, self._dimension())
 
-    def _mounted(self, points: Array) -> Array:
+    def _in_student_frame(self, points: Array) -> Array:
         """Express the teacher's ellipsoids in the student's frame, R_b T R_bᵀ."""
         return points if self.base_rotation_ is None else congruence(self.base_rotation_, points)
 
     @property
-    def turn_(self) -> Array:
-        """How the map turns ellipsoids, from the teacher's base frame to the student's, shape (d, d).
+    def map_rotation_(self) -> Array:
+        """Rotation of ellipsoids by the map, from the teacher's base frame to the student's, shape (d, d).
 
-        A path of the hand has to be turned alike, for ellipsoids and motion belong together. For d = 6, where motions
-        and ellipsoids turn in different spaces, it is the base_rotation as a rotation in space, shape (3, 3).
+        The path of the hand needs the same rotation. For d = 6 it is the base rotation, shape (3, 3).
         """
         d = self._dimension()
         if d == 6:
-            return (
-                np.eye(3)
-                if self.base_rotation_ is None
-                else orthonormal(self.base_rotation_[:3, :3] + self.base_rotation_[3:, 3:])
-            )
-        return self._turn() if self.base_rotation_ is None else self._turn() @ self.base_rotation_
+            base = np.eye(6) if self.base_rotation_ is None else self.base_rotation_
+            return orthonormal(base[:3, :3] + base[3:, 3:])
+        return self._map_rotation() if self.base_rotation_ is None else self._map_rotation() @ self.base_rotation_
 
     @property
     def teacher_regularization(self) -> Regularization:
-        """What the fit did to the teacher's ellipsoids; its own for new ones."""
+        """Regularization of the teacher's ellipsoids in the fit."""
         self._dimension()
         return self._regularization(self.teacher_damping_)
 
     @property
     def student_regularization(self) -> Regularization:
-        """What the fit did to the student's ellipsoids."""
+        """Regularization of the student's ellipsoids in the fit."""
         self._dimension()
         return self._regularization(self.student_damping_)
 

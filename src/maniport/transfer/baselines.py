@@ -26,7 +26,7 @@ class IdentityMap(DomainAdapter):
     def _fit(self, teacher: Array, student: Array) -> None:
         self._describe(teacher, student)
         self.released_damping_ = RELEASED * self.student_damping_
-        self._found_at_once("nothing to fit")
+        self._set_closed_form("nothing to fit")
 
     def _map(self, points: Array) -> tuple[Array, float]:
         return self._exchanged(points, 1.0), self.released_damping_
@@ -52,7 +52,7 @@ class MeanTransport(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         self.rotation_ = np.eye(teacher.shape[-1])
-        self._found_at_once("closed form")
+        self._set_closed_form("closed form")
 
 
 class NearestNeighbor(DomainAdapter):
@@ -104,7 +104,7 @@ class NearestNeighbor(DomainAdapter):
         index, gap = nearest(keys, values)
         self.keys_, self.values_ = keys, values[index]
         self._describe(teacher, student)
-        self._found_at_once("lookup table", float(np.sqrt(np.mean(gap**2))))
+        self._set_closed_form("lookup table", float(np.sqrt(np.mean(gap**2))))
         self.released_damping_ = RELEASED * self.student_damping_  # every entry of the table carries all of it
 
     def _map(self, points: Array) -> tuple[Array, float]:

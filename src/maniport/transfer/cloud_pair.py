@@ -135,4 +135,7 @@ def _nearest_distances(vectors, others, found):  # type: ignore[no-untyped-def]
         for k in range(len(others)):
             for j in range(len(squares)):
                 squares[j] += (others[k, j] - vectors[i, k]) ** 2
-        found[i] = np.sqrt(np.min(squares))
+        least = squares[0]
+        for j in range(1, len(squares)):  # compiled in a tenth of the time of np.min
+            least = min(least, squares[j])
+        found[i] = np.sqrt(least)

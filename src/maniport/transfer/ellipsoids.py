@@ -1,4 +1,4 @@
-"""What the contract does with ellipsoids before a method sees them and after: checks, base_rotation, regularisation."""
+"""Checks, base rotation and regularization of ellipsoids before and after the map of a method."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,21 +10,21 @@ from maniport.spd.regularization import Regularization
 from maniport.util.validation import SPD_TOLERANCE, Array, as_finite, as_points, as_rotation, vouched
 
 
-def as_mounting(base_rotation: ArrayLike | None, d: int) -> Array | None:
-    """Check a base_rotation and return it for ellipsoids of size d; None for the same frame."""
+def as_base_rotation(base_rotation: ArrayLike | None, d: int) -> Array | None:
+    """Check a base rotation and return it for ellipsoids of size d; None for equal frames."""
     if base_rotation is None:
         return None
     if d == 6 and np.shape(base_rotation) == (3, 3):
-        turn = np.asarray(np.kron(np.eye(2), as_rotation(base_rotation, "base_rotation", 3)), dtype=np.float64)
+        rotation = np.asarray(np.kron(np.eye(2), as_rotation(base_rotation, "base_rotation", 3)), dtype=np.float64)
     else:
-        turn = as_rotation(base_rotation, "base_rotation", d)
-    return None if np.array_equal(turn, np.eye(d)) else turn
+        rotation = as_rotation(base_rotation, "base_rotation", d)
+    return None if np.array_equal(rotation, np.eye(d)) else rotation
 
 
 def regularized(
     remedy: Regularization, domain: ArrayLike, name: str, dimension: int | None = None
 ) -> tuple[Array, float]:
-    """Return a domain's regularised ellipsoids (n, d, d), which are not all equal, and the ε added to them."""
+    """Return a domain's regularized ellipsoids (n, d, d), which are not all equal, and the ε added to them."""
     points = as_finite(domain, name)
     if points.ndim != 3 or not points.size:
         points = as_points(points, name)  # raises, with the reason
@@ -38,7 +38,7 @@ def regularized(
 
 
 def without_damping(points: Array, damping: float) -> Array:
-    """Take ε off each matrix (n, d, d) where a positive semidefinite one remains."""
+    """Subtract ε I from each matrix (n, d, d) where a positive semidefinite one remains."""
     if damping == 0.0:
         return points
     bare = points - damping * np.eye(points.shape[-1])
@@ -49,7 +49,7 @@ def without_damping(points: Array, damping: float) -> Array:
 
 
 def require_positive(images: Array) -> None:
-    """Raise when an image is so elongated that it counts as singular wherever it goes next."""
+    """Raise when an image is singular up to `SPD_TOLERANCE`."""
     if vouched(images, None, SPD_TOLERANCE, copy=False) is not None:
         return
     values, _ = eigh(images)

@@ -1,8 +1,7 @@
-"""Which rotations the domains can tell apart, and which they cannot; `docs/method.md`, section 6, explains why.
+"""Identifiability of the rotation between two domains (`docs/method.md`, section 6).
 
-The fitted rotation is turned by 30° in every direction, and the change of the distance between the clouds is measured
-without matching (see `CloudPair`). In clouds that are symmetric as distributions but hold copies of the same ellipsoids
-the copies decide: only the right rotation makes them coincide.
+The fitted rotation is perturbed by 30° in every direction; the change of the distance between the clouds is measured
+without matching (see `CloudPair`). In symmetric clouds that share ellipsoids, these coincide only at one rotation.
 """
 
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from maniport.spd.matrix_functions import roots
 from maniport.transfer.adapter_file import Attribute, Schema, as_flags, require_arrays
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.rotation_group import rotation_from_vector
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_finite
 
 LARGEST_EXAMINED = 6
@@ -23,36 +22,36 @@ LARGEST_EXAMINED = 6
 clouds, and descents from rival starts take m × m derivatives in each step: minutes for d = 12."""
 
 ADVICE = (
-    "give base_rotation= (how the student is mounted relative to the teacher) or fit(..., pairs=) (ellipsoids of the "
+    "give base_rotation= (orientation of the student's base in the teacher's) or fit(..., pairs=) (ellipsoids of the "
     "same task at the same time)"
 )
 """Remedies where the rotation is not determined."""
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability(ShownInNotebooks):
+class Identifiability(NotebookDisplay):
     """Which directions of the rotation between two domains they determine."""
 
     rotation: Array  # (d, d): the fitted one, R
     curvature: Array  # (m,): m = d (d − 1) / 2
     standard_error: Array  # (m,): of `curvature`, over draws of the clouds
-    directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentred student ellipsoids
+    directions: Array  # (m, m): rows: the principal directions, as rotation vectors of recentered student ellipsoids
     flat: NDArray[np.bool_]  # (m,)
     axes: Array  # (m, 3): for d = 3 the directions as axes in the student's base frame
 
     @property
     def examined(self) -> bool:
-        """Whether the directions were looked at; beyond d = 6 they are too many."""
+        """Whether the directions were examined; beyond d = 6 they are too many."""
         return len(self.curvature) > 0
 
     @property
     def determined(self) -> bool:
-        """Whether the clouds are known to determine the rotation in every direction."""
+        """Whether the clouds determine the rotation in every direction."""
         return self.examined and not bool(self.flat.any())
 
     @property
     def flat_axes(self) -> Array:
-        """For d = 3 the axes about which any turn fits, in the student's base frame, shape (k, 3)."""
+        """For d = 3 the axes about which the rotation is free, in the student's base frame, shape (k, 3)."""
         return self.axes[self.flat] if len(self.axes) else self.axes
 
     schema: ClassVar[Schema] = {
@@ -82,11 +81,11 @@ class Identifiability(ShownInNotebooks):
         return f"Identifiability({self.in_words()})"
 
     def in_words(self) -> str:
-        """One sentence: whether the rotation is determined, and if not, where it is free."""
+        """Return whether the rotation is determined, and if not, about which axes it is free."""
         if not self.examined:
             d = len(self.rotation)
             return (
-                f"whether the domains determine the rotation was not examined, nor rival starts, for d = {d} with its "
+                f"whether the domains determine the rotation was not examined for d = {d} with its "
                 f"{d * (d - 1) // 2} directions (up to d = {LARGEST_EXAMINED} they are)"
             )
         if self.determined:

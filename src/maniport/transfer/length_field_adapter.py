@@ -14,7 +14,7 @@ from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import Attribute, Schema, positive
 from maniport.transfer.length_field.field import KAPPA, LengthsMap, as_axis, damped
 from maniport.transfer.length_field.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
-from maniport.transfer.length_field.inverse import MOST_FOLDED, Inverse
+from maniport.transfer.length_field.inverse import MAX_NEAR_SINGULAR, Inverse
 from maniport.transfer.length_field.report import FieldReport, reported
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number, as_positive_semidefinite
@@ -196,10 +196,10 @@ class LengthField(DomainAdapter):
 
     def _map_back(self, points: Array) -> Array:
         inverse = Inverse.of(self._field())
-        if inverse.folded > MOST_FOLDED:
+        if inverse.near_singular > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
-                f"the map folds at {inverse.folded:.0%} of its centers, more than {MOST_FOLDED:.0%}: too many of its "
-                "images come from several ellipsoids of the teacher for an inverse"
+                f"the map has no inverse: its derivative is nearly singular at {inverse.near_singular:.0%} of centers "
+                f"(limit {MAX_NEAR_SINGULAR:.0%})"
             )
         back = inverse(points)
         lost = np.flatnonzero(np.isnan(back[:, 0, 0]))

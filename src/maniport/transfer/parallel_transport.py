@@ -15,7 +15,7 @@ class ParallelTransport(RigidAdapter):
 
     In closed form and without matching: what is known about the two bodies' base_rotation decides the rotation, not the
     clouds. After Yair, Ben-Chen and Talmon 2019 and Reithmeir et al. 2022, § IV-C; unlike the latter's text, the
-    transported set is recentred with its own new mean, and the transport stays part of the map.
+    transported set is recentered with its own new mean, and the transport stays part of the map.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class ParallelTransport(RigidAdapter):
     dispersion : {"mean", "rms"}
         See `maniport.spd.dispersion`.
     recenter : {"training", "profile"}
-        Recentre new ellipsoids with the mean of the training domain, or with that of the profile itself. The latter
+        Recenter new ellipsoids with the mean of the training domain, or with that of the profile itself. The latter
         cannot map single ellipsoids and has no inverse.
 
     Attributes
@@ -66,8 +66,8 @@ class ParallelTransport(RigidAdapter):
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         mapped = self._rigid_map().apply(teacher)
-        self._found_at_once("closed form", float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2))))
+        self._set_closed_form("closed form", float(np.sqrt(np.mean(nearest(mapped, student)[1] ** 2))))
         if self._silent:
             return
-        clouds = CloudPair(*self._recentred(teacher, student))
+        clouds = CloudPair(*self._recentered(teacher, student))
         self.identifiability_ = identify(clouds, self.rotation_, self.student_mean_)

@@ -104,7 +104,7 @@ class RiemannianICP(RigidAdapter):
             Teacher's and student's ellipsoids of the same task at the same time. They get the regularization of their
             domains. The search starts at the rotation that suits them best, and in every rotation step they have half
             of the weight, the matches the other half. Where several rotations suit them equally (one pair leaves half
-            turns about its axes open), the nearest to `start` comes first, and the others are further initial rotations.
+            turns about its axes open), the nearest to `start` comes first, and the others are further starts.
 
         Warns
         -----
@@ -120,22 +120,22 @@ class RiemannianICP(RigidAdapter):
         return self
 
     def _fit(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
-        self._centre(teacher, student)
+        self._center(teacher, student)
         self._fit_rotation(teacher, student, pairs)
         self._settle()
 
     def _fit_rotation(self, teacher: Array, student: Array, pairs: Pairs | None = None) -> None:
         search, d = self.search, len(self.teacher_mean_)
-        clouds = self._recentred(teacher, student)
+        clouds = self._recentered(teacher, student)
         matched_t, matched_s = (most_singular(cloud, search.most_singular) for cloud in clouds)
-        recentred_pairs = None if pairs is None else self._recentred(*self._checked_pairs(pairs))
+        recentered_pairs = None if pairs is None else self._recentered(*self._checked_pairs(pairs))
         first = self.rotation_ if search.start == "parallel-transport" else np.eye(d)
         rotations = [first]
         multi_start = self.base_rotation is None and search.n_starts > 0 and d <= LARGEST_EXAMINED
         if multi_start or pairs is not None:
             initialization = Initialization(first, as_generator(self.random_state))
-            rotations = initialization.rotations(matched_t, matched_s, recentred_pairs)
-        icp = ICP(matched_t, matched_s, correspondence_of(self.correspondence), search.tol, recentred_pairs)
+            rotations = initialization.rotations(matched_t, matched_s, recentered_pairs)
+        icp = ICP(matched_t, matched_s, correspondence_of(self.correspondence), search.tol, recentered_pairs)
         start, best = search.run(icp, rotations[0], rotations[1:] if multi_start else [])
         pair = CloudPair(*clouds)
         improved, reason = (

@@ -77,14 +77,14 @@ def kantorovich(condition: float, power: float) -> float:
     return float(gap / (h - 1.0) * ((h**p - 1.0) / (p * gap)) ** p)
 
 
-def recentre(points: Array, mean: Array, ratio: float = 1.0) -> Array:
+def recenter(points: Array, mean: Array, ratio: float = 1.0) -> Array:
     """Return (P^-½ X P^-½)^s, the points about the identity, dilated by `ratio`."""
     whitened = congruence(roots(mean)[1], points)
     return whitened if ratio == 1.0 else apply(whitened, lambda values: values**ratio)
 
 
 def transport_rotation(teacher_mean: Array, student_mean: Array) -> Array:
-    """Rotation of recentred ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½."""
+    """Rotation of recentered ellipsoids that parallel transport amounts to: the polar factor of S̄^-½ T̄^½."""
     return orthonormal(roots(student_mean)[1] @ roots(teacher_mean)[0])
 
 
@@ -99,11 +99,11 @@ class RigidAdapter(DomainAdapter):
     _kept: tuple[Any, RigidMap]
 
     def _fit(self, teacher: Array, student: Array) -> None:
-        self._centre(teacher, student)
+        self._center(teacher, student)
         self._fit_rotation(teacher, student)
         self._settle()
 
-    def _centre(self, teacher: Array, student: Array) -> None:
+    def _center(self, teacher: Array, student: Array) -> None:
         """Set means, dispersions and their ratio, and `rotation_` to that of parallel transport."""
         as_choice(self.recenter, "recenter", ("training", "profile"))
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
@@ -121,11 +121,11 @@ class RigidAdapter(DomainAdapter):
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
 
-    def _recentred(self, teacher: Array, student: Array) -> tuple[Array, Array]:
+    def _recentered(self, teacher: Array, student: Array) -> tuple[Array, Array]:
         """Both domains about the identity, the teacher dilated to the student's dispersion."""
-        return recentre(teacher, self.teacher_mean_, self.dispersion_ratio_), recentre(student, self.student_mean_)
+        return recenter(teacher, self.teacher_mean_, self.dispersion_ratio_), recenter(student, self.student_mean_)
 
-    def _turn(self) -> Array:
+    def _map_rotation(self) -> Array:
         """Polar factor of S̄^½ R T̄^-½."""
         return orthonormal(roots(self.student_mean_)[0] @ self.rotation_ @ roots(self.teacher_mean_)[1])
 

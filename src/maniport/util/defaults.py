@@ -1,40 +1,28 @@
-"""What is taken where nothing is said, for library and command line alike; light, since every start loads it."""
-
-DAMPING = 0.01  # ρ of the damping: the longest axes feel nothing of it, and flat ellipsoids lie at a finite distance
+"""Defaults that several packages share; light, since the command line loads it at each start."""
 
 AUTO = "auto"
-"""Name for the length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`."""
+"""Word for a choice by the program; as a method: the length field if it passes its checks, else parallel transport."""
 
 BOTH = "both"  # side of a person with both arms
+KEEP = "keep"  # treatment of jumps in a recording: they stay, with a warning
 
-KEEP = "keep"  # Said of leaps of a recording: they stay, and are told
+PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO  # human arm model, robot and transfer method
+FIT_METHOD = "icp"  # transfer method without a motion or a robot, by which one could be selected
+DAMPING = 0.01  # relative damping ρ: hardly changes long axes, and singular ellipsoids get finite distances
+TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # sizes of the sampled domains, sufficient for arms of seven joints
 
-PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO
-"""Models of the person's arm and of the robot, and how domains are mapped."""
+POSITION_TOLERANCE = 5e-3  # position tolerance of the end effector [m]
+MARGIN = 0.02  # share of a joint's range that is kept free at either end
+RATE = 1000.0  # sampling rate of a planned motion [Hz]
+EFFORT = "full"  # see `maniport.motion.effort`
 
-TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # Sizes of the sampled domains; they suffice for arms of seven joints
-
-EFFORT = "full"  # How much is tried for a motion, see `maniport.motion.effort`
-
-BATCH_METHOD = "length-field"
-"""How domains are mapped in a batch, which takes one method for all: to choose for each recording takes seconds."""
-
-BATCH_EFFORT = "quick"  # The same for each motion of a batch
-
-BATCH_PROFILE_RATE = 10.0
-"""Ellipsoids a second that a batch transfers and follows [Hz]; between them motions are smooth."""
-
-BATCH_RATE = 100.0  # Samples of a motion a second in a batch [Hz]: rows to learn from, rather than for a controller
-
-FIT_METHOD = "icp"
-"""How domains are mapped where neither a motion nor a robot is known, so that nothing can be chosen by."""
-
-POSITION_TOLERANCE = 5e-3  # How far beside its path the tip of a planned motion may be [m]
-MARGIN = 0.02  # Share of a joint's range that is kept free at either end
-RATE = 1000.0  # Samples of a planned motion a second [Hz]
+BATCH_METHOD = "length-field"  # one method for all pairs, since a selection takes seconds for each
+BATCH_EFFORT = "quick"
+BATCH_PROFILE_RATE = 10.0  # ellipsoids of a recording per second [Hz]; motions between them are smooth
+BATCH_RATE = 100.0  # sampling rate of a motion [Hz], as data for learning
 
 RECORDINGS = {
     ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",
     ".npz": "npz", ".npy": "npz", ".csv": "table", ".tsv": "table", ".json": "keypoints",
 }  # fmt: skip
-"""Endings of recordings that are read, and the module of `maniport.mocap.readers` that reads each."""
+"""Suffixes of recordings, and the module of `maniport.mocap.readers` that reads each."""

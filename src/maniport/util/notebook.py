@@ -1,14 +1,14 @@
-"""Base of what a notebook shows as a table of facts; the facts and their look are `maniport.report`'s."""
+"""HTML display in notebooks, rendered by `maniport.report`."""
 
 import importlib
 from typing import Any
 
 
-class ShownInNotebooks:
-    """Base of objects that Jupyter shows as a table of facts, once someone asks for it."""
+class NotebookDisplay:
+    """Base of objects that Jupyter displays as a table of metrics."""
 
     def _repr_html_(self) -> str:
-        # by name: the rooms below telling know nothing of it
+        # imported by name, since packages below must not import the report
         return str(importlib.import_module("maniport.report.renderings").as_html(self))
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:

@@ -124,7 +124,7 @@ class Option:
         words = "|".join(self.choices)
         if self.metavar or (words and len(words) <= 24):
             return self.metavar or words
-        return self.unit or {int: "N", float: "X"}.get(self.kind, "NAME")
+        return self.unit or ("FILE" if self.is_file else {int: "N", float: "X"}.get(self.kind, "NAME"))
 
     def description(self, default: Any) -> str:
         """Return the help text of the command line, with words and default."""

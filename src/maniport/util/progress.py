@@ -1,7 +1,4 @@
-"""The steps of long work, and how far each of them is.
-
-Functions that take long have an argument `progress`, of the kind below; `maniport.progress` makes one that shows bars.
-"""
+"""Progress of long work by steps; `maniport.progress` displays it as bars."""
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
@@ -10,53 +7,53 @@ from typing import TypeVar
 T = TypeVar("T")
 
 Progress = Callable[..., None]
-"""Called as progress(step, fraction) on the way and progress(step, 1.0, found) at the end of a step."""
+"""Called as progress(step, fraction) during a step and progress(step, 1.0, result) at its end."""
 
 Part = Callable[[float], None]  # Called with the fraction, from 0 to 1, of a piece of a step that is done
 
 ALMOST = 0.999
-"""The largest fraction of a step before its end: whoever works at it last does not know what was found in all."""
+"""Largest fraction before the end of a step, which is reported with its result."""
 
 
 class Step:
-    """One step of long work: called with the fraction done, it passes that on with the step's name."""
+    """One step of long work: called with the fraction done, it reports that with the name of the step."""
 
     def __init__(self, progress: Progress | None, name: str):
         self._progress, self._name = progress, name
         self(0.0)
 
     def __call__(self, fraction: float) -> None:
-        """Tell how far the step is."""
+        """Report the fraction done."""
         if self._progress is not None:
             self._progress(self._name, min(fraction, ALMOST))
 
-    def end(self, found: str = "") -> None:
-        """Tell that it is done, and what was found."""
+    def end(self, result: str = "") -> None:
+        """Report the end of the step and its result."""
         if self._progress is not None:
-            self._progress(self._name, 1.0, found)
+            self._progress(self._name, 1.0, result)
 
 
-def untold(step: str, fraction: float, found: str = "") -> None:
-    """Take progress that nobody wants to know."""
+def no_progress(step: str, fraction: float, result: str = "") -> None:
+    """Ignore progress."""
 
 
 def nobody(fraction: float) -> None:
-    """Take a fraction that nobody wants to know."""
+    """Ignore a fraction."""
 
 
-def between(tell: Part, start: float, stop: float) -> Part:
-    """Return what to call with the fraction of a piece that takes its whole from `start` to `stop`."""
-    return lambda fraction: tell(start + (stop - start) * fraction)
+def between(part: Part, start: float, stop: float) -> Part:
+    """Return the progress of a piece that covers the fractions from `start` to `stop`."""
+    return lambda fraction: part(start + (stop - start) * fraction)
 
 
-def pieces(tell: Part, *efforts: float) -> list[Part]:
-    """Return what to call with the fraction of each piece of a whole, in their order."""
+def pieces(part: Part, *efforts: float) -> list[Part]:
+    """Return the progress of consecutive pieces, whose durations are proportional to `efforts`."""
     ends = [sum(efforts[:i]) / sum(efforts) for i in range(len(efforts) + 1)]
-    return [between(tell, start, stop) for start, stop in pairwise(ends)]
+    return [between(part, start, stop) for start, stop in pairwise(ends)]
 
 
-def counted(items: Iterable[T], count: int, tell: Part) -> Iterator[T]:
-    """Go through `count` items and tell after each one what fraction of them is done."""
+def counted(items: Iterable[T], count: int, part: Part) -> Iterator[T]:
+    """Iterate over `count` items and report the fraction done after each."""
     for i, item in enumerate(items, 1):
         yield item
-        tell(i / count)
+        part(i / count)

@@ -39,9 +39,6 @@ RANGES = {
 FIELDS = {
     "ViewerCameraMessage": {*POSITIONS, *DIRECTIONS, *RANGES},
     "GuiUpdateMessage": {"uuid", "updates"},
-    "TransformControlsUpdateMessage": {"name", "owner", "wxyz", "position"},
-    "TransformControlsDragStartMessage": {"name", "owner"},
-    "TransformControlsDragEndMessage": {"name", "owner"},
 }
 """Messages that pass, and all fields of each."""
 
@@ -159,7 +156,7 @@ def _titled(response: Any) -> Any:
         return response
     packed = response.headers.get("Content-Encoding") == "gzip"
     page = gzip.decompress(response.body) if packed else response.body
-    page = page.replace(b"<title>Viser</title>", b"<title>maniport</title>", 1)
+    page = page.replace(b"<title>Viser</title>", b"<title>maniport view</title>", 1)
     response.body = gzip.compress(page) if packed else page
     del response.headers["Content-Length"]
     response.headers["Content-Length"] = str(len(response.body))
@@ -180,8 +177,8 @@ def _invalid_value(message: dict[str, Any]) -> str:
             valid = _is_number(value, *RANGES[name])
         elif name == "updates":
             valid = isinstance(value, dict) and set(value) == {"value"} and _is_control_value(value["value"])
-        else:  # uuid, name and owner
-            valid = value is None or isinstance(value, int) or _is_short(value)
+        else:  # uuid
+            valid = _is_short(value)
         if not valid:
             return f"its {name} is invalid"
     if "look_at" in message and math.dist(message["look_at"], message["position"]) <= SHORTEST:

@@ -1,11 +1,9 @@
-"""The maps of the live view: every method of transfer, fitted again when the base_rotation changes."""
+"""Maps of the live view: every method of transfer, fitted again when the base orientation changes."""
 
 import threading
-import time as clock
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,33 +11,25 @@ from maniport.arms import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank
-from maniport.transfer import METHODS, DomainAdapter, Search, method_of
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.validation import Array, as_choice, as_rotation
 
 GIVEN = "adapter file"  # Name of an adapter that was given fitted
 
-AS_FOUND = "icp, as found"
-"""The result of ICP, also where it is not clearly better than its start, which ``"icp"`` keeps then."""
-
-VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {AS_FOUND: ("icp", {"search": Search(require_improvement=False)})}
-"""Methods with other settings than usual."""
-
 
 @dataclass(frozen=True, eq=False)
 class LiveMap:
-    """One method's map at one base_rotation, for one ellipsoid at a time."""
+    """One method's map at one base orientation, for one ellipsoid at a time."""
 
     name: str
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
-    turn: Array  # Rotation of ellipsoids and of the hand's motion, shape (3, 3)
-    seconds: float = 0.0  # Of the fit; zero where nothing was fitted
-    ending: str = ""  # Why the fit stopped
+    turn: Array  # rotation of ellipsoids and of the hand's path, shape (3, 3)
     notes: tuple[str, ...] = ()  # Warnings of the fit
 
 
 class Methods:
-    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any base_rotation."""
+    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any base orientation."""
 
     def __init__(
         self,
@@ -57,24 +47,21 @@ class Methods:
         if given is not None:
             require_drawable(given)
         self._given = given
-        self.names = (*([] if given is None else [GIVEN]), *METHODS, *VARIANTS)
+        self.names = (*([] if given is None else [GIVEN]), *METHODS)
 
     def fit(self, name: str, base_rotation: Array) -> LiveMap:
-        """Fit a method at a base_rotation, shape (3, 3)."""
+        """Fit a method at a base orientation, shape (3, 3)."""
         as_choice(name, "method", self.names)
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
-            ending = "it keeps the base_rotation that it was fitted with"
-            return LiveMap(name, rotation, self._given.compiled(), self._given.turn_, ending=ending)
-        method, variation = VARIANTS.get(name, (name, {}))
-        adapter = knowing(method_of(method, **self._options | variation, base_rotation=rotation), *self._robot)
-        started = clock.perf_counter()
+            note = "it keeps the base orientation of its fit"
+            return LiveMap(name, rotation, self._given.compiled(), self._given.map_rotation_, (note,))
+        adapter = knowing(method_of(name, **self._options, base_rotation=rotation), *self._robot)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             adapter.fit(self._teacher, self._student)
-        seconds = clock.perf_counter() - started
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, rotation, adapter.compiled(), adapter.turn_, seconds, adapter.stop_reason_, notes)
+        return LiveMap(name, rotation, adapter.compiled(), adapter.map_rotation_, notes)
 
 
 def require_drawable(adapter: DomainAdapter) -> None:
@@ -85,13 +72,13 @@ def require_drawable(adapter: DomainAdapter) -> None:
 
 
 class Refitting:
-    """Keeps a map of each method, and fits them again, in a thread, when the base_rotation changes."""
+    """Keeps a map of each method, and fits them again, in a thread, when the base orientation changes."""
 
     def __init__(self, methods: Methods, base_rotation: Array, first: Sequence[str] | None = None):
         self.methods = methods
-        self._mounting = as_rotation(base_rotation, "base_rotation", 3)
+        self._base_rotation = as_rotation(base_rotation, "base_rotation", 3)
         now = methods.names if first is None else first
-        self._maps = {name: methods.fit(name, self._mounting) for name in now}
+        self._maps = {name: methods.fit(name, self._base_rotation) for name in now}
         self._todo: list[str] = [name for name in methods.names if name not in now]
         self._fits = self._closed = False
         self._error: Exception | None = None
@@ -120,19 +107,19 @@ class Refitting:
                 self._thread.start()
 
     def want(self, base_rotation: Array, first: str) -> None:
-        """Request maps at a base_rotation, that of the method `first` before the others; returns at once."""
+        """Request maps at a base orientation, that of the method `first` before the others; returns at once."""
         rotation = as_rotation(base_rotation, "base_rotation", 3)
         as_choice(first, "first", self.methods.names)
         with self._changed:
-            if np.array_equal(rotation, self._mounting):
+            if np.array_equal(rotation, self._base_rotation):
                 return
-            self._mounting = rotation
+            self._base_rotation = rotation
             self._todo = [first, *(name for name in self.methods.names if name != first)]
             self._changed.notify_all()
         self.begin()
 
     def settle(self, timeout: float = 60.0) -> bool:
-        """Wait until all maps belong to the last base_rotation; False when that took too long [s]."""
+        """Wait until all maps belong to the last base orientation; False when that took too long [s]."""
         with self._changed:
             return self._changed.wait_for(lambda: self._error is not None or not (self._fits or self._todo), timeout)
 
@@ -149,7 +136,7 @@ class Refitting:
             if self.before is not None:
                 self.before()
             while (name := self._next()) is not None:
-                fitted = self.methods.fit(name, self._mounting)
+                fitted = self.methods.fit(name, self._base_rotation)
                 with self._changed:
                     self._maps[name], self._fits = fitted, False
                     self._changed.notify_all()

@@ -17,10 +17,10 @@ from maniport.motion import SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.transfer import load_adapter
 from maniport.util.defaults import AUTO, BOTH, DAMPING
-from maniport.util.progress import Progress
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array, as_count, as_rotation
 from maniport.viewer.maps import GIVEN, Methods, Refitting, require_drawable
-from maniport.viewer.recording import Playback
+from maniport.viewer.playback import Playback
 from maniport.viewer.state import Side, ViewState
 
 TEACHER_SAMPLES = 2048
@@ -44,7 +44,7 @@ def prepare(
     progress: Progress | None = None,
 ) -> tuple[ViewState, str, Array]:
     """Load arms of person and robot, sample their domains, and fit the first method."""
-    tell = progress or (lambda step, fraction, found="": None)
+    tell = progress or no_progress
     seed = as_count(random_state, "random_state", minimum=0)
     both = _both(side, robot, adapter)
     require_person(person, AUTO if both else side, height)

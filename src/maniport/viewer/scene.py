@@ -8,7 +8,6 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.arms.human import middle_of
-from maniport.mocap.arm_ik import GROUP
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array
 from maniport.viewer.shapes import RobotBody, Shell, Skeleton, quaternion
@@ -22,17 +21,17 @@ PALE = (196, 201, 208)
 
 @dataclass(frozen=True)
 class Layout:
-    """What has to be in view, and how much farther to the sides person and robot stand for it [m]."""
+    """Size of the view, and the distance of person and robot from their places with one arm [m]."""
 
     height: float
     width: float
     aside: float
 
 
-LAYOUTS = {1: Layout(2.4, 2.9, 0.0), 2: Layout(2.6, 4.2, 0.45)}  # By the number of arms
+ONE_ARM, SEVERAL_ARMS = Layout(2.4, 2.9, 0.0), Layout(2.6, 4.2, 0.45)
 
 
-def camera_for(aspect: float, layout: Layout = LAYOUTS[1]) -> tuple[Array, Array]:
+def camera_for(aspect: float, layout: Layout = ONE_ARM) -> tuple[Array, Array]:
     """Where to look from and to, so that person and robot are in a view of that width over height [m].
 
     On phones the controls cover the lower part: the scene stands by 30 % of the height above the middle.
@@ -44,7 +43,7 @@ def camera_for(aspect: float, layout: Layout = LAYOUTS[1]) -> tuple[Array, Array
 
 
 class Scene:
-    """Everything in space: `sides`, and `gizmo`, viser's handle of the rings that turn the robot's base."""
+    """Everything in space: person, robot and ellipsoids of each arm."""
 
     def __init__(
         self,
@@ -61,7 +60,7 @@ class Scene:
             "/floor", 8.0, 8.0, cell_size=0.25, cell_color=(225, 228, 232), section_color=(190, 195, 202),
             fade_distance=9.0, fade_from="origin",
         )  # fmt: skip
-        self.layout = LAYOUTS[len(persons)]
+        self.layout = ONE_ARM if len(persons) == 1 else SEVERAL_ARMS
         aside = np.array([0.0, self.layout.aside, 0.0])
         scene.add_frame("/person", show_axes=False, position=PERSON_AT - aside)
         middles = [base + np.array([0.0, middle_of(arm), 0.0]) for arm, base in zip(persons, bases, strict=True)]
@@ -69,23 +68,24 @@ class Scene:
         models = " and ".join(dict.fromkeys(arm.name for arm in persons))
         scene.add_label("/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
 
-        self.gizmo = scene.add_transform_controls(
-            "/robot", 0.3, disable_axes=True, disable_sliders=True, position=ROBOT_AT + aside,
-            wxyz=quaternion(frames[0].base_rotation.T), line_width=3.0, opacity=0.7,
+        self._base = scene.add_frame(
+            "/robot", axes_length=0.15, axes_radius=0.006, position=ROBOT_AT + aside,
+            wxyz=quaternion(frames[0].base_rotation.T),
         )  # fmt: skip
         arms = as_group(robot).arms
         _stands(scene, arms, ROBOT_AT + aside)
         above = ROBOT_AT + aside + [0.0, 0.0, 1.25]
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
-        names = ("",) if len(arms) == 1 else [f"/{side}" for side in GROUP]
+        names = [""] if len(arms) == 1 else [f"/{k}" for k in range(len(arms))]
         parts = zip(names, frames, arms, surfaces, bases, strict=True)
         self.sides = [DrawnSide(scene, *part) for part in parts]
         self.draw(frames)
 
-    def draw(self, frames: Sequence[Frame], surface: bool = True) -> None:
-        """Draw a frame of each arm, the robot's with its surface where it has one and that is requested."""
+    def draw(self, frames: Sequence[Frame]) -> None:
+        """Draw a frame of each arm."""
+        self._base.wxyz = quaternion(frames[0].base_rotation.T)
         for side, frame in zip(self.sides, frames, strict=True):
-            side.draw(frame, surface)
+            side.draw(frame)
 
 
 class DrawnSide:
@@ -99,16 +99,16 @@ class DrawnSide:
         self.teacher = Skeleton(scene, f"{person}/arm", frame.teacher_skeleton, 0.028, (86, 120, 150))
         joints = tuple(joint.name for joint in student.chain.joints)
         self.student = RobotBody(scene, robot, surfaces, frame, joints)
-        self._demonstrated = Shell(scene, f"{person}/ellipsoid", PERSON.rgb, 0.6)
+        self._demonstrated = Shell(scene, f"{person}/ellipsoid", PERSON.rgb, 0.4)
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
-        self.achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.7)
-        self._target = Shell(scene, f"{robot}/target", TARGET.rgb, 0.15, ringed=True)
+        self.achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
+        self._target = Shell(scene, f"{robot}/target", TARGET.rgb, 0.12, ringed=True)
         self._tip = scene.add_icosphere(f"{robot}/target_tip", 0.02, TARGET.rgb, subdivisions=2)
 
-    def draw(self, frame: Frame, surface: bool) -> None:
+    def draw(self, frame: Frame) -> None:
         """Draw a frame."""
         self.teacher.draw(frame.teacher_skeleton)
-        self.student.draw(frame, surface)
+        self.student.draw(frame)
         self._demonstrated.draw(frame.demonstrated_ellipsoid, frame.teacher_skeleton[-1])
         self._target.draw(frame.target_ellipsoid, frame.student_skeleton[-1])
         self.achieved.draw(frame.achieved_ellipsoid, frame.student_skeleton[-1])

@@ -19,8 +19,7 @@ from maniport.util.signals import ending_in_order
 from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl
 from maniport.viewer.panel import Panel
-from maniport.viewer.recording import Recorder
-from maniport.viewer.scene import FIELD_OF_VIEW, LAYOUTS, Layout, Scene, camera_for
+from maniport.viewer.scene import FIELD_OF_VIEW, ONE_ARM, Scene, camera_for
 from maniport.viewer.shapes import find_surfaces
 from maniport.viewer.state import Frame, ViewState
 
@@ -28,11 +27,11 @@ NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could
 
 
 class LiveView:
-    """A page that shows a state."""
+    """A page with a state and its controls."""
 
     def __init__(self, state: ViewState, method: str, base_rotation: Array, host: str = LOOPBACK, port: int = 0):
         self.state, self.rate, self.no_surface = state, 0.0, ""
-        self._access, self._recorder = AccessControl(host), Recorder(state.sides[0].teacher)
+        self._access = AccessControl(host)
         self._server, self.url = guarded_server(self._access, host, port)
         try:
             self._furnish(method, base_rotation)
@@ -53,27 +52,24 @@ class LiveView:
                 continue
             seconds = started - before
             frames = self.state.frames(self._panel.read(seconds), seconds)
-            self._panel.note(frames, seconds)
-            if message := self._recorder.take(self._panel.records, frames[0].teacher_joints, seconds):
-                self._panel.report(message)
             before, count = started, count + 1
             with self._server.atomic():
-                self._scene.draw(frames, self._panel.surface)
+                self._scene.draw(frames)
                 if started - numbers_at >= NUMBERS_PERIOD:
                     self.rate = count / (started - numbers_at)
                     numbers_at, count = started, 0
-                    self._panel.write(frames, self.rate)
+                    self._panel.write(frames)
             stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
     def run_until_interrupted(self, announce: Callable[[], None]) -> None:
-        """Run until Ctrl-C, or a termination signal; a second one ends at once. Only from the main thread."""
+        """Run until Ctrl-C or a termination signal; a second one ends at once. Only from the main thread."""
         stop = threading.Event()
         with ending_in_order(stop.set):
             announce()
             self.run(stop)
 
     def stop(self) -> None:
-        """End the server and the fits; a fit that is under way goes on in its daemon thread, and is not waited for."""
+        """End the server and the fits; a fit in progress continues in its daemon thread."""
         for side in self.state.sides:
             side.refitting.close(0.0)
         stop_server(self._server)
@@ -82,43 +78,18 @@ class LiveView:
         """Put the controls and the first frame on the page."""
         server, state = self._server, self.state
         surfaces, self.no_surface = find_surfaces(state.robot)
-        self._panel = Panel(server.gui, state, method, base_rotation, self._access, self.no_surface)
+        self._panel = Panel(server.gui, state, method, base_rotation, self._access)
         first = state.frames(self._panel.read(0.0), 0.0)
         persons, bases = [side.teacher for side in state.sides], [side.base for side in state.sides]
         self._scene = Scene(server.scene, first, persons, state.robot, surfaces, bases)
-        self._panel.gizmo = self._scene.gizmo
-        self._panel.note(first, 0.0)
-        self._panel.write(first, 0.0)
-        self._share_camera()
+        self._panel.write(first)
+        server.on_client_connect(self._frame)
 
-    def _share_camera(self) -> None:
-        """Give new browsers the camera of the last one."""
-        last: dict[str, Any] = {}
-
-        def welcome(client: Any) -> None:
-            ours = _frame(client.camera, self._scene.layout)
-
-            def remember(camera: Any) -> None:
-                nonlocal ours
-                if np.allclose(camera.position, ours, atol=1e-3):  # nobody has moved it; its window may be another
-                    if not np.allclose(camera_for(camera.aspect, self._scene.layout)[0], ours, atol=1e-3):
-                        ours = _frame(camera, self._scene.layout)
-                    return
-                last.update(up_direction=camera.up_direction, position=camera.position, look_at=camera.look_at)
-
-            with contextlib.suppress(ValueError):  # between two views the camera may be degenerate
-                for name in last:
-                    setattr(client.camera, name, last[name])
-            client.camera.on_update(remember)
-
-        self._server.on_client_connect(welcome)
-
-
-def _frame(camera: Any, layout: Layout) -> Array:
-    """Let a camera see the whole scene in its window; return its position."""
-    position, camera.look_at = camera_for(camera.aspect, layout)
-    camera.position = position
-    return position
+    def _frame(self, client: Any) -> None:
+        """Let the camera of a browser see the whole scene in its window."""
+        position, target = camera_for(client.camera.aspect, self._scene.layout)
+        client.camera.look_at = target
+        client.camera.position = position
 
 
 def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, str]:
@@ -140,7 +111,7 @@ def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, st
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(330)
-    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, LAYOUTS[1]))
+    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ONE_ARM))
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     shown = f"[{host}]" if ":" in host else host
     return server, f"http://{shown}:{server.get_port()}/{access.token}/"
@@ -200,7 +171,6 @@ class Onlooker:
             if self._scene is None:
                 surfaces = find_surfaces(self._robot)[0]
                 self._scene = Scene(self._server.scene, [frame], [self._person], self._robot, surfaces)
-                self._scene.gizmo.disable_rotations = True
             self._scene.draw([frame])
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
                 error = "" if moment.tip_error is None else f", position error {1e3 * moment.tip_error:.0f} mm"

@@ -20,11 +20,6 @@ def quaternion(rotation: Array) -> Array:
     return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
 
 
-def rotation_of(wxyz: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of quaternions (w, x, y, z), shape (..., 4)."""
-    return np.asarray(Rotation.from_quat(wxyz, scalar_first=True).as_matrix())
-
-
 def roll_pitch_yaw(rotation: Array) -> Array:
     """Roll, pitch and yaw of a rotation about fixed axes, as in URDF, shape (3,) [degrees]."""
     # at a pitch of ±90° one of the other two is arbitrary, and SciPy warns; any will do here
@@ -124,36 +119,32 @@ def _same(surface: Surface, other: Surface, tolerance: float = 0.01) -> bool:
 
 
 class RobotBody:
-    """A robot's surface and its skeleton, of which one is visible; joints at a limit glow."""
+    """A robot's surface, or its skeleton where it has none; saturated joints glow."""
 
     def __init__(
         self, scene: Any, name: str, surfaces: tuple[Surface, ...], frame: Frame, joints: tuple[str, ...] = ()
     ):
         self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
-        self._surface = scene.add_frame(f"{name}/surface", show_axes=False)
         self._meshes = [_add_mesh(scene, f"{name}/surface/{surface.joint}", surface) for surface in surfaces]
-        self._inside = scene.add_frame(f"{name}/skeleton", show_axes=False)
-        self._skeleton = Skeleton(scene, f"{name}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
-        glow = {"radius": 0.1, "color": (255, 190, 0), "opacity": 0.5, "cast_shadow": False}
+        self._skeleton = None
+        if not surfaces:
+            self._skeleton = Skeleton(scene, f"{name}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
+        glow = {"radius": 0.1, "color": (230, 60, 120), "opacity": 0.5, "cast_shadow": False}
         self._glows = {
             joint: (scene.add_icosphere(f"{name}/limits/{i}", **glow), i + 1) for i, joint in enumerate(joints)
         }
-        self.draw(frame, surface=True)
+        self.draw(frame)
 
-    def draw(self, frame: Frame, surface: bool) -> None:
-        """Draw a frame, with the surface where there is one and it is requested."""
+    def draw(self, frame: Frame) -> None:
+        """Draw a frame."""
         for joint, (ball, link) in self._glows.items():
             ball.visible = joint in frame.at_limit
             if ball.visible:
                 ball.position = frame.student_links[link, :3, 3]
-        surface = surface and bool(self._meshes)
-        self._surface.visible, self._inside.visible = surface, not surface
-        if not surface:
+        if self._skeleton is not None:
             self._skeleton.draw(frame.student_skeleton)
-            return
         poses = frame.student_links[self._joints]
-        turns = quaternion(poses[:, :3, :3])
-        for mesh, turn, pose in zip(self._meshes, turns, poses, strict=True):
+        for mesh, turn, pose in zip(self._meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
             mesh.wxyz, mesh.position = turn, pose[:3, 3]
 
 

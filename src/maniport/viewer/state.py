@@ -23,7 +23,7 @@ from maniport.transfer.rotation_group import orthonormal
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_number, require_shape
 from maniport.viewer.maps import LiveMap, Refitting
-from maniport.viewer.recording import Playback
+from maniport.viewer.playback import Playback
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,5 +253,5 @@ class ViewState:
 
 
 def _mean_turn(turns: Sequence[Array]) -> Array:
-    """The rotation between those of all arms, as `maniport.pipeline.transfer_both` turns their paths."""
+    """The rotation between those of all arms, as `maniport.transfer_recording` rotates their paths."""
     return turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, as_group
 from maniport.arms.collisions.hulls import Hull, Part, hulls_of, parts_of
-from maniport.arms.collisions.tree import LinkTree
+from maniport.arms.collisions.solids import LinkTree
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 

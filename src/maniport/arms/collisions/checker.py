@@ -14,10 +14,9 @@ from maniport.arms.arm_group import ArmGroup, CooperativeArm, as_group
 from maniport.arms.collisions.carried import carried_by
 from maniport.arms.collisions.obstacles import as_boxes, disabled_pairs
 from maniport.arms.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
-from maniport.arms.collisions.solids import Pairs, Solids, Watch
-from maniport.arms.collisions.tree import LinkTree
+from maniport.arms.collisions.solids import LinkTree, Pairs, Solids, Watch
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_generator, as_number
 
 
@@ -29,7 +28,7 @@ class Nearest(NamedTuple):
     second: NDArray[np.str_]
 
 
-class Collisions(ShownInNotebooks):
+class Collisions(NotebookDisplay):
     """Collisions of an arm or a group of arms with itself, a table and obstacles. Make one with `Collisions.of`.
 
     Every pair of bodies that no joint joins directly is checked: the links of the arm, its gripper, and the rest of the

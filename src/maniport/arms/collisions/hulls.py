@@ -12,8 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain, Mesh
-from maniport.arms.meshes import Look
-from maniport.arms.meshes.visual import joined, reduced
+from maniport.arms.meshes import Look, joined, reduced
 from maniport.util.validation import Array
 
 

@@ -11,7 +11,7 @@ from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import rotation_about
 from maniport.arms.collisions.hulls import Hull
 from maniport.arms.loaders.document import parsed
-from maniport.arms.meshes.visual import box as box_mesh
+from maniport.arms.meshes import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 from maniport.util.files import read_settings, require_mapping
 from maniport.util.validation import Array, as_finite, as_number, as_numbers

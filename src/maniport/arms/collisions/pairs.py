@@ -10,8 +10,7 @@ from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup
 from maniport.arms.collisions.carried import Carried
 from maniport.arms.collisions.hulls import Part
-from maniport.arms.collisions.solids import TABLE, Pairs, Solids
-from maniport.arms.collisions.tree import LinkTree
+from maniport.arms.collisions.solids import TABLE, LinkTree, Pairs, Solids
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 

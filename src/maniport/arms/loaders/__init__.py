@@ -12,7 +12,7 @@ from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders.document import XACRO, parsed
-from maniport.arms.loaders.end_effector import Limb, one_side
+from maniport.arms.loaders.limbs import Limb, one_side
 from maniport.arms.loaders.mjcf import Mjcf
 from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
 from maniport.arms.loaders.packages import Named, find_named, known_names
@@ -111,7 +111,7 @@ def load_arm(
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
     if isinstance(name_or_path, ArmGroup):
-        raise InvalidInputError("one arm is asked for; found a pair: transfer_both moves it, .arms are its arms")
+        raise InvalidInputError("name_or_path must name one arm; found a group of arms")
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     folders = _as_folders(mesh_folders)

@@ -21,9 +21,9 @@ from maniport.arms.chain import Mesh, Shape
 from maniport.arms.loaders.document import LARGEST, require_numbers
 from maniport.arms.loaders.mjcf_tree import WORLD, kinematics, one_tree, whole
 from maniport.arms.loaders.model import Follower, RobotXML
+from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_places import Places, is_file
-from maniport.arms.meshes.visual import box, capsule, cylinder, ellipsoid
 from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
 

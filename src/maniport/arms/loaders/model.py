@@ -13,8 +13,7 @@ import pinocchio as pin
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
 from maniport.arms.loaders.document import parsed
-from maniport.arms.loaders.end_effector import Limb, Limbs, body_above, named_frames
-from maniport.arms.loaders.off_chain import bodies_off_chain
+from maniport.arms.loaders.limbs import Limb, Limbs, bodies_off_chain, body_above, named_frames
 from maniport.arms.meshes.mesh_places import Places
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.input_limits import LINKS, SHAPES, TRIANGLES, require_at_most

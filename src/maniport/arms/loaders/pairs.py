@@ -8,13 +8,13 @@ import numpy as np
 
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, two_bases
-from maniport.arms.chain import LEFT, RIGHT, check_names, pose
+from maniport.arms.chain import LEFT, RIGHT, as_pose, check_names, pose
 from maniport.arms.human import PERSONS
 from maniport.arms.loaders import load_arm, robot_limbs
-from maniport.arms.loaders.end_effector import one_side
+from maniport.arms.loaders.limbs import one_side
 from maniport.arms.restriction import check_lock, standing
 from maniport.errors import InvalidInputError, UnknownNameError, argument, typed, unknown_name
-from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
+from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers
 
 Robot = str | os.PathLike[str]
 _ORDER = LEFT, RIGHT
@@ -129,12 +129,7 @@ def _base(value: Any, side: str) -> Array:
     name = f"--pose ({side})" if typed() else f"bases: {side}"
     array = as_finite(value, name)
     if array.shape == (4, 4):
-        where = np.eye(4)
-        where[:3, :3] = as_rotation(array[:3, :3], name)
-        where[:3, 3] = as_numbers(array[:3, 3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
-        if np.any(array[3] != (0.0, 0.0, 0.0, 1.0)):
-            raise InvalidInputError(f"{name} must be a pose whose last row is 0, 0, 0, 1; found {array[3]}")
-        return where
+        return as_pose(array, name)
     if array.shape not in ((3,), (4,)):
         raise InvalidInputError(
             f"{name} must be x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4); found {array.shape}"

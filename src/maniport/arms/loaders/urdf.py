@@ -11,9 +11,9 @@ import pinocchio as pin
 
 from maniport.arms.chain import Mesh, Shape, pose
 from maniport.arms.loaders.model import Follower, RobotXML
+from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_places import Places
-from maniport.arms.meshes.visual import box, capsule, cylinder, ellipsoid
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import NESTING
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from maniport.arms.chain import PRISMATIC, Chain, Mesh, Triangles
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.meshes.visual import fewer, joined, welded
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
+
+SIDES = 32  # Corners of the polygon that stands for a circle; its sides lie within 0.5 % of the radius
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -123,3 +124,122 @@ def _surface(joint: int, meshes: Sequence[Mesh]) -> Surface:
     for array in (points, triangles):  # they are remembered and handed out again
         array.setflags(write=False)
     return Surface(joint, points, triangles)
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several."""
+    starts = np.cumsum([0, *(len(points) for points, _ in meshes)])[:-1]
+    points = np.concatenate([points for points, _ in meshes])
+    triangles = np.concatenate([rows + start for (_, rows), start in zip(meshes, starts, strict=True)])
+    return points, triangles.astype(np.int32)
+
+
+def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
+    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles.
+
+    The smallest cell is a millionth of the mesh; what is not larger than a nanometre is no mesh.
+    """
+    points, triangles = mesh
+    kept, rows = np.unique(triangles, return_inverse=True)
+    size = float(np.ptp(points[kept], axis=0).max(initial=0.0)) if len(kept) else 0.0
+    if size < 1e-9:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int32)
+    cells = np.round((points[kept] - points[kept].min(axis=0)) / max(cell, 1e-6 * size)).astype(np.int64)
+    _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
+    rows = cell_of[rows.reshape(-1, 3)]
+    rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
+    rows = rows[_first_of_each(np.sort(rows, axis=1))]
+    left, numbers = np.unique(rows, return_inverse=True)
+    return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
+
+
+def reduced(mesh: Mesh, most: int) -> Mesh:
+    """Reduce a mesh to at most `most` triangles, by quadric error (Garland and Heckbert, SIGGRAPH 1997)."""
+    try:
+        from fast_simplification import simplify
+    except ImportError:
+        simplify = None
+    a, b, c = (mesh[0][column] for column in mesh[1].T)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    edge = np.sqrt(area / max(most, 1))
+    cell = 0.35 * edge if len(mesh[1]) > 3 * most else 0.035 * edge
+    while len(mesh[1]) > most:
+        mesh = welded(mesh, cell)
+        if simplify is not None and len(mesh[1]) > most:
+            corner, size = mesh[0].min(axis=0), float(np.ptp(mesh[0], axis=0).max())
+            unit = ((mesh[0] - corner) / size).astype(np.float32)  # the algorithm counts in single precision
+            points, triangles = simplify(unit, mesh[1], target_count=max(most, 1))
+            points = np.clip(points.astype(np.float64), unit.min(axis=0), unit.max(axis=0))
+            smaller = welded((corner + size * points, triangles.astype(np.int32)))
+            mesh = smaller if len(smaller[1]) <= most else mesh
+        cell *= 1.2 if simplify is None else 2.0
+    return mesh
+
+
+def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh], list[int]]:
+    """Reduce meshes to at most `most` triangles together; where they are very many, those of a joint as one."""
+    counts = np.array([len(triangles) for _, triangles in meshes], dtype=np.int64)
+    if counts.sum() <= most:
+        return meshes, joints
+    if len(meshes) * 20 > most and len(meshes) > len(set(joints)):
+        carriers = sorted(set(joints))
+        as_one = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
+        return fewer([welded(mesh) for mesh in as_one], carriers, most)
+    smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, _shares(counts, most), strict=True)]
+    kept = [i for i, (_, triangles) in enumerate(smaller) if len(triangles)]
+    return [smaller[i] for i in kept], [joints[i] for i in kept]
+
+
+def _shares(counts: np.ndarray, most: int) -> np.ndarray:
+    """How many triangles each mesh may keep: 200, and what is left in proportion to what it has beyond that."""
+    least = np.minimum(counts, min(200, most // len(counts)))
+    beyond = counts - least
+    return np.asarray(least + beyond * (most - least.sum()) // max(beyond.sum(), 1))
+
+
+def _first_of_each(rows: np.ndarray) -> np.ndarray:
+    """Indices of the first of each group of equal rows, ascending."""
+    order = np.lexsort(rows.T)
+    new = np.concatenate([[True], np.any(np.diff(rows[order], axis=0), axis=1)])[: len(rows)]
+    return np.sort(order[new])  # lexsort is stable: the first of a group is its earliest
+
+
+# ---- solids, each around its own centre, long axis along z ----------------------------------------------------------
+
+
+def box(size: Sequence[float]) -> Mesh:
+    """A box with edges of the lengths `size` [m]: 8 points, 12 triangles."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * np.asarray(size)
+    squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [triangle for a, b, c, d in squares for triangle in ((a, b, c), (a, c, d))]
+    return corners, np.array(triangles, dtype=np.int32)
+
+
+def ellipsoid(radii: Sequence[float]) -> Mesh:
+    """An ellipsoid with semi-axes `radii` [m] along x, y and z."""
+    points, triangles = _turned(np.sin(_ARC), -np.cos(_ARC))
+    return points * np.asarray(radii), triangles
+
+
+def cylinder(radius: float, length: float) -> Mesh:
+    """A cylinder of that length, with flat ends [m]."""
+    return _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([-1.0, -1.0, 1.0, 1.0]))
+
+
+def capsule(radius: float, length: float) -> Mesh:
+    """A cylinder of that length with a half ball on either end [m]."""
+    half = len(_ARC) // 2
+    arc = np.concatenate([_ARC[: half + 1], _ARC[half:]])
+    shift = np.repeat([-0.5 * length, 0.5 * length], half + 1)
+    return _turned(radius * np.sin(arc), shift - radius * np.cos(arc))
+
+
+_ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upper
+
+
+def _turned(radii: Array, heights: Array) -> Mesh:
+    """The solid that an outline makes when it turns about z; its first and last point lie on the axis."""
+    from trimesh.creation import revolve  # here: it takes its time
+
+    solid = revolve(np.stack([radii, heights], axis=1), sections=SIDES)
+    return np.array(solid.vertices), solid.faces.astype(np.int32)

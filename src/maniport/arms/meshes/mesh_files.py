@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.chain import Mesh
-from maniport.arms.meshes.visual import joined
+from maniport.arms.meshes import joined
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import MESH_BYTES, NODES, TAGS, TRIANGLES, read_whole, require_at_most
 from maniport.util.validation import Array

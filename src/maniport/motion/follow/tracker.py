@@ -153,7 +153,7 @@ def track(
         **{name: group.joined(*(getattr(motion, name) for motion in motions)) for name in names},
     )
     result = RobotMotion(group, trajectory, motions, clearance=Clearance.of(model, trajectory))
-    step.end(result.error_text())
+    step.end()
     return result
 
 

@@ -117,6 +117,6 @@ def require_reach(reachability_map: ReachabilityMap, bounds: Array, tolerance: f
             for ends in (bounds, (tips.min(axis=0), tips.max(axis=0)))
         )
         raise InvalidInputError(
-            f"workspace: {reachability_map.arm.name!r} reaches nothing in {asked} m: its tip at {reachability_map.arm.frame!r} comes to "
-            f"{reached} m at most, and not everywhere between"
+            f"workspace: {reachability_map.arm.name!r} reaches nothing in {asked} m: its end effector "
+            f"{reachability_map.arm.frame!r} reaches {reached} m at most, and not everywhere between"
         )

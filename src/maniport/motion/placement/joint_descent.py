@@ -125,7 +125,7 @@ class MovingPathCost:
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
         targets, dof = self.targets, q.shape[1]
-        values, vectors, frames, singular, changes, jacobian, poses = targets.differentials(q)
+        values, vectors, singular, changes, jacobian, poses = targets.differentials(q)
         assert targets.positions is not None
         assert poses is not None
         achieved = targets.root @ compose(values, vectors) @ targets.root
@@ -134,8 +134,13 @@ class MovingPathCost:
         error = weight * (poses[:, :3, 3] - targets.positions)
         error_slopes = weight * np.concatenate([jacobian[:, :3], -self._shifts], axis=2)
         count = dof + SIZE
-        self.gradient, self.hessian = np.zeros((len(q), count)), np.zeros((len(q), count, count))
-        add_log_residual(values, frames, np.concatenate([changes, turned], axis=1), self.gradient, self.hessian)
+        square, self.gradient, self.hessian = (
+            np.zeros(len(q)),
+            np.zeros((len(q), count)),
+            np.zeros((len(q), count, count)),
+        )
+        changes = np.concatenate([changes, turned], axis=1)
+        add_log_residual(values, vectors, targets.whitening, changes, square, self.gradient, self.hessian)
         add_residual(error, error_slopes, self.gradient, self.hessian)
-        square = np.sum(np.log(values) ** 2, axis=1) + np.sum(error**2, axis=1)
+        square += np.sum(error**2, axis=1)
         return np.sqrt(np.where(singular, np.inf, square)), self.gradient[:, :dof], self.hessian[:, :dof, :dof]

@@ -11,7 +11,7 @@ from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_finite
 
 DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
@@ -43,7 +43,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Placement(ShownInNotebooks):
+class Placement(NotebookDisplay):
     """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
 
     p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).

@@ -109,9 +109,9 @@ def place_path(
     """
     return place_paths(
         (path,), (profile,), (arm,), wholes=None if whole is None else (whole,), collisions=(collisions,),
-        reachability_maps=(reachability_map,), banks=(bank,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt, offset=offset,
-        workspace=workspace, spec=spec, damping=damping, planning_effort=planning_effort, rank=rank, random_state=random_state,
-        progress=progress,
+        reachability_maps=(reachability_map,), banks=(bank,), time=time, turn=turn, scale=scale, yaw=yaw, tilt=tilt,
+        offset=offset, workspace=workspace, spec=spec, damping=damping, planning_effort=planning_effort, rank=rank,
+        random_state=random_state, progress=progress,
     )[0]  # fmt: skip
 
 

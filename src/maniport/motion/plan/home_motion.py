@@ -1,4 +1,4 @@
-"""Motions from a home configuration to the begin of a motion, and back."""
+"""Motions from a home configuration to the start of a motion, and back."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def with_approach(
     """
     start = limits.arm.require_within_limits(home, "home")
     if start.ndim != 1:
-        raise InvalidInputError(f"home must be one posture, shape ({limits.arm.dof},); found shape {start.shape}")
+        raise InvalidInputError(f"home must be one configuration, shape ({limits.arm.dof},); found shape {start.shape}")
     rate = (len(timed.time) - 1) / timed.time[-1]
     slow = replace(
         limits,

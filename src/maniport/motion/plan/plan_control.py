@@ -1,4 +1,4 @@
-"""How a motion is planned: what users choose, checked, and made ready for one arm."""
+"""Options of the planner, checked and resolved for an arm or a group."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -41,9 +41,9 @@ class PlanControl:
     orientation_axes : {"pointing", "whole"}
         Which axes of target orientations count: z, or all.
     orientation_weight : float
-        Weight of a radian from them beside the distance between ellipsoids [1/rad].
+        Weight of the angle from them [1/rad].
     workspace : three pairs of floats, optional
-        Bounds of a path that is placed, as in `maniport.motion.place_path`; nothing else uses it.
+        Bounds of the placed path, as in `maniport.motion.place_path`; nothing else uses it.
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
     planning_effort : {"full", "quick"}
@@ -77,14 +77,14 @@ class PlanControl:
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanControl":
-        """Look up limits and collisions for an arm or two, or take those of a planner; check the home posture.
+        """Look up limits and collisions of the arms, or take those of a planner; check the home configuration.
 
         Raises
         ------
         FileFormatError
             When a file of limits cannot be read or does not fit the arm.
         InvalidInputError
-            When limits or collisions do not fit the arm, or the home posture is beyond limits or collides.
+            When limits or collisions do not fit the arm, or the home configuration is beyond limits or collides.
         """
         given = self.motion_limits
         if planner is not None:
@@ -104,14 +104,14 @@ class PlanControl:
 
 
 def require_free(posture: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
-    """Require one posture (dof,) within the limits, in which nothing collides."""
+    """Require one configuration (dof,) within the limits and without collisions."""
     q: Array = limits.arm.require_within_limits(posture, name)
     if q.ndim != 1:
-        raise InvalidInputError(f"{name} must be one posture, shape ({limits.arm.dof},); found shape {q.shape}")
+        raise InvalidInputError(f"{name} must be one configuration, shape ({limits.arm.dof},); found shape {q.shape}")
     if apart is not None and apart.collides(q):
         nearest = apart.nearest(q)
         raise InvalidInputError(
-            f"{name}: in this posture {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
-            f"{-1e3 * float(nearest.distance):.0f} mm; give one that is free"
+            f"{name}: {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
+            f"{-1e3 * float(nearest.distance):.0f} mm; give a collision-free configuration"
         )
     return q

@@ -96,23 +96,14 @@ def moved_to_positions(arm: Arm, q: Array, positions: Array) -> tuple[Array, Arr
 
 
 def turned_to_rotations(targets: Targets, q: Array) -> Array:
-    """Turn end effectors at q (n, dof) as their targets ask, and bring them near their positions."""
-    arm, weights, rotations = targets.objective.arm, targets.objective.axis_weights, targets.rotations
-    assert rotations is not None
+    """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
+    arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
-        poses, jacobian = arm.forward(q), arm.jacobian(q)
-        residuals, slopes = [], []
-        if targets.positions is not None:
-            residuals.append(SEARCH_WEIGHT * (targets.positions - poses[:, :3, 3]))
-            slopes.append(SEARCH_WEIGHT * jacobian[:, :3])
-        for k in np.flatnonzero(weights):
-            axis = poses[:, :3, k]
-            residuals.append(weights[k] * (rotations[:, :, k] - axis))
-            slopes.append(-weights[k] * np.cross(axis[..., None], jacobian[:, 3:], axis=1))
-        residual, slope = np.concatenate(residuals, axis=1), np.concatenate(slopes, axis=1)
+        terms = targets.pose_residuals(q, arm.forward(q), arm.jacobian(q))
+        residual, slope = (np.concatenate(parts, axis=1) for parts in zip(*terms, strict=True))
         square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
         change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
-        q = _stepped(arm, q, change[..., 0])
+        q = _stepped(arm, q, -change[..., 0])
     return q
 
 

@@ -12,7 +12,7 @@ from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
 from maniport.motion.search.descent import descend_in_blocks
 from maniport.motion.search.seed_bank import SeedBank, as_positions
 from maniport.util.defaults import DAMPING
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_number, as_positive_semidefinite, require_shape
@@ -21,7 +21,7 @@ STARTS = 48  # Samples that a search starts from
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FeasibleEllipsoids(ShownInNotebooks):
+class FeasibleEllipsoids(NotebookDisplay):
     """The nearest feasible ellipsoids to targets; made by `nearest_feasible`.
 
     Attributes

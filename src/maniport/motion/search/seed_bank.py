@@ -18,7 +18,7 @@ from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.files import array_names, load_arrays, save_arrays
-from maniport.util.notebook import ShownInNotebooks
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import (
     Array,
     as_count,
@@ -39,7 +39,7 @@ BANK_SIZE = 16_384
 CHECKED = 16  # Number of samples that are computed again to check that a bank belongs to an arm
 
 
-class SeedBank(ShownInNotebooks):
+class SeedBank(NotebookDisplay):
     """Seed configurations: sampled configurations of an arm with their positions and ellipsoids.
 
     Make one with `SeedBank.build`, or read one with `SeedBank.load`.

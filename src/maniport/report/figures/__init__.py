@@ -133,23 +133,23 @@ def _decoded(value: Any) -> Any:
 
 def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
     """Draw what a page has: arms, ellipsoids, curves, and the map."""
-    bodies = [[body, *body.get("beside", [])] for body in data["bodies"]]
-    time, unit, two = data["time"], data["unit"], any(len(body) > 1 for body in bodies)
+    stages, time, unit = data["stages"], data["time"], data["unit"]
     groups = {name: [_panel(panel) for panel in panels] for name, panels in data["panels"].items()}
     roles = {role: role for role in (PERSON.name, TARGET.name, ACHIEVED.name)}
-    if not bodies:
+    if not stages:
         yield "learned", panel_figure(time, [panel for panels in groups.values() for panel in panels])
         return
-    if any(arm["ellipsoids"] for body in bodies for arm in body):
-        yield "arms", _arms(bodies, unit, data["size"])
-        profiles = _profiles(bodies)
-        if not two and len(profiles) > 1:
+    several = any(len(stage["bodies"]) > 1 for stage in stages)
+    if any(body["ellipsoids"] for stage in stages for body in stage["bodies"]):
+        yield "arms", _arms(stages, unit, data["size"])
+        profiles = _profiles(stages)
+        if not several and len(profiles) > 1:
             yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles=roles)
             yield "curves", curves(time, profiles, unit, roles)
     person = "Joints of the person"
     moved = [panel for name, panels in groups.items() if name not in ("Ellipsoids", person) for panel in panels]
     if moved:
-        yield "motions" if two else "motion", panel_figure(time, moved, 2 if two else 1)
+        yield "motion", panel_figure(time, moved, 2 if several else 1)
     if data["map"]:
         clouds, lines = data["map"]["domains"], data["map"]["profiles"]
         names = {cloud["name"]: cloud["role"] for cloud in [*clouds, *lines]}
@@ -157,23 +157,24 @@ def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
         yield "diffusion_map", map_figure(domains, paths, time, names)
 
 
-def _profiles(bodies: list[list[dict[str, Any]]]) -> dict[str, Array]:
-    """Return ellipsoids by role, all in the frame of the person."""
-    found = dict[str, Array]()
-    for body, *_ in bodies:
-        turn = np.eye(3) if body["turn"] is None else np.reshape(body["turn"], (3, 3))
-        found |= {role: turn.T @ _full(six) @ turn for role, six in body["ellipsoids"].items() if role != ACHIEVED.name}
-    return found
+def _profiles(stages: list[dict[str, Any]]) -> dict[str, Array]:
+    """Return ellipsoids of the first arm by role, all in the frame of the person."""
+    profiles = dict[str, Array]()
+    for stage in stages:
+        rotation = np.eye(3) if stage["rotation"] is None else np.reshape(stage["rotation"], (3, 3))
+        drawn = stage["bodies"][0]["ellipsoids"].items()
+        profiles |= {role: rotation.T @ _full(six) @ rotation for role, six in drawn if role != ACHIEVED.name}
+    return profiles
 
 
-def _arms(bodies: list[list[dict[str, Any]]], unit: str, size: float) -> Figure:
+def _arms(stages: list[dict[str, Any]], unit: str, size: float) -> Figure:
     skeletons, shells, roles, within = {}, {}, {}, {}
-    for body in bodies:
-        for arm in body:
-            name = arm["name"] if arm is body[0] else f"{body[0]['name']}, {arm['name']}"
-            role = PERSON.name if PERSON.name in arm["ellipsoids"] else ACHIEVED.name
-            skeletons[name], shells[name] = arm["skeleton"], _full(arm["ellipsoids"][role])
-            roles[name], within[name] = role, body[0]["name"]
+    for stage in stages:
+        for k, body in enumerate(stage["bodies"]):
+            name = f"{stage['name']}, arm {k + 1}"
+            role = PERSON.name if PERSON.name in body["ellipsoids"] else ACHIEVED.name
+            skeletons[name], shells[name] = body["skeleton"], _full(body["ellipsoids"][role])
+            roles[name], within[name] = role, stage["name"]
     return arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from maniport.errors import InvalidInputError
 from maniport.report.page.content import Panel
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, ROLES, TARGET
-from maniport.report.series import courses, is_gap
+from maniport.report.series import is_gap, profile_curves
 from maniport.util.validation import Array, as_choice, as_positive_semidefinite, as_times, require_shape
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
@@ -40,7 +40,7 @@ def curves(
     titles = ("semi-axes", "direction of the longest axis", "direction of the shortest axis",
               "volume" if d == 3 else "area", "condition number, (longest / shortest)²")  # fmt: skip
     colors, widths = colors_of(checked, roles), line_widths(len(checked))
-    for color, width, one in zip(colors, widths, courses(checked).values(), strict=True):
+    for color, width, one in zip(colors, widths, profile_curves(checked).values(), strict=True):
         drawn = one.semi_axes[:, ::-1], one.longest, one.shortest, one.volume[:, None], one.condition[:, None]
         for panel, values in zip(axes, drawn, strict=True):
             broken_times, broken = with_breaks(times, values)

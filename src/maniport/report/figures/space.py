@@ -25,7 +25,8 @@ from maniport.report.figures.curves import (
     with_breaks,
 )
 from maniport.report.roles import PERSON, REFERENCE, TARGET
-from maniport.report.series import is_gap, map_of
+from maniport.report.series import is_gap
+from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import (

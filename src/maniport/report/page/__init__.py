@@ -1,7 +1,6 @@
 """A page with the report of a result, its motion and its curves, as one HTML file that loads nothing.
 
-Jinja templates in ``templates`` lay out a `Report`; scripts in ``assets`` draw a `Motion` with WebGL and SVG. Nothing
-is computed here.
+Jinja templates in ``templates`` lay out a `Report`; scripts in ``assets`` draw an `Animation` with WebGL and SVG.
 """
 
 import base64
@@ -17,52 +16,57 @@ import jinja2
 from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
-from maniport.report.metrics import Report
 from maniport.report.page.content import (
     STATES,
+    Animation,
     Body,
     Cloud,
     DomainMap,
+    Image,
     Line,
-    Motion,
     Panel,
     Part,
-    Picture,
+    Stage,
     as_json,
 )
 from maniport.report.roles import ROLES
+from maniport.report.values import INFO, Metric, Report
 from maniport.util.atomic_io import written_whole
 from maniport.version import __version__
 
 __all__ = [
-    "Body", "Cloud", "DomainMap", "Line", "Motion", "Panel", "Part", "Picture", "as_html", "document", "write_page",
+    "Animation", "Body", "Cloud", "DomainMap", "Image", "Line", "Panel", "Part", "Stage", "as_html", "document",
+    "write_page",
 ]  # fmt: skip
+
+CARDS = ("distance", "position_error", "orientation_error", "limits", "collisions")
+"""Keys of the metrics of a summary that are on cards."""
 
 LARGEST = 6_000_000  # Upper bound of the size of a page [bytes]
 
-Shown = Mapping[str, Sequence[Motion | Picture]]
-"""Motions and pictures by the key (or the title) of the section that they belong to."""
+Contents = Mapping[str, Sequence[Animation | Image]]
+"""Animations and images by the key (or the title) of the section that they belong to."""
 
 
-def write_page(path: str | os.PathLike[str], report: Report, shown: Shown | None = None) -> None:
-    """Write a report, with motions and pictures, to an HTML file, whole or not at all."""
-    text = as_html(report, shown)
+def write_page(path: str | os.PathLike[str], report: Report, contents: Contents | None = None) -> None:
+    """Write a report, with animations and images, to an HTML file, whole or not at all."""
+    text = as_html(report, contents)
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def as_html(report: Report, shown: Shown | None = None) -> str:
+def as_html(report: Report, contents: Contents | None = None) -> str:
     """Return the page as text, with fewer times and without surfaces where it would be too large otherwise."""
     names = {section.key or section.title for section in report.sections}
-    if unknown := sorted(set(shown or ()) - names):
-        raise InvalidInputError(f"shown must name sections, {sorted(names)}; found {unknown}")
+    if unknown := sorted(set(contents or ()) - names):
+        raise InvalidInputError(f"contents must name sections, {sorted(names)}; found {unknown}")
     for frames, surfaces in ((1500, True), (750, True), (375, True), (375, False)):
-        text = _page(report, shown or {}, frames, surfaces)
+        text = _page(report, contents or {}, frames, surfaces)
         if (size := len(text.encode())) < LARGEST:
             return text
     raise InvalidInputError(
         f"a page must stay below {LARGEST / 1e6:g} MB; found {size / 1e6:.1f} MB without surfaces: "
-        f"give fewer motions, pictures, panels or tables"
+        f"give fewer animations, images, panels or tables"
     )
 
 
@@ -74,50 +78,67 @@ def document(title: str, body: str, script: str, style: str = "", data: str = ""
     return _templates().get_template("document.html").render(**values, **hashes, version=__version__)
 
 
-def _page(report: Report, shown: Shown, frames: int, surfaces: bool) -> str:
+def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> str:
     places: list[dict[str, Any]] = []
     data: list[str] = []
     menu: list[tuple[str, str]] = []
     for k, section in enumerate(report.sections):
-        content, motions = shown.get(section.key or section.title, ()), []
-        if section.folded and ("Method and data", "folded") not in menu:
-            menu.append(("Method and data", "folded"))
+        content, motions = contents.get(section.key or section.title, ()), []
+        if section.folded and ("Details", "folded") not in menu:
+            menu.append(("Details", "folded"))
         if k and section.title and not section.folded:
             menu.append((section.title, f"section-{k}"))
-        for motion in (one for one in content if isinstance(one, Motion)):
+        for animation in (one for one in content if isinstance(one, Animation)):
             name = f"motion-{len(data)}"
-            note = _note(motion, frames, surfaces)
-            motions.append({"id": name, "note": note, "first": not data and report.summary})
-            menu += _groups(motion, name)
-            encoded = as_json(motion, frames, surfaces=surfaces)
+            motions.append({"id": name, "note": _note(animation, frames, surfaces)})
+            menu += _groups(animation, name)
+            encoded = as_json(animation, frames, surfaces=surfaces)
             data.append(f'<script type="application/json" id="{name}">{encoded}</script>')
-        pictures = [one for one in content if isinstance(one, Picture)]
-        places.append({"id": f"section-{k}", "section": section, "motions": motions, "pictures": pictures})
-    counts = [(len(report.warnings), "warning"), (len(report.notes), "note")]
-    remarks = " and ".join(f"{n} {word}{'s' if n > 1 else ''}" for n, word in counts if n)
+        metrics = [metric for metric in section.metrics if metric.text and metric.severity == INFO]
+        if report.summary is not None:
+            metrics = [metric for metric in metrics if metric not in report.summary.metrics or metric.key not in CARDS]
+        places.append({
+            "id": f"section-{k}", "section": section, "motions": motions,
+            "images": [image for image in content if isinstance(image, Image)],
+            "statistics": [(one.heading, *one.cells(), one.where) for one in metrics if one.is_statistics],
+            "metrics": [metric for metric in metrics if not metric.is_statistics],
+        })  # fmt: skip
     folded = next((place["id"] for place in places if place["section"].folded), "")
     body = (
         _templates()
         .get_template("report.html")
-        .render(report=report, places=places, menu=menu, motions=len(data), remark_count=remarks, first_folded=folded)
-    )
+        .render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
+                summary_cards=_cards(() if report.summary is None else report.summary.metrics))
+    )  # fmt: skip
     end = " Keys: space plays, ← and → step." if data else ""
     return document(report.title, body, _script(), data="\n".join(data), end=end)
 
 
-def _groups(motion: Motion, name: str) -> list[tuple[str, str]]:
-    """Name the groups of a motion's panels, and its map, with the ids that the scripts give them."""
-    titles = [*motion.panels, *(["Domains and profiles"] if motion.map is not None else [])]
-    short = {title.partition(" of ")[0]: f"{name}-{k}" for k, title in reversed([*enumerate(titles)])}
-    return list(reversed(short.items()))
+def _cards(metrics: Sequence[Metric]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return titles and lines of cards: one for each statistics, and one for the limits and the collisions."""
+    cards = []
+    for metric in metrics:
+        if metric.is_statistics:
+            unit = f" {metric.unit}".replace(" °", "°").rstrip()
+            notes = "median", "95th percentile", f"max {metric.where}"
+            cards.append((metric.label, [(c + unit, note) for c, note in zip(metric.cells(), notes, strict=True)]))
+    others = [metric for metric in metrics if metric.key in CARDS and not metric.is_statistics]
+    lines = [("", f"{metric.label}: {metric.text}") for metric in others]
+    return [*cards, *([("Limits and collisions", lines)] if lines else [])]
 
 
-def _note(motion: Motion, frames: int, surfaces: bool) -> str:
-    """Describe a motion and what is omitted from it."""
-    sentences = [motion.note] if motion.note else []
-    if len(motion.time) > frames:
-        sentences.append(f"{frames} of {len(motion.time)} times are included.")
-    if not surfaces and any(body.parts for body in motion.bodies):
+def _groups(animation: Animation, name: str) -> list[tuple[str, str]]:
+    """Name the groups of an animation's panels, and its map, with the ids that the scripts give them."""
+    titles = [*animation.panels, *(["Domains and profiles"] if animation.map is not None else [])]
+    return [(title, f"{name}-{k}") for k, title in enumerate(titles)]
+
+
+def _note(animation: Animation, frames: int, surfaces: bool) -> str:
+    """Describe an animation and what is omitted from it."""
+    sentences = [animation.note] if animation.note else []
+    if len(animation.time) > frames:
+        sentences.append(f"{frames} of {len(animation.time)} times are included.")
+    if not surfaces and any(body.parts for stage in animation.stages for body in stage.bodies):
         sentences.append("Drawn as skeletons: with surfaces this file would be too large.")
     return " ".join(sentences)
 

@@ -19,12 +19,12 @@ from maniport.util.validation import Array, as_choice, as_times
 
 STATES = {
     status.FOLLOWED: ("#D9E0E6", "#3A4652"),
-    status.NEARLY_FOLLOWED: ("#B5DDF5", "#30607C"),
-    status.ELLIPSOID: ("#56B4E9", "#4A94BF"),
-    status.JOINT_LIMIT: ("#E69F00", "#D99A14"),
-    status.VELOCITY_LIMIT: ("#CC79A7", "#CC79A7"),
+    status.NEARLY_FOLLOWED: ("#B3BDC7", "#5A6875"),
+    status.ELLIPSOID: ("#A58BC4", "#A58BC4"),
+    status.JOINT_LIMIT: ("#CC79A7", "#CC79A7"),
+    status.VELOCITY_LIMIT: ("#7B4B94", "#8F62A8"),
     status.PATH: ("#000000", "#E8EDF2"),
-    status.HELD: ("#8C2F1B", "#E2705B"),
+    status.HELD: ("#B00020", "#FF8F9D"),
 }
 """States of a waypoint from good to bad, with their colors on a light and on a dark background."""
 
@@ -44,26 +44,28 @@ class Body:
 
     name: str
     skeleton: Array  # (n, k, 3) corners of the polyline from base to end effector [m]
-    ellipsoids: Mapping[str, Array] = field(default_factory=dict)  # (n, 3, 3) by role, in the unit of the motion
+    ellipsoids: Mapping[str, Array] = field(default_factory=dict)  # (n, 3, 3) by role, in the unit of the animation
     path: Array | None = None  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
-    turn: Array | None = None  # (3, 3) rotation of the camera from the frame of the other bodies
-    figure: Array | None = None  # (k, 7) rods of a trunk: start, end, radius [m]
-    beside: "tuple[Body, ...]" = ()  # further arms in the same picture and frame
-
-    @property
-    def all(self) -> "tuple[Body, ...]":
-        """All arms of the picture, itself first."""
-        return self, *self.beside
 
     def __post_init__(self) -> None:
         for role in self.ellipsoids:
             as_choice(role, "role", tuple(ROLES))
 
 
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Arms in one view and one frame."""
+
+    name: str
+    bodies: tuple[Body, ...]
+    rotation: Array | None = None  # (3, 3) of the camera, from the frame of the other stages
+    torso: Array | None = None  # (k, 7) rods of a torso: start, end, radius [m]
+
+
 @dataclass(frozen=True)
-class Picture:
-    """A PNG picture with a description."""
+class Image:
+    """A PNG image with a description."""
 
     png: bytes
     description: str
@@ -109,12 +111,11 @@ class Cloud:
     role: str
     coordinates: Array  # (n, 2)
     ellipsoids: Array  # (n, d, d)
-    gap: Array | None = None  # (n,) distances to the feasible set, which color a line
 
 
 @dataclass(frozen=True, eq=False)
 class DomainMap:
-    """Domains as clouds, and profiles as lines with a point for each time of a motion."""
+    """Domains as clouds, and profiles as lines with a point for each time of a animation."""
 
     domains: tuple[Cloud, ...]
     profiles: tuple[Cloud, ...] = ()
@@ -122,11 +123,11 @@ class DomainMap:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """ArmGroup, curves and a map with one clock."""
+class Animation:
+    """Moving arms, curves and a map with one time."""
 
     time: Array  # (n,) ascending [s]
-    bodies: tuple[Body, ...]  # side by side, with one scale
+    stages: tuple[Stage, ...]  # side by side, with one scale
     panels: Mapping[str, tuple[Panel, ...]] = field(default_factory=dict)  # by topic
     map: DomainMap | None = None
     unit: str = ""  # of semi-axes
@@ -139,7 +140,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         count = len(as_times(self.time))
-        arrays = {f"the skeleton of {one.name!r}": one.skeleton for body in self.bodies for one in body.all}
+        arrays = {f"the skeleton of {body.name!r}": body.skeleton for stage in self.stages for body in stage.bodies}
         arrays |= {f"the line {line.name!r} of {panel.title!r}": line.values
                    for panels in self.panels.values() for panel in panels for line in panel.lines}  # fmt: skip
         arrays |= {f"the profile {one.name!r}": one.coordinates for one in (self.map.profiles if self.map else ())}
@@ -148,24 +149,24 @@ class Motion:
                 raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
 
 
-def as_json(motion: Motion, frames: int, *, surfaces: bool = True) -> str:
-    """Encode a motion for a ``<script>`` element with data, thinned to at most `frames` times."""
-    kept = evenly_spaced(len(motion.time), frames)
-    time, names = motion.time[kept], list(STATES)
-    states = [names.index(motion.states[k]) for k in kept] if motion.states else []
+def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
+    """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
+    kept = evenly_spaced(len(animation.time), frames)
+    time, names = animation.time[kept], list(STATES)
+    states = [names.index(animation.states[k]) for k in kept] if animation.states else []
     data = {
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
-        "unit": motion.unit,
-        "size": float(motion.size),
-        "clocks": {name: packed(times[kept]) for name, times in motion.clocks.items()},
-        "legend": dict(motion.legend),
-        "bodies": [_body(body, kept, surfaces) for body in motion.bodies],
-        "panels": {name: [_panel(panel, kept) for panel in panels] for name, panels in motion.panels.items()},
-        "map": None if motion.map is None else _map(motion.map, kept),
+        "unit": animation.unit,
+        "size": float(animation.size),
+        "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
+        "legend": dict(animation.legend),
+        "stages": [_stage(stage, kept, surfaces) for stage in animation.stages],
+        "panels": {name: [_panel(panel, kept) for panel in panels] for name, panels in animation.panels.items()},
+        "map": None if animation.map is None else _map(animation.map, kept),
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
-        "opening": 0.0 if motion.opening is None else float(motion.opening - time[0]),
+        "opening": 0.0 if animation.opening is None else float(animation.opening - time[0]),
     }
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element
@@ -177,17 +178,23 @@ def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
     return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
 
 
+def _stage(stage: Stage, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
+    rotation, torso = stage.rotation, stage.torso
+    return {
+        "name": stage.name,
+        "rotation": None if rotation is None else np.asarray(rotation, dtype=float).ravel().tolist(),
+        "torso": None if torso is None else np.asarray(torso, dtype=float).round(4).tolist(),
+        "bodies": [_body(body, kept, surfaces) for body in stage.bodies],
+    }
+
+
 def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
-    beside = {"beside": [_body(one, kept, surfaces) for one in body.beside]} if body.beside else {}
     return {
         "name": body.name,
         "skeleton": packed(body.skeleton[kept]),
         "ellipsoids": {role: packed(_upper(matrices[kept])) for role, matrices in body.ellipsoids.items()},
         "path": None if body.path is None else packed(body.path[kept]),
         "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
-        "turn": None if body.turn is None else np.asarray(body.turn, dtype=float).ravel().tolist(),
-        "figure": None if body.figure is None else np.asarray(body.figure, dtype=float).round(4).tolist(),
-        **beside,
     }
 
 
@@ -240,7 +247,6 @@ def _cloud(cloud: Cloud, kept: NDArray[np.intp]) -> dict[str, Any]:
         "role": cloud.role,
         "coordinates": packed(cloud.coordinates[kept]),
         "ellipsoids": packed(_upper(matrices)) if d <= 3 else None,
-        "gap": None if cloud.gap is None else packed(cloud.gap[kept]),
     }
 
 

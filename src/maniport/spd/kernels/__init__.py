@@ -88,10 +88,10 @@ def distances(a: Array, b: Array) -> Array:
 
 
 def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:
-    """Build R (L X Lᵀ)^s Rᵀ: recentre, dilate, rotate and move."""
+    """Build R (L X Lᵀ)^s Rᵀ: recenter, dilate, rotate and move."""
     values, vectors = eigh(congruence(left, points))
     if not np.all(values[..., 0] > 0.0):
-        raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentred")
+        raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentered")
     with np.errstate(over="ignore", under="ignore"):
         raised = values**exponent
     require_in_range(raised, name)

@@ -29,25 +29,22 @@ from maniport.util.progress import Progress, Step, counted, pieces
 from maniport.util.validation import Array
 
 ALL = 400  # Ellipsoids of the whole training set, of trajectories as of random samples; smaller sets take every n-th
-SAME_FRAME = np.eye(3)  # How the Panda is mounted relative to the person
+SAME_FRAME = np.eye(3)  # Base rotation from the person to the Panda
 REMEDIES: dict[str, dict[str, Any]] = {PAPER: {"eigenvalue_floor": FLOOR}, OURS: {"damping": DAMPING}}
 
-Known = dict[str, tuple[Array, Array]]
+Truth = dict[str, tuple[Array, Array]]
 
 NOTES = (
     "Trajectories: eight of 50 points; the person's from the authors' published code, the Panda's by following the "
-    "same hand paths, scaled (not published; see trajectories.py). Smaller sets take every n-th point. Random sets: "
-    "uniform joint samples, every n-th of 400 for each arm.",
-    "No truth is known here. As in the paper, the error is the distance to the answers of the naive baseline: each of "
-    "5000 samples of the person's domain looked up among 5000 of the Panda's. 'Naive baseline, redrawn' tells how far "
-    "that baseline is from another draw of itself: errors of this size and below say nothing. A small error means that "
-    "a method resembles the lookup, not that it is good; the identity baseline resembles it, too.",
-    "The authors' public program differs from the paper's text. It divides by the mean squared distance (÷ c²). Its "
-    "baseline scales ellipsoids to one volume, transports the tangent vector from the nearest sample of the person's "
-    "domain to that sample's nearest one of the Panda's, and restores the volume. The rows 'ours, authors' baseline' "
-    "compare the paper's settings with that baseline.",
-    "Our defaults: damping 0.01 instead of a floor of 1e-4, for the baseline too, and the base orientation is known (the same "
-    "frame). Numbers of the two settings have different regularisations and must not be compared with each other.",
+    "same scaled hand paths. Random sets: uniform joint samples, every n-th of 400 for each arm.",
+    "There is no ground truth. As in the paper, the error is the distance to a naive baseline: 5000 samples of the "
+    "person's domain looked up among 5000 of the Panda's. 'Naive baseline, resampled' is its distance to itself with "
+    "other samples: errors of this size and below are noise. A small error means similarity to the lookup.",
+    "The authors' program divides by the mean squared distance (÷ c²). Its baseline scales ellipsoids to one volume, "
+    "transports the tangent vector from the nearest sample of the person to that sample's nearest of the Panda, and "
+    "restores the volume: rows 'ours, authors' baseline'.",
+    "Our defaults: damping 0.01 instead of a floor of 1e-4, for the baseline too, and the base rotation is given (the "
+    "same frame). Numbers with different regularization must not be compared.",
 )
 
 
@@ -75,9 +72,9 @@ class AuthorsBaseline:
 
     def _normalized(self, points: Array) -> tuple[Array, Array]:
         """Scale ellipsoids to determinant 1; also return the factors that restore them, shape (n, 1, 1)."""
-        lifted = self._regularization.apply(points, "ellipsoids")
-        scale = np.linalg.det(lifted)[:, None, None] ** (1.0 / points.shape[-1])
-        return lifted / scale, scale
+        raised = self._regularization.apply(points, "ellipsoids")
+        scale = np.linalg.det(raised)[:, None, None] ** (1.0 / points.shape[-1])
+        return raised / scale, scale
 
 
 def _coordinates(points: Array) -> Array:
@@ -85,36 +82,45 @@ def _coordinates(points: Array) -> Array:
     return to_vector(logm(points))
 
 
-def human_robot(seed: int, tell: Progress | None = None, draws: int = DRAWS) -> Experiment:
+def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`."""
     outcomes: list[Outcome] = []
     title, samples = "Table III: human arm to Panda", 5000
     facts: dict[str, Any] = {"naive baseline, samples of each domain": samples}
     rows = paper_table("III")
-    theirs = evaluation(AuthorsBaseline(FLOOR).fit(*_uniform(samples, np.random.default_rng(seed))))
-    parts = pieces(Step(tell, title), *(1.0 for _ in REMEDIES))
+    authors_truth = evaluation(AuthorsBaseline(FLOOR).fit(*_uniform(samples, seed)))
+    parts = pieces(Step(progress, title), *(1.0 for _ in REMEDIES))
     for (settings, remedy), part in zip(REMEDIES.items(), parts, strict=True):
         baseline, seconds = naive_baseline(remedy, seed)
         facts[f"naive baseline, seconds to build, {settings}"] = seconds
-        known = evaluation(baseline)
+        truth = evaluation(baseline)
         for row in counted(rows, len(rows), part):
-            outcomes.append(_row(row, settings, seed, draws, known))
+            outcomes.append(_row(row, settings, seed, draws, truth))
             if settings == PAPER:
-                outcomes.append(_row(row, AUTHORS, seed, draws, theirs))
-        outcomes += _doing_less(settings, seed, baseline, known)
-    outcomes += _large(seed, known)
+                outcomes.append(_row(row, AUTHORS, seed, draws, authors_truth))
+        resampled = [Draw(seed + 1, *_uniform(samples, seed + 1), truth)]
+        tasks = [Draw(seed, *training(ALL), truth)]
+        outcomes += [
+            measure(clone(baseline), resampled, settings, "baselines", None, str(samples), "naive baseline, resampled"),
+            measure(IdentityMap(**remedy), tasks, settings, "baselines", None, "0", "identity"),
+            measure(ParallelTransport(**remedy), tasks, settings, "baselines", None, str(ALL), "PT only"),
+        ]
+    teacher, student = _arms()
+    large = _ellipsoids(teacher.sample(TEACHER_SAMPLES, seed), student.sample(STUDENT_SAMPLES, seed + 1))
+    sizes = f"{TEACHER_SAMPLES} and {STUDENT_SAMPLES}"
+    outcomes += measure_defaults([Draw(seed, *large, truth)], "Sobol samples", sizes, SAME_FRAME)
     return Experiment("human-robot", title, NOTES, tuple(outcomes), facts)
 
 
 def naive_baseline(remedy: dict[str, Any], seed: int, samples: int = 5000) -> tuple[NearestNeighbor, float]:
     """Build the table of the naive baseline from uniform samples of both arms; also return the seconds it took."""
-    teacher, student = _uniform(samples, np.random.default_rng(seed))
+    teacher, student = _uniform(samples, seed)
     started = clock.perf_counter()
     baseline = NearestNeighbor(**remedy, n_samples=samples).fit(teacher, student)
     return baseline, clock.perf_counter() - started
 
 
-def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Known:
+def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Truth:
     """H-Eval-1 to -4: the person's ellipsoids and the baseline's answers, shapes (50, 3, 3)."""
     arm = trajectories.human_arm()
     profiles = {name: arm.manipulability(path) for name, path in trajectories.human_evaluation().items()}
@@ -124,48 +130,24 @@ def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Known:
 def training(samples: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms along their training trajectories, every n-th of 400; shapes (samples, 3, 3)."""
     paths = trajectories.human_training(), trajectories.robot_training()
-    joined = (trajectories.every(np.concatenate(list(each.values())), samples) for each in paths)
+    joined = (trajectories.every(np.concatenate(list(path.values())), samples) for path in paths)
     return _ellipsoids(*joined)
 
 
-def _row(row: PaperRow, settings: str, seed: int, draws: int, known: Known) -> Outcome:
+def _row(row: PaperRow, settings: str, seed: int, draws: int, truth: Truth) -> Outcome:
     adapter = our_adapter(row, SAME_FRAME) if settings == OURS else paper_adapter(row)
     exact = settings == AUTHORS
     if row.data == TRAJECTORIES:
-        return measure(adapter, [Draw(seed, *training(row.samples), known, exact)], settings, row.data, row)
-    sets = [Draw(s, *_random(row.samples, s), known, exact) for s in range(seed, seed + draws)]
-    return measure(adapter, sets, settings, "random, drawn separately for each arm", row)
+        return measure(adapter, [Draw(seed, *training(row.samples), truth, exact)], settings, row.data, row)
+    sets = []
+    for s in range(seed, seed + draws):
+        teacher, student = (trajectories.every(points, row.samples) for points in _uniform(ALL, s))
+        sets.append(Draw(s, teacher, student, truth, exact))
+    return measure(adapter, sets, settings, "random, sampled separately for each arm", row)
 
 
-def _doing_less(settings: str, seed: int, baseline: NearestNeighbor, known: Known) -> list[Outcome]:
-    """What the paper does not show: the baseline against another draw of itself, no map, and no matching."""
-    remedy, size = REMEDIES[settings], baseline.n_samples
-    again = [Draw(seed + 1, *_uniform(size, np.random.default_rng(seed + 1)), known)]
-    tasks = [Draw(seed, *training(ALL), known)]
-    data = "simpler ways"
-    return [
-        measure(clone(baseline), again, settings, data, samples=str(size), method="naive baseline, redrawn"),
-        measure(IdentityMap(**remedy), tasks, settings, data, samples="0", method="identity baseline"),
-        measure(ParallelTransport(**remedy), tasks, settings, data, samples=str(ALL), method="PT only"),
-    ]
-
-
-def _large(seed: int, known: Known) -> list[Outcome]:
-    """Our defaults on domains of the size that they are meant for."""
-    teacher, student = _arms()
-    draw = Draw(
-        seed, *_ellipsoids(teacher.sample(TEACHER_SAMPLES, seed), student.sample(STUDENT_SAMPLES, seed + 1)), known
-    )
-    return measure_defaults([draw], "Sobol samples", f"{TEACHER_SAMPLES} and {STUDENT_SAMPLES}", SAME_FRAME)
-
-
-def _random(samples: int, seed: int) -> tuple[Array, Array]:
-    """Ellipsoids of both arms at uniform joint samples, every n-th of 400."""
-    teacher, student = _uniform(ALL, np.random.default_rng(seed))
-    return trajectories.every(teacher, samples), trajectories.every(student, samples)
-
-
-def _uniform(samples: int, random: np.random.Generator) -> tuple[Array, Array]:
+def _uniform(samples: int, seed: int) -> tuple[Array, Array]:
+    random = np.random.default_rng(seed)
     return _ellipsoids(*(arm.sample(samples, random, "uniform") for arm in _arms()))
 
 

@@ -1,4 +1,4 @@
-"""What an experiment measures: errors of one method on one evaluation set, averaged over draws."""
+"""Errors of a method on the evaluation sets of an experiment, averaged over draws."""
 
 import time as clock
 import warnings
@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 from maniport.errors import ManiportWarning
 from maniport.estimator import clone
 from maniport.evaluation import RMSE, rmse
-from maniport.studies.paper.tables import OURS, PaperRow, in_words
+from maniport.studies.paper.tables import OURS, PaperRow
 from maniport.transfer import DomainAdapter, ParallelTransport, RiemannianICP
 from maniport.util.defaults import DAMPING
 from maniport.util.validation import Array
 
-DRAWS = 10  # Random sets, over which errors are averaged
-
-FORMS = tuple(form.name for form in fields(RMSE))
+DRAWS = 10  # Random sets over which errors are averaged
 
 
 @dataclass(frozen=True)
@@ -35,12 +33,12 @@ class Draw:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One method, fitted to every draw in one way, and its errors."""
+    """Errors of one method that was fitted to all draws with the same settings."""
 
-    row: PaperRow | None  # of the paper, where it prints it
+    row: PaperRow | None  # of the paper, if it prints the number
     data: str
     samples: str
-    method: str  # these three in the words of the paper, where it has any
+    method: str
     settings: str  # of the fit: `PAPER`, `AUTHORS` or `OURS`
     adapter: str  # the settings in full
     errors: Mapping[str, Sequence[RMSE]]  # by evaluation set, one for each draw
@@ -49,52 +47,44 @@ class Outcome:
     draws: int
     seed: int  # of the first draw; the next ones follow
     warned: int  # draws in which the library warned
-    warnings: tuple[type[Warning], ...] = ()
 
     def lines(self) -> list[dict[str, Any]]:
-        """Write it as lines of a table, one for each evaluation set: means and spreads (population) over draws."""
-        row, lines = self.row, []
-        for name, several in self.errors.items():
+        """Return one line of a table for each evaluation set: means and standard deviations over draws."""
+        row = self.row
+        lines = []
+        for name, errors in self.errors.items():
             forms: dict[str, float] = {}
-            for form in FORMS:
-                values = [getattr(one, form) for one in several]
+            for form in (form.name for form in fields(RMSE)):
+                values = [getattr(error, form) for error in errors]
                 forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
-            line = {
-                "table": row and row.table,
-                "row": row and row.row,
-                "data": self.data,
-                "samples": self.samples,
-                "method": self.method,
-                "evaluation": name,
-                "paper_rmse": row and row.rmse[name],
-                "paper_iterations": row and row.iterations,
-                "settings": self.settings,
-                "adapter": self.adapter,
-                **forms,
-            }
             lines.append(
-                line | {key: getattr(self, key) for key in ("iterations", "seconds", "draws", "seed", "warned")}
+                {
+                    "table": row and row.table,
+                    "row": row and row.row,
+                    **{key: getattr(self, key) for key in ("data", "samples", "method")},
+                    "evaluation": name,
+                    "paper_rmse": row and row.rmse[name],
+                    "paper_iterations": row and row.iterations,
+                    **{key: getattr(self, key) for key in ("settings", "adapter")},
+                    **forms,
+                    **{key: getattr(self, key) for key in ("iterations", "seconds", "draws", "seed", "warned")},
+                }
             )
         return lines
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One experiment of the paper, run again."""
+    """One experiment of the paper, repeated."""
 
     name: str
     title: str
-    notes: tuple[str, ...]  # what was done, in sentences
+    notes: tuple[str, ...]
     outcomes: tuple[Outcome, ...]
     facts: Mapping[str, Any] = field(default_factory=dict)  # further numbers, with their units in the names
 
-    @property
-    def found(self) -> str:
-        """One line for the progress display."""
-        return f"{len(self.lines())} results"
-
     def lines(self) -> list[dict[str, Any]]:
-        """Lines of all outcomes; see `Outcome.lines`."""
+        """Return the lines of all outcomes; see `Outcome.lines`."""
         return [line for outcome in self.outcomes for line in outcome.lines()]
 
 
@@ -109,52 +99,48 @@ def measure(
 ) -> Outcome:
     """Fit an adapter to every draw and average its errors."""
     errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
-    iterations, seconds, warned = [], [], list[set[type[Warning]]]()
+    iterations, seconds, warned = [], [], 0
     for draw in draws:
         fitted = clone(adapter)
         if "random_state" in fitted.get_params():
             fitted.set_params(random_state=draw.seed)
         started = clock.perf_counter()
-        warned.append(fit_quietly(fitted, draw))
+        warned += fit_quietly(fitted, draw)
         seconds.append(clock.perf_counter() - started)
         iterations.append(fitted.n_iter_)
         for name, (points, truth) in draw.evaluation.items():
-            errors[name].append(score(fitted, points, truth, draw.regularized))
+            # a truth that is not regularized gets the regularization of the student's domain
+            target = truth if draw.regularized else fitted.student_side(truth, "truth")
+            damped = fitted.transform(points) + fitted.released_damping_ * np.eye(points.shape[-1])
+            errors[name].append(rmse(target, damped))
     return Outcome(
         row=row,
         data=data,
         samples=row.label if row else samples,
         method=row.method if row else method,
         settings=settings,
-        adapter=in_words(adapter),
+        adapter=repr(adapter),
         errors=errors,
         iterations=float(np.mean(iterations)),
         seconds=float(np.median(seconds)),
         draws=len(draws),
         seed=draws[0].seed,
-        warned=sum(map(bool, warned)),
-        warnings=tuple(sorted(set().union(*warned), key=lambda kind: kind.__name__)),
+        warned=warned,
     )
 
 
 def measure_defaults(draws: Sequence[Draw], data: str, samples: str, base_rotation: ArrayLike) -> list[Outcome]:
-    """What the paper did not try: our defaults with the base_rotation known, without and with matching."""
+    """Measure our defaults with the base rotation, without and with matching."""
     adapters = {
         "PT only": ParallelTransport(damping=DAMPING, base_rotation=base_rotation),
         "PT + ICP": RiemannianICP(damping=DAMPING, base_rotation=base_rotation),
     }
-    return [measure(one, draws, OURS, data, samples=samples, method=method) for method, one in adapters.items()]
+    return [measure(kind, draws, OURS, data, samples=samples, method=method) for method, kind in adapters.items()]
 
 
-def fit_quietly(adapter: DomainAdapter, draw: Draw) -> set[type[Warning]]:
-    """Fit an adapter to a draw; return which warnings the library has, instead of warning."""
+def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:
+    """Fit an adapter to a draw; return whether the library warned."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)
         adapter.fit(draw.teacher, draw.student)
-    return {one.category for one in caught if issubclass(one.category, ManiportWarning)}
-
-
-def score(adapter: DomainAdapter, points: Array, truth: Array, regularized: bool = False) -> RMSE:
-    """Return errors of a fitted adapter; a truth that is not regularized gets what the student's domain got."""
-    mapped = adapter.transform(points) + adapter.released_damping_ * np.eye(points.shape[-1])
-    return rmse(truth if regularized else adapter.student_side(truth, "truth"), mapped)
+    return any(issubclass(warning.category, ManiportWarning) for warning in caught)

@@ -1,4 +1,4 @@
-"""Run the paper's experiments again and write what came out."""
+"""Repeat the paper's experiments and write the results."""
 
 import os
 import time as clock
@@ -9,14 +9,13 @@ from maniport.errors import InvalidInputError
 from maniport.report.metrics import facts_of
 from maniport.report.renderings import files_of, write_facts
 from maniport.studies.methods import compare_methods
-from maniport.studies.paper import report
 from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
 from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
-from maniport.studies.paper.report import Reproduction
+from maniport.studies.paper.report import Reproduction, as_csv, experiment_report
 from maniport.transfer import NearestNeighbor, ParallelTransport, RiemannianICP
 from maniport.util.atomic_io import folder_written_whole, require_free
-from maniport.util.progress import Progress
+from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_count
 
 ALL, HUMAN_ROBOT = "all", "human-robot"
@@ -26,17 +25,15 @@ FIGURES = {
     "two-dof": ("two-dof-arms", "two-dof-ellipsoids"),
     "human-robot": ("human-robot-arms", "human-robot-ellipsoids", "human-robot-diffusion"),
 }
-"""Names of the figures of each experiment, without ending."""
+"""Names of the figures of each experiment, without suffix."""
 
-REPORT = "report.html"
-
-METHODS_FILE = "methods"
+REPORT, METHODS_FILE = "report.html", "methods"
 
 FILES = (
-    tuple(f"{name}{ending}" for name in EXPERIMENTS for ending in (".md", ".csv", ".json"))
-    + tuple(f"{METHODS_FILE}{ending}" for ending in (".md", ".json"))
-    + tuple(file for names in FIGURES.values() for file in files_of(*names))
-    + (REPORT,)
+    *(f"{name}{suffix}" for name in EXPERIMENTS for suffix in (".md", ".csv", ".json")),
+    *(f"{METHODS_FILE}{suffix}" for suffix in (".md", ".json")),
+    *(file for names in FIGURES.values() for file in files_of(*names)),
+    REPORT,
 )
 """The files that `reproduce` writes for all experiments."""
 
@@ -52,44 +49,37 @@ def reproduce(
 ) -> Reproduction:
     """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all."""
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
-    first, several = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
+    first, count = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     if methods and HUMAN_ROBOT not in names:
         raise InvalidInputError(f"methods are compared in the experiment {HUMAN_ROBOT!r}; found {which!r}")
     require_free(Path(output), FILES, overwrite)
-    tell = progress or (lambda step, fraction, found="": None)
+    report = progress or no_progress
     started = clock.perf_counter()
-    _warm_up()
+    for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
+        fit_quietly(adapter, toy_draw(0))  # loads the kernels, which would count as part of the first fit
     with folder_written_whole(output, FILES, overwrite) as folder:
-        experiments = tuple(_run(name, first, folder, tell, several) for name in names)
-        compared = compare_methods(methods, first, tell) if methods else None
+        experiments = tuple(_run(name, first, folder, report, count) for name in names)
+        compared = compare_methods(methods, first, report) if methods else None
         reproduction = Reproduction(experiments, first, clock.perf_counter() - started, compared)
         if compared is not None:
-            for ending in (".md", ".json"):
-                write_facts(folder / f"{METHODS_FILE}{ending}", facts_of(compared))
-        _write_report(reproduction, folder)
+            for suffix in (".md", ".json"):
+                write_facts(folder / f"{METHODS_FILE}{suffix}", facts_of(compared))
+        _write_page(reproduction, folder)
     return reproduction
 
 
-def _warm_up() -> None:
-    """Load the compiled kernels, which would count as part of the first fit."""
-    draw = toy_draw(0)
-    for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
-        fit_quietly(adapter, draw)
+def _write_page(reproduction: Reproduction, folder: Path) -> None:
+    """Write the page with the tables and the figures that were written before."""
+    from maniport.report.page import Image, write_page
+
+    pictures = {
+        name: [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
+        for name in (experiment.name for experiment in reproduction.experiments)
+    }
+    write_page(folder / REPORT, facts_of(reproduction), pictures)
 
 
-def _write_report(reproduction: Reproduction, folder: Path) -> None:
-    """Write the page with the tables, the arms in motion and the figures that were written before."""
-    from maniport.report.page import Motion, Picture, write_page
-    from maniport.studies.paper.figures import MOVED
-
-    shown: dict[str, list[Motion | Picture]] = {}
-    for name in (one.name for one in reproduction.experiments):
-        shown[name] = [MOVED[name](reproduction.seed)] if name in MOVED else []
-        shown[name] += [Picture((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
-    write_page(folder / REPORT, facts_of(reproduction), shown)
-
-
-def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Experiment:
+def _run(name: str, seed: int, folder: Path, progress: Progress, draws: int) -> Experiment:
     """Run one experiment and write its files."""
     from maniport.util.optional import matplotlib
 
@@ -97,15 +87,14 @@ def _run(name: str, seed: int, folder: Path, tell: Progress, draws: int) -> Expe
     from maniport.report import figures
     from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
 
-    experiment = EXPERIMENTS[name](seed, tell, draws=draws)
-    tell(experiment.title, 1.0, experiment.found)
+    experiment = EXPERIMENTS[name](seed, progress, draws=draws)
+    progress(experiment.title, 1.0, f"{len(experiment.lines())} results")
     step = f"{experiment.title}, figures"
-    tell(step, 0.0)
+    progress(step, 0.0)
     for title, figure in DRAWN[name](seed).items():
         figures.save(figure, folder / title)
-    tell(step, 1.0, ", ".join(FIGURES[name]))
-    (folder / f"{name}.csv").write_text(report.as_csv(experiment), encoding="utf-8")
-    facts = report.experiment_facts(experiment, FIGURES[name])
-    for ending in (".md", ".json"):
-        write_facts(folder / f"{name}{ending}", facts)
+    progress(step, 1.0, ", ".join(FIGURES[name]))
+    (folder / f"{name}.csv").write_text(as_csv(experiment), encoding="utf-8")
+    for suffix in (".md", ".json"):
+        write_facts(folder / f"{name}{suffix}", experiment_report(experiment, FIGURES[name]))
     return experiment

@@ -103,17 +103,5 @@ def our_adapter(
     """Return the same method with the library's defaults and, where it is known, the base_rotation of the student."""
     if row.exponent is None:
         return ParallelTransport(damping=damping, base_rotation=base_rotation)
-    return RiemannianICP(damping=damping, base_rotation=base_rotation, search=Search(most_singular=row.most_singular))
-
-
-def in_words(adapter: DomainAdapter) -> str:
-    """Name the method and the parameters that are not its defaults; the seed is told elsewhere."""
-    given = {key: value for key, value in adapter.get_params(deep=False).items() if key != "random_state"}
-    default = type(adapter)().get_params(deep=False)
-    words = []
-    for key, value in given.items():
-        if key == "base_rotation":
-            words += [] if value is None else ["base_rotation=base_rotation"]
-        elif value != default[key]:
-            words.append(f"{key}={value:g}" if isinstance(value, float) else f"{key}={value!r}")
-    return f"{type(adapter).__name__}({', '.join(words)})"
+    search = Search(most_singular=row.most_singular)
+    return RiemannianICP(damping=damping, base_rotation=base_rotation, search=search)

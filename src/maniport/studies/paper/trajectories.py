@@ -33,7 +33,7 @@ READY = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 
 
 def two_dof_arms() -> tuple[Arm, Arm]:
-    """Teacher and student of § V-A: two links of one metre, in the horizontal x-y and in the vertical y-z plane."""
+    """Teacher and student of § V-A: two links of one meter, in the horizontal x-y and in the vertical y-z plane."""
     links = [[0, 0, 1, 0], [0, 0, 1, 0]]
     return Arm.from_dh("horizontal", links), Arm.from_dh("vertical", links, base=MOUNTING)
 

@@ -61,7 +61,7 @@ class Correspondence(ABC):
 
     @abstractmethod
     def between(self, teacher: Array, student: Array) -> Matching:
-        """Prepare two recentred clouds, shapes (n, d, d) and (m, d, d); return their matches by rotation."""
+        """Prepare two recentered clouds, shapes (n, d, d) and (m, d, d); return their matches by rotation."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -37,64 +36,30 @@ class EllipsoidFeatures:
 class ScoreMatcher:
     """Two clouds, prepared for matching by the largest score under many rotations."""
 
-    def __init__(self, teacher: EllipsoidFeatures, student: EllipsoidFeatures, largest_table: int = 512 * 512):
-        self._student: tuple[Any, ...]
-        self._teacher, self._table = teacher, len(teacher.shapes) * len(student.shapes) <= largest_table
-        if self._table:
-            gaps = [np.abs(one[:, None] - other) for one, other in zip(teacher.shapes.T, student.shapes.T, strict=True)]
-            likeness = np.exp(-gaps[0]) + np.exp(-gaps[1])
-            self._student = np.ascontiguousarray(student.directions.transpose(1, 2, 0)), likeness
-        else:
-            order = np.argsort(student.shapes[:, 0], kind="stable")
-            places = np.searchsorted(student.shapes[order, 0], teacher.shapes[:, 0])
-            self._shapes = teacher.shapes, places
-            self._student = student.directions[order], student.shapes[order], order
+    def __init__(self, teacher: EllipsoidFeatures, student: EllipsoidFeatures):
+        order = np.argsort(student.shapes[:, 0], kind="stable")
+        positions = np.searchsorted(student.shapes[order, 0], teacher.shapes[:, 0])
+        self._directions = teacher.directions
+        self._clouds = teacher.shapes, positions, student.directions[order], student.shapes[order], order
 
     def query(self, rotation: Array | None = None) -> tuple[Indices, Array]:
         """For every teacher ellipsoid, rotated, the index of the student's with the largest score, and the score."""
-        directions = self._teacher.directions if rotation is None else self._teacher.directions @ rotation.T
+        directions = self._directions if rotation is None else self._directions @ rotation.T
         index, score = np.empty(len(directions), np.intp), np.empty(len(directions))
-        if self._table:
-            _try_all(directions, *self._student, index, score)
-        else:
-            _search(directions, *self._shapes, *self._student, index, score)
+        _search(directions, *self._clouds, index, score)
         return index, score
 
 
-@kernel(fastmath=True)
-def _try_all(directions_t, directions_s, likeness, indices, scores):  # type: ignore[no-untyped-def]
-    """Fill `indices` and `scores`; the loops over j become vector instructions."""
-    _, d, count = directions_s.shape
-    values, products = np.empty(count), np.empty(count)
-    for i in range(len(indices)):
-        values[:] = likeness[i]
-        for side in range(2):
-            for j in range(count):
-                products[j] = directions_s[side, 0, j] * directions_t[i, side, 0]
-            for k in range(1, d):
-                for j in range(count):
-                    products[j] += directions_s[side, k, j] * directions_t[i, side, k]
-            for j in range(count):
-                values[j] += abs(products[j])
-        best = values[0]
-        for j in range(count):
-            best = max(best, values[j])
-        index = 0
-        while values[index] < best - TIE:
-            index += 1
-        indices[i], scores[i] = index, best
-
-
 @kernel
-def _search(directions_t, shapes_t, places, directions_s, shapes_s, order, indices, scores):  # type: ignore[no-untyped-def]
+def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, indices, scores):  # type: ignore[no-untyped-def]
     """Fill `indices` and `scores`, going outward from the student ellipsoid of the nearest condition number.
 
     The score of a candidate is at most 3 + exp(−|p − p'|), so that the search ends where this falls below the best.
     """
     count, d = len(order), directions_t.shape[2]
-    for i in range(len(places)):
+    for i in range(len(positions)):
         condition, volume = shapes_t[i, 0], shapes_t[i, 1]
-        left, right = places[i] - 1, places[i]
+        left, right = positions[i] - 1, positions[i]
         best, best_index, reach = -1.0, 0, np.inf
         while left >= 0 or right < count:
             gap_left = condition - shapes_s[left, 0] if left >= 0 else np.inf

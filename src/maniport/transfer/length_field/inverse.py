@@ -10,8 +10,8 @@ from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.transfer.length_field.field import LengthsMap, least_singular
 from maniport.util.validation import Array
 
-FOLDED = 0.02
-MOST_FOLDED = 0.02
+NEAR_SINGULAR = 0.02
+MAX_NEAR_SINGULAR = 0.02
 """Smallest singular value of the derivative below which no inverse is returned, and the share of the centers where it
 may be as small; above, whole regions have several origins, and a search may miss a second one."""
 
@@ -21,7 +21,7 @@ class Inverse:
     """Finds the origins of images."""
 
     field: LengthsMap
-    folded: float  # share of the centers where the map folds, or nearly so
+    near_singular: float  # share of the centers where the map folds, or nearly so
     starts: Array  # (k, D): vectors where it nearly folds
     images: Array  # (k, D): vec log f there
 
@@ -36,7 +36,7 @@ class Inverse:
         singular = least_singular(field.slopes(values, vectors))
         near = singular < nearly
         images = to_vector(field.logarithms(values[near], vectors[near]))
-        return cls(field, float(np.mean(singular[: len(centers)] < FOLDED)), places[near], images)
+        return cls(field, float(np.mean(singular[: len(centers)] < NEAR_SINGULAR)), places[near], images)
 
     def __call__(self, points: Array) -> Array:
         """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds."""
@@ -54,7 +54,7 @@ class Inverse:
         x[rows[apart]] = np.nan
         found = np.flatnonzero(np.isfinite(x[:, 0]))
         values, vectors = eigh(from_vector(x[found]))
-        fair = least_singular(field.slopes(values, vectors)) > FOLDED
+        fair = least_singular(field.slopes(values, vectors)) > NEAR_SINGULAR
         back = np.full(points.shape, np.nan)
         back[found[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
         return back

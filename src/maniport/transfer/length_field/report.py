@@ -10,19 +10,20 @@ from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.matrix_functions import to_vector
 from maniport.transfer.length_field.field import LengthsMap, least_singular
 from maniport.transfer.length_field.fit import Samples
-from maniport.transfer.length_field.inverse import FOLDED
+from maniport.transfer.length_field.inverse import NEAR_SINGULAR
 from maniport.util.ranks import rank_correlation
 
 AXIS_MOVED = 10.0
 """Angle between the longest axes of an ellipsoid and of its image above which the axis counts as moved [degrees]."""
 
 # Limits of `FieldReport.failures`, from fits to 13 arms for 3 persons each (table in docs/evaluation.md). The 18 good
-# fits (Panda, xArm7, Tiago, Talos, G1 with seven joints, Jaco) have at most 0.07, 0.017 and 0.02, and a structure of at
-# least 0.92. The other 21 (UR5, Z1, IRB140, SO-100, iCub, G1 with four or five joints) exceed 0.11 and 0.037.
-MOST_REVERSING = 0.1
-MOST_CONTRARY = 0.03
-MOST_MOVED = 0.05
-LEAST_STRUCTURE = 0.8
+# fits (Panda, xArm7, Tiago, Talos, G1 with seven joints, Jaco) have at most 0.07, 0.017 and 0.02, and a rank
+# correlation of at least 0.92. The other 21 (UR5, Z1, IRB140, SO-100, iCub, G1 with four or five joints) exceed 0.11
+# and 0.037.
+MAX_REVERSING = 0.1
+MAX_NONMONOTONE = 0.03
+MAX_MOVED = 0.05
+MIN_RANK_CORRELATION = 0.8
 
 
 @dataclass(frozen=True)
@@ -34,40 +35,41 @@ class FieldReport:
     gap_p95: float  # and 95th percentile
     moved: float  # mean distance from the images of the map without a field
     step: float  # median distance between the images of two neighbors over that between the two
-    structure: float  # rank correlation of all distances between images and between the samples
+    rank_correlation: float  # rank correlation of all distances between images and between the samples
     turn: float  # median angle from the image's longest axis to the nearest axis of the sample [degrees]
     singular_value: float  # smallest of the map's derivative, see `LengthField.singular_values`
-    folded: float  # fraction of the samples where the map folds, or nearly so
+    near_singular: float  # fraction of the samples where the map folds, or nearly so
     moved_axes: float  # fraction whose longest axis is more than 10° from the image's; 0 where none is distinct
     reversing: float  # fraction where the determinant of the map's derivative is negative
-    contrary: float  # fraction where lengthening an axis shortens the image's
+    nonmonotone: float  # fraction where lengthening an axis shortens the image's
 
     @property
     def invertible(self) -> bool:
         """Whether the map folds at none of the samples; between them it may."""
-        return self.folded == 0.0
+        return self.near_singular == 0.0
 
     def failures(self) -> tuple[str, ...]:
         """Return the checks that the map fails, with value and limit; empty where it may be used."""
         at_most = (
-            ("orientation-reversing at {:.0%} of the samples", self.reversing, MOST_REVERSING),
-            ("own-axis slope not positive at {:.0%}", self.contrary, MOST_CONTRARY),
-            (f"longest axis moved by more than {AXIS_MOVED:g}° at {{:.0%}}", self.moved_axes, MOST_MOVED),
+            ("orientation-reversing at {:.0%} of the samples", self.reversing, MAX_REVERSING),
+            ("own-axis slope not positive at {:.0%}", self.nonmonotone, MAX_NONMONOTONE),
+            (f"longest axis moved by more than {AXIS_MOVED:g}° at {{:.0%}}", self.moved_axes, MAX_MOVED),
         )
         failed = [f"{text.format(value)} (limit {limit:.0%})" for text, value, limit in at_most if value > limit]
-        if self.structure < LEAST_STRUCTURE:
-            failed.append(f"rank correlation of distances {self.structure:.2f} (limit {LEAST_STRUCTURE:g})")
+        if self.rank_correlation < MIN_RANK_CORRELATION:
+            failed.append(f"rank correlation of distances {self.rank_correlation:.2f} (limit {MIN_RANK_CORRELATION:g})")
         return tuple(failed)
 
     def in_words(self) -> str:
         """Say it in a line."""
         where = f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
-        folds = "folds at none" if self.invertible else f"folds at {100 * self.folded:.1f} %"
+        folds = "folds at none" if self.invertible else f"folds at {100 * self.near_singular:.1f} %"
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), lengths moved by {self.moved:.3f}, steps "
-            f"{self.step:.2f} of their own, structure {self.structure:.3f}, longest axis turned by {self.turn:.1f}° "
+            f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis rotated by "
+            f"{self.turn:.1f}° "
             f"(median) and moved by more than {AXIS_MOVED:g}° at {self.moved_axes:.0%}, orientation-reversing at "
-            f"{self.reversing:.0%}, own-axis slope not positive at {self.contrary:.0%}, least singular value "
+            f"{self.reversing:.0%}, own-axis slope not positive at {self.nonmonotone:.0%}, least singular value "
             f"{self.singular_value:.2f} ({folds})"
         )
 
@@ -102,11 +104,11 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         gap_p95=float(np.percentile(gaps, 95)),
         moved=float(distance_unchecked(rigid, images).mean()),
         step=float(np.median(apart[near] / np.maximum(own[near], 1e-12))),
-        structure=rank_correlation(apart, own) if varied else 1.0,
+        rank_correlation=rank_correlation(apart, own) if varied else 1.0,
         turn=0.0,  # a field of lengths keeps all axes
         singular_value=float(singular.min()),
-        folded=float(np.mean(singular <= FOLDED)),
+        near_singular=float(np.mean(singular <= NEAR_SINGULAR)),
         moved_axes=float(np.mean(moved > AXIS_MOVED)) if len(moved) else 0.0,
         reversing=float(np.mean(singular < 0.0)),
-        contrary=float(np.mean(np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0)),
+        nonmonotone=float(np.mean(np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0)),
     )

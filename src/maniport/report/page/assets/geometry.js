@@ -31,13 +31,6 @@ function looking(eye, target, above) {
 // A vector turned by a rotation, nine numbers row by row.
 const turnedVector = (turn, v) => [0, 3, 6].map((k) => turn[k] * v[0] + turn[k + 1] * v[1] + turn[k + 2] * v[2]);
 
-// A symmetric matrix of six entries, seen in a turned frame: R M Rᵀ.
-function turnedBy(turn, [xx, xy, xz, yy, yz, zz]) {
-  const columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map((column) => turnedVector(turn, column)); // R M, by columns
-  const rows = [0, 1, 2].map((k) => turnedVector(turn, columns.map((column) => column[k])));
-  return [rows[0][0], rows[0][1], rows[0][2], rows[1][1], rows[1][2], rows[2][2]];
-}
-
 // Semi-axes, longest first, and their directions (a right-handed triple) of the ellipsoid of a symmetric matrix with
 // the entries xx, xy, xz, yy, yz, zz: Jacobi's rotations.
 function principalAxes(six) {

@@ -1,14 +1,11 @@
 // Both domains as clouds and the profiles as lines in two diffusion coordinates; what is pointed at is shown beside.
 
 const AROUND = 3; // so many seconds before and after now are drawn strongly
-const WORST = 0.6; // feasibility gaps from here on have the strongest colour
 
 class DomainChart {
   constructor(map, motion, seek, colors) {
     Object.assign(this, { map, motion, colors, markers: [], last: null, index: 0, picked: false });
-    this.hint = "Dots and crosses are sampled ellipsoids, lines the profiles, strong for 3 s around now. ";
-    if (map.profiles.some((set) => set.gap)) this.hint += `The target is darker the farther it is from the feasible set (to ${WORST}). `;
-    this.hint += "Point at a mark to see it, press a line to go there; arrow keys do both.";
+    this.hint = "Dots and crosses are sampled ellipsoids, lines the profiles. Point at a mark to see it, press a line to go there.";
     this.canvas = make("canvas", { role: "img", "aria-label": "Both domains and the profiles in two diffusion coordinates" });
     this.above = make("canvas", { class: "above", "aria-hidden": "true" });
     this.field = make("div", { class: "field", tabindex: 0, role: "group", "aria-label": "Map of domains and profiles: left and right move the time, up and down choose a profile" }, [this.canvas, this.above]);
@@ -125,12 +122,11 @@ class DomainChart {
     pen.clearRect(0, 0, above.width, above.height);
     Object.assign(pen, { lineWidth: 2.4, lineJoin: "round", lineCap: "round" });
     const from = nearestIndex(time, time[this.index] - AROUND), to = nearestIndex(time, time[this.index] + AROUND);
-    const [near, far] = ["near", "far"].map((name) => this.colors.rgb(name)), breaks = new Set(motion.gaps);
+    const breaks = new Set(motion.gaps);
     for (const set of this.map.profiles)
       for (let k = from; k < to; k++) {
         if (breaks.has(k)) continue;
-        const share = set.gap ? Math.min(1, set.gap.data[k] / WORST) : null;
-        pen.strokeStyle = share === null ? this.colors.css(set.role) : `rgb(${near.map((c, i) => Math.round(255 * (c + share * (far[i] - c)))).join(" ")})`;
+        pen.strokeStyle = this.colors.css(set.role);
         pen.beginPath();
         pen.moveTo(...this.place(set.coordinates.data, k));
         pen.lineTo(...this.place(set.coordinates.data, k + 1));
@@ -174,7 +170,6 @@ class DomainChart {
     const { lengths } = principalAxes(set.ellipsoids.data.subarray(6 * index, 6 * index + 6));
     const ratio = (lengths[0] / lengths[lengths[2] > 1e-6 * lengths[0] ? 2 : 1]) ** 2;
     const axes = lengths.map((l) => l.toFixed(2)).join(" · ");
-    const gap = set.gap ? `, ${set.gap.data[index].toFixed(2)} from the feasible set` : "";
-    return make("span", {}, [name, `${when}: semi-axes ${axes}, condition ${readable(ratio)}${gap}`]);
+    return make("span", {}, [name, `${when}: semi-axes ${axes}, condition ${readable(ratio)}`]);
   }
 }

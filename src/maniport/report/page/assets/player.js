@@ -27,9 +27,6 @@ const colors = {
   rgb: (name) => [1, 3, 5].map((k) => parseInt(colors.css(name).slice(k, k + 2), 16) / 255),
 };
 
-// All that is in a body's picture, itself first.
-const arms = (body) => [body, ...(body.beside || [])];
-
 class Player {
   constructor(host, data) {
     const motion = decoded(data);
@@ -45,52 +42,62 @@ class Player {
   }
 
   build() {
-    const { host, motion } = this, seek = (time) => this.seek(time), place = host.dataset.source;
+    const { host, motion } = this, seek = (time) => this.seek(time);
     const stages = make("div", { class: "stages" }), note = [...host.childNodes]; // stands below what it is about
-    const sided = motion.bodies.some((body) => body.beside);
+    const several = motion.stages.some(({ bodies }) => bodies.length > 1);
     host.append(this.controls());
     if (this.strip) host.append(this.strip.key());
-    this.stages = motion.bodies.map((body) => this.stage(body, stages));
+    this.stages = motion.stages.map((view) => this.stage(view, stages));
     if (this.stages.length) host.append(stages, make("div", { class: "beneath" }, [this.legend(), this.views()]));
     host.append(...note);
     Object.entries(motion.panels).forEach(([group, panels], k) => {
       const charts = panels.map((panel) => panel.strip ? new Strip(panel, motion, seek) : new Chart(panel, motion, seek));
       this.charts.push(...charts);
-      const strips = `charts${panels.every((panel) => panel.strip) ? " strips" : ""}${sided ? " sided" : ""}`;
-      host.append(make("h3", { id: `${place}-${k}` }, [group]), make("div", { class: strips }, charts.map((chart) => chart.node)));
+      const strips = `charts${panels.every((panel) => panel.strip) ? " strips" : ""}${several ? " sided" : ""}`;
+      this.group(k, group, [make("div", { class: strips }, charts.map((chart) => chart.node))]);
     });
     if (motion.map) {
       this.chart = new DomainChart(motion.map, motion, seek, colors);
-      const title = make("h3", { id: `${place}-${Object.keys(motion.panels).length}` }, ["Domains and profiles"]);
-      host.append(title, make("p", { class: "meaning" }, [`${this.chart.hint} ${motion.map.note}`]), this.chart.key(), this.chart.node);
+      const hint = make("p", { class: "meaning" }, [`${this.chart.hint} ${motion.map.note}`]);
+      this.group(Object.keys(motion.panels).length, "Domains and profiles", [hint, this.chart.key(), this.chart.node]);
     }
   }
 
-  stage(body, parent) {
-    const canvas = make("canvas", { role: "img", "aria-label": `${body.name}, moving, with its ellipsoids` });
+  // A titled group of charts; the first two are open.
+  group(k, title, nodes) {
+    const id = `${this.host.dataset.source}-${k}`, heading = make("h3", k < 2 ? { id } : {}, [title]);
+    if (k < 2) this.host.append(heading, ...nodes);
+    else this.host.append(make("details", { class: "folded", id }, [make("summary", {}, [heading]), ...nodes]));
+  }
+
+  stage(view, parent) {
+    const canvas = make("canvas", { role: "img", "aria-label": `${view.name}, moving, with its ellipsoids` });
     const axes = [..."xyz"].map((letter) => make("span", { class: "letter" }, [letter]));
     const frame = make("div", { class: "view" }, [canvas, ...axes]);
-    const caption = make("figcaption", {}, [body.name]), turned = this.turned(body);
+    const caption = make("figcaption", {}, [view.name]), turned = this.turned(view);
     if (turned) caption.append(make("span", { class: "chip" }, [turned]));
     parent.append(make("figure", { class: "stage" }, [caption, frame]));
-    const { low, high } = this.bounds(body), middle = times(add(low, high), 0.5);
-    const stage = new Stage(canvas, this.camera, middle, 1, low[2], body.turn);
+    const { low, high } = this.bounds(view), middle = times(add(low, high), 0.5);
+    const stage = new Stage(canvas, this.camera, middle, 1, low[2], view.rotation);
     stage.reach = Math.hypot(...minus(high, low)) / 2;
     if (!stage.gl) frame.replaceChildren(make("p", {}, ["This browser draws nothing in space (WebGL 2 is missing or switched off). All curves and numbers are there."]));
     this.camera.follow(canvas);
-    return { stage, body, axes };
+    return { stage, view, axes };
   }
 
-  // How the camera is turned for a body whose frame is.
-  turned({ turn }) {
+  // The rotation of the camera of a stage.
+  turned({ rotation: turn }) {
     if (!turn) return "";
     const angle = (Math.acos(Math.max(-1, Math.min(1, (turn[0] + turn[4] + turn[8] - 1) / 2))) * 180) / Math.PI;
-    if (angle < 1) return "";
-    return turn[8] > 1 - 1e-9 ? `camera turned by ${readable(Math.round((Math.atan2(turn[3], turn[0]) * 180) / Math.PI))}° with the path` : `camera turned by ${Math.round(angle)}° with base and path`;
+    return angle < 1 ? "" : `camera rotated by ${Math.round(angle)}° with the path`;
   }
 
-  bounds(shown) {
-    const boxes = arms(shown).map((body) => this.box(body));
+  bounds(view) {
+    const boxes = view.bodies.map((body) => this.box(body));
+    for (const rod of view.torso || []) {
+      const ends = [rod.slice(0, 3), rod.slice(3, 6)];
+      for (const end of ends) boxes.push({ low: end.map((x) => x - rod[6]), high: end.map((x) => x + rod[6]) });
+    }
     const most = (end, best) => [0, 1, 2].map((k) => best(...boxes.map((box) => box[end][k])));
     return { low: most("low", Math.min), high: most("high", Math.max) };
   }
@@ -101,7 +108,6 @@ class Player {
     const take = (x, k, half = 0) => { low[k] = Math.min(low[k], x - half); high[k] = Math.max(high[k], x + half); };
     points.forEach((x, k) => take(x, k % 3));
     for (const part of body.parts) sweep(part, (x, k) => take(x, k));
-    for (const rod of body.figure || []) rod.slice(0, 6).forEach((x, k) => take(x, k % 3, rod[6]));
     for (const { data } of Object.values(body.ellipsoids))
       for (let i = 0; i < frames; i++)
         [0, 3, 5].forEach((place, k) => take(points[3 * (corners * (i + 1) - 1) + k], k, this.motion.size * Math.sqrt(Math.max(data[6 * i + place], 0))));
@@ -131,27 +137,17 @@ class Player {
       made.addEventListener("click", does);
       return made;
     };
-    const { camera } = this, turned = this.stages.some(({ body }) => body.turn && body.ellipsoids.target) && this.raw();
-    const copy = button("Before: identity baseline", () => {
-      this.copying = !this.copying;
-      copy.setAttribute("aria-pressed", this.copying);
-      this.request();
-    });
-    copy.setAttribute("aria-pressed", "false");
-    copy.title = "Show the person's own ellipsoid in place of the target";
+    const { camera } = this;
     return make("div", { class: "views", role: "group", "aria-label": "View" }, [
       button("Oblique", () => camera.turn(-0.9, 0.32)), button("Front", () => camera.turn(0, 0)),
       button("Side", () => camera.turn(-Math.PI / 2, 0)), button("Top", () => camera.turn(-Math.PI / 2, 1.5)),
-      button("−", () => camera.nearer(0.8)), button("+", () => camera.nearer(1.25)), ...(turned ? [copy] : []),
+      button("−", () => camera.nearer(0.8)), button("+", () => camera.nearer(1.25)),
     ]);
   }
 
-  // The person's ellipsoids, which the identity baseline takes as they are; those of the arm that is as many places beside.
-  raw(place = 0) { return this.motion.bodies.map((body) => arms(body)[place]?.ellipsoids.person).find(Boolean); }
-
   legend() {
-    const clad = this.motion.bodies.filter((body) => body.parts.length).map((body) => body.name).join(" and ");
-    const entries = { ...this.motion.legend, ...(clad && { surface: `the surface of ${clad} (else its skeleton)` }) };
+    const solid = this.motion.stages.filter(({ bodies }) => bodies.some((body) => body.parts.length)).map((view) => view.name).join(" and ");
+    const entries = { ...this.motion.legend, ...(solid && { surface: `surface of ${solid}` }) };
     return make("ul", { class: "key wide" }, Object.entries(entries).map(([role, words]) => {
       const box = make("input", { type: "checkbox" });
       box.checked = true;
@@ -228,24 +224,24 @@ class Player {
     this.chart?.show(nearest);
   }
 
-  draw({ stage, body, axes }, index, weight) {
+  draw({ stage, view, axes }, index, weight) {
     stage.radius = Math.max(...this.stages.map((one) => one.stage.reach));
     if (!stage.begin()) return;
     stage.draw(stage.grid, colors.rgb("grid"), 0.7, 1);
-    for (const rod of body.figure || []) {
+    for (const rod of view.torso || []) {
       const [from, to] = [rod.slice(0, 3), rod.slice(3, 6)];
       stage.bone(from, to, colors.rgb("figure"), rod[6]);
       for (const end of [from, to]) stage.knob(end, colors.rgb("figure"), rod[6]);
     }
     // lines and shells hide nothing, so they come after what is solid
-    const after = arms(body).map((arm, place) => this.drawArm(stage, arm, place, body.turn, index, weight));
-    arms(body).forEach((arm, place) => this.drawPath(stage, arm, place, index));
+    const after = view.bodies.map((arm, place) => this.drawArm(stage, arm, place, index, weight));
+    view.bodies.forEach((arm, place) => this.drawPath(stage, arm, place, index));
     this.drawAxes(stage, axes);
     for (const draw of after.flat()) draw();
   }
 
   // An arm and its ellipsoids; gives what draws its shells.
-  drawArm(stage, arm, place, turn, index, weight) {
+  drawArm(stage, arm, place, index, weight) {
     const row = (array, k) => array.data.subarray(k * (array.data.length / array.shape[0]), (k + 1) * (array.data.length / array.shape[0]));
     const between = (array) => weight ? row(array, index).map((x, k) => x + weight * (row(array, index + 1)[k] - x)) : row(array, index);
     const points = between(arm.skeleton), shells = [];
@@ -254,11 +250,8 @@ class Player {
     else this.drawSkeleton(stage, points);
     for (const [role, matrices] of Object.entries(arm.ellipsoids)) {
       if (this.hidden.has(role)) continue;
-      // the identity baseline mostly lies within what the robot achieves, which is a shell meanwhile
-      const copied = role === "target" && this.copying && turn;
-      const shell = role === "target" ? !copied : role === "achieved" && this.copying && Boolean(turn);
-      const six = copied ? turnedBy(turn, between(this.raw(place))) : between(matrices);
-      const draw = () => stage.ellipsoid([...points.subarray(-3)], six, this.motion.size, colors.rgb(copied ? "person" : role), shell);
+      const shell = role === "target";
+      const draw = () => stage.ellipsoid([...points.subarray(-3)], between(matrices), this.motion.size, colors.rgb(role), shell);
       if (shell) shells.push(draw); else draw();
     }
     return shells;

@@ -1,10 +1,10 @@
-// How it goes, moment by moment: a strip below the slider, and what its colours are.
+// Status of the waypoints over time: a strip below the slider, and its legend.
 
 class StateStrip {
   constructor(motion, seek, now) {
     Object.assign(this, { motion, seek, now, values: motion.states.values.data });
     const { time, duration } = motion, x = (t) => ((1000 * t) / duration).toFixed(2);
-    const svg = make("svg", { viewBox: "0 0 1000 10", preserveAspectRatio: "none", "shape-rendering": "crispEdges", role: "img", "aria-label": `How it goes over time: ${this.inWords()}` });
+    const svg = make("svg", { viewBox: "0 0 1000 10", preserveAspectRatio: "none", "shape-rendering": "crispEdges", role: "img", "aria-label": `Status over time: ${this.inWords()}` });
     for (let from = 0; from < this.values.length; ) { // the state at a time is that since the time before
       let to = from;
       while (to + 1 < this.values.length && this.values[to + 1] === this.values[from]) to++;
@@ -28,12 +28,12 @@ class StateStrip {
     return counts.filter(([, , count]) => count);
   }
 
-  inWords() { return this.counts().map(([name, , count]) => `${name} at ${count} of ${this.values.length} moments`).join(", "); }
+  inWords() { return this.counts().map(([name, , count]) => `${name} at ${count} of ${this.values.length} times`).join(", "); }
 
   // A press on a state goes to where it comes next.
   key() {
     return make("ul", { class: "key states-key" }, this.counts().map(([name, state, count]) => {
-      const button = make("button", { type: "button", title: "Go to the next such moment" }, [make("i", { class: `swatch state${state}` }), `${name} ${count}`]);
+      const button = make("button", { type: "button", title: "Go to the next such time" }, [make("i", { class: `swatch state${state}` }), `${name} ${count}`]);
       button.addEventListener("click", () => this.next(state));
       return make("li", {}, [button]);
     }));

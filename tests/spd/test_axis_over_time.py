@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from maniport.report.figures.curves import with_breaks
 from maniport.spd.ellipsoid import axis_over_time
 
 
@@ -47,12 +46,3 @@ def test_equal_axes_have_no_direction(which):
     assert np.isfinite(vectors[:50]).all()
     assert np.isfinite(vectors[60:]).all()
     assert np.isnan(axis_over_time(np.stack([np.eye(3)] * 4), which, vectors[:4])).all()
-
-
-def test_lines_break_where_time_jumps():
-    """A step of more than three median steps gets a row of nan, a smaller one does not."""
-    time = np.array([0.0, 1.0, 2.0, 4.9, 5.9, 9.0, 10.0])
-    times, values = with_breaks(time, np.arange(7.0)[:, None])
-    assert np.flatnonzero(np.isnan(values[:, 0])).tolist() == [5]
-    assert_allclose(times[~np.isnan(values[:, 0])], time)
-    assert with_breaks(time[:1], np.ones((1, 2)))[1].shape == (1, 2)

@@ -23,12 +23,12 @@ def test_a_rotation_in_space_turns_translation_and_rotation_alike(name, random_s
     both = np.kron(np.eye(2), TURN)
     short, long = (method_of(name, base_rotation=turn, random_state=0).fit(teacher, student) for turn in (TURN, both))
     assert_array_equal(short.transform(teacher), long.transform(teacher))
-    assert_allclose(short.turn_, TURN, atol=1e-12)
+    assert_allclose(short.map_rotation_, TURN, atol=1e-12)
 
 
 @methods
 def test_the_same_frame_costs_no_digit(name, random_spd):
-    """The identity as base_rotation gives the bits that no base_rotation gives, but for what ICP searches where it is unknown."""
+    """The identity as base_rotation gives the same bits as none, except for the search of ICP."""
     rng = np.random.default_rng(0)
     teacher, student, new = (random_spd(rng, n, 3) for n in (20, 25, 5))
     plain, known = (
@@ -50,13 +50,13 @@ def test_a_method_is_found_by_name_or_taken_as_it_is():
         method_of("magic")
     with pytest.raises(InvalidInputError, match="or a DomainAdapter; found <class"):
         method_of(mp.RiemannianICP)
-    with pytest.raises(InvalidInputError, match="give the base_rotation to the method itself"):
+    with pytest.raises(InvalidInputError, match="base_rotation"):
         method_of(own, base_rotation=TURN)
     assert method_of(mp.RiemannianICP(base_rotation=TURN), base_rotation=TURN).base_rotation is not None
 
 
 def fits_in_two_frames(teacher, student, new, seed, **options):
-    """Distances of images: of a fit with a base_rotation, and of one to ellipsoids that were turned by it beforehand."""
+    """Distances between images of a fit with a base_rotation and of a fit to rotated ellipsoids."""
     turn = special_ortho_group.rvs(3, random_state=seed)
 
     def turned(points):
@@ -71,7 +71,7 @@ def fits_in_two_frames(teacher, student, new, seed, **options):
 
 @pytest.mark.parametrize("arm", ["panda"])
 def test_the_length_field_of_an_arm_does_not_depend_on_rounding(arm):
-    """A fit with a base_rotation equals the one to turned ellipsoids, although searches decide between many solutions."""
+    """A fit with a base_rotation equals the one to rotated ellipsoids, although searches have many solutions."""
     robot, person = mp.load_arm(arm), mp.load_arm("rhuman")
     teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
     projector = FeasibleProjector(robot, bank=SeedBank.build(robot, 2048))

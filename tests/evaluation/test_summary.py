@@ -2,9 +2,9 @@
 
 import pytest
 
-from maniport.evaluation import RMSE, Gaps, Row, Smoothness, Stability, Structure
+from maniport.evaluation import RMSE, DistancePreservation, Gaps, Row, Smoothness, Stability
 from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
-from maniport.evaluation.verdict import verdict
+from maniport.evaluation.summary import summarize
 
 
 def rows(mine, nothing, transport, lookup=0.0, **first):
@@ -23,7 +23,7 @@ def test_known_truth_comes_before_gaps_and_includes_the_lookup():
         Row(IDENTITY, rmse=RMSE(0.9, 1.0, 1.0), feasibility_gap=Gaps(1.0, 1.0, 1.0)),
         Row(LOOKUP, rmse=RMSE(0.2, 1.0, 1.0), feasibility_gap=Gaps(0.0, 0.0, 0.0)),
     ]
-    found = verdict(table)
+    found = summarize(table)
     assert found.measure == "rmse"
     assert (found.value, found.identity, found.best, found.best_value) == (0.4, 0.9, LOOKUP, 0.2)
     assert found.recommended == LOOKUP
@@ -31,9 +31,9 @@ def test_known_truth_comes_before_gaps_and_includes_the_lookup():
 
 def test_without_kinematics_and_truth_nothing_is_compared():
     """There is no measure, so that only the weaknesses are reported."""
-    found = verdict([Row("icp", identity=0.8), Row(IDENTITY, identity=0.0)])
+    found = summarize([Row("icp", identity=0.8), Row(IDENTITY, identity=0.0)])
     assert (found.measure, found.values, found.value, found.best, found.recommended) == ("", {}, None, "", "")
-    assert [one.code for one in found.weaknesses] == ["restless"]
+    assert [one.code for one in found.weaknesses] == ["identity_test"]
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_without_kinematics_and_truth_nothing_is_compared():
 )
 def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recommended):
     """Differences below 5 % do not count, and the lookup, whose gap is zero by construction, does not either."""
-    found = verdict(rows(*gaps))
+    found = summarize(rows(*gaps))
     assert found.recommended == recommended
     assert found.best_value == min(gaps)
     assert found.values[recommended] * 0.95 <= min(gaps)
@@ -58,27 +58,27 @@ def test_the_cheapest_method_that_no_other_undercuts_is_recommended(gaps, recomm
 def test_a_lookup_is_never_recommended_for_its_gaps():
     """They are zero by construction, also where it is the evaluated method."""
     table = [Row(LOOKUP, method=LOOKUP, feasibility_gap=Gaps(0.0, 0.0, 0.0)), *rows(0.9, 0.5, 0.2)[1:3]]
-    assert (verdict(table).best, verdict(table).recommended) == (LOOKUP, TRANSPORT)
+    assert (summarize(table).best, summarize(table).recommended) == (LOOKUP, TRANSPORT)
 
 
 @pytest.mark.parametrize(
     ("metrics", "codes"),
     [
         ({}, []),
-        ({"smoothness": Smoothness(1.6, 1.0, 1.0, 1.0)}, ["rough"]),
-        ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1)}, ["staircase"]),
-        ({"structure": Structure(0.77, 0.1, 9.0, 5.0, 0, 0)}, ["shuffled"]),
-        ({"structure": Structure(0.97, 0.1, 30.0, 5.0, 0, 0)}, ["turned"]),
-        ({"identity": 0.8, "stability": Stability(30.0, 16.0, 0.4, 5)}, ["restless", "unsteady"]),
+        ({"smoothness": Smoothness(1.6, 1.0, 1.0, 1.0)}, ["large_step"]),
+        ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1)}, ["plateau"]),
+        ({"preservation": DistancePreservation(0.77, 0.1, 9.0, 5.0, 0, 0)}, ["rank_correlation"]),
+        ({"preservation": DistancePreservation(0.97, 0.1, 30.0, 5.0, 0, 0)}, ["rotated_axes"]),
+        ({"identity": 0.8, "stability": Stability(30.0, 16.0, 0.4, 5)}, ["identity_test", "unstable"]),
     ],
 )
 def test_methods_with_weaknesses_are_recommended_only_where_all_have_some(metrics, codes):
     """A small gap does not outweigh a weakness, and neither do failed checks of a fit."""
     table = rows(0.1, 0.5, 0.2, **metrics)
     table[2] = Row(TRANSPORT, feasibility_gap=Gaps(0.2, 0.0, 0.4), identity=0.06)
-    found = verdict(table)
+    found = summarize(table)
     assert [one.code for one in found.weaknesses] == codes
-    assert all(one.beside == 0.06 for one in found.weaknesses if one.code == "restless")
+    assert all(one.reference == 0.06 for one in found.weaknesses if one.code == "identity_test")
     assert found.recommended == (TRANSPORT if codes else "icp")
-    assert verdict(rows(0.1, 0.5, 0.2, failures=("reversing",))).recommended == TRANSPORT
-    assert verdict([Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), **metrics)]).recommended == "icp"
+    assert summarize(rows(0.1, 0.5, 0.2, failures=("reversing",))).recommended == TRANSPORT
+    assert summarize([Row("icp", feasibility_gap=Gaps(0.1, 0.1, 0.1), **metrics)]).recommended == "icp"

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from maniport import spd
 from maniport.errors import InvalidInputError
-from maniport.report.series import DiffusionMap, map_of
+from maniport.spd.diffusion_map import DiffusionMap, map_of
 
 
 def cloud(count, d=3, seed=0, spread=0.7):

@@ -1,12 +1,14 @@
-"""Methods beside one another: the study, its page, and how the command line asks for it."""
+"""Comparison of methods on motions of a human arm."""
 
 from functools import partial
 
+import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError
 from maniport.report import as_markdown, facts_of
 from maniport.studies import human_to_panda
+from maniport.studies.human_to_panda import EVALUATIONS, motions
 from maniport.studies.methods import compare_methods, in_short
 from maniport.studies.paper import known_truth, run
 
@@ -36,8 +38,17 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
         run.reproduce("toy", tmp_path / "out", methods=("identity",))
     monkeypatch.setattr(run, "_run", lambda *given: known_truth.toy(0, draws=1))
-    monkeypatch.setattr(run, "_write_report", lambda *given: None)
+    monkeypatch.setattr(run, "_write_page", lambda *given: None)
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
     found = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
     assert "| identity |" in as_markdown(facts_of(found))
+
+
+@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
+def test_motions_are_those_of_the_paper_and_the_recordings():
+    """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
+    found = motions([*EVALUATIONS, "freeform"])
+    assert [len(motion.profile) for motion in found] == [50, 50, 50, 50, 150]
+    assert found[-1].person.name == "myoarm"
+    assert all(np.all(np.linalg.eigvalsh(motion.profile) > -1e-12) for motion in found)

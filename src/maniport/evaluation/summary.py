@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 
 from maniport.errors import unknown_name
 from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
-from maniport.evaluation.metrics import RMSE, STILL, Smoothness, Stability, Structure
+from maniport.evaluation.metrics import RMSE, STILL, DistancePreservation, Smoothness, Stability
 from maniport.transfer import METHODS
-from maniport.transfer.length_field.report import AXIS_MOVED, LEAST_STRUCTURE
-from maniport.util.notebook import ShownInNotebooks
+from maniport.transfer.length_field.report import AXIS_MOVED, MIN_RANK_CORRELATION
+from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 
-WORTH_WHILE = 0.95  # A value must fall below this fraction of another to count as better
+RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
 
-ROUGH = 1.5  # Largest step over the teacher's largest above which a method is rough
+MAX_STEP_RATIO = 1.5  # Largest step over the teacher's largest above which a method is rough
 
-RESTLESS = 0.15  # Largest passing value of the identity test
+MAX_IDENTITY_TEST = 0.15  # Largest passing value of the identity test
 
-UNSTEADY = 5.0
+MAX_ROTATION_SPREAD = 5.0
 """Root mean squared angle between the rotations of several fits above which the rotation is unobservable [degrees]."""
 
 
@@ -66,7 +66,7 @@ class Row:
     ----------
     name : str
     note : str
-        A remark on it, or why nothing was measured.
+        A remark, or why nothing was measured.
     method : str
         Its name in `maniport.transfer.METHODS`, or its class where it has none.
     rmse : RMSE or None
@@ -75,7 +75,7 @@ class Row:
         Of the profile, and of samples of the teacher's domain, held out of the fit where the teacher's arm is known;
         None without the student's kinematics.
     smoothness : Smoothness or None
-    structure : Structure or None
+    preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
     energy_distance : float or None
         From the mapped domain of the teacher to the student's.
@@ -95,7 +95,7 @@ class Row:
     feasibility_gap: Gaps | None = None
     domain_feasibility_gap: Gaps | None = None
     smoothness: Smoothness | None = None
-    structure: Structure | None = None
+    preservation: DistancePreservation | None = None
     energy_distance: float | None = None
     identity: float | None = None
     stability: Stability | None = None
@@ -115,29 +115,29 @@ class Weakness:
 
     Attributes
     ----------
-    code : {"rough", "staircase", "shuffled", "turned", "restless", "unsteady"}
+    code : {"large_step", "plateau", "rank_correlation", "rotated_axes", "identity_test", "unstable"}
         Largest step over the teacher's; median step where the teacher moves; rank correlation of distances; rotation of
         the longest axes [degrees]; identity test; rotation between fits to several samples [degrees].
     value, threshold : float
         The metric, and its limit.
-    beside : float or None
-        The same of parallel transport, for the identity test.
+    reference : float or None
+        Value of parallel transport, for the identity test.
     """
 
     code: str
     value: float
     threshold: float
-    beside: float | None = None
+    reference: float | None = None
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Summary:
     """The result of a comparison of an adapter with baselines.
 
     Attributes
     ----------
     measure : {"rmse", "feasibility_gap", ""}
-        What rows are compared by: the RMSE where the truth is known, else the mean feasibility gap, else nothing.
+        Measure of the comparison: RMSE with a ground truth, else the mean feasibility gap, else none.
     name : str
         The row of the adapter.
     values : dict of str to float
@@ -185,7 +185,7 @@ class Verdict:
         return {**asdict(self), **derived}
 
 
-def verdict(rows: Sequence[Row]) -> Verdict:
+def summarize(rows: Sequence[Row]) -> Summary:
     """Compare the first row with the others."""
     first = rows[0]
     measure = "rmse" if first.rmse is not None else "feasibility_gap" if first.feasibility_gap is not None else ""
@@ -197,11 +197,11 @@ def verdict(rows: Sequence[Row]) -> Verdict:
     own = values.get(first.name, 0.0)
     same = tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], own))
     recommended = _recommended(rows, values, measure)
-    return Verdict(measure, first.name, values, recommended, same, tuple(_weaknesses(first, rows)))
+    return Summary(measure, first.name, values, recommended, same, tuple(_weaknesses(first, rows)))
 
 
 @dataclass(frozen=True)
-class Evaluation(ShownInNotebooks):
+class Evaluation(NotebookDisplay):
     """All metrics of an adapter and of the baselines.
 
     Attributes
@@ -219,7 +219,7 @@ class Evaluation(ShownInNotebooks):
     settings: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        best = self.verdict.best
+        best = self.summary.best
         return f"Evaluation({self.adapter.name!r} and {len(self.rows) - 1} baselines{best and f'; best: {best!r}'})"
 
     @property
@@ -228,9 +228,9 @@ class Evaluation(ShownInNotebooks):
         return self.rows[0]
 
     @property
-    def verdict(self) -> Verdict:
+    def summary(self) -> Summary:
         """Whether the adapter is better than the baselines, and which method is recommended."""
-        return verdict(self.rows)
+        return summarize(self.rows)
 
     def row(self, name: str) -> Row:
         """Return the row of that name; `UnknownNameError` where there is none."""
@@ -242,20 +242,20 @@ class Evaluation(ShownInNotebooks):
 
 def _weaknesses(row: Row, others: Sequence[Row] = ()) -> list[Weakness]:
     """List the faults of a method; parallel transport is looked up among the other rows."""
-    found, steps, kept = [], row.smoothness, row.structure
-    if steps is not None and steps.largest_ratio > ROUGH:
-        found.append(Weakness("rough", steps.largest_ratio, ROUGH))
+    found, steps, kept = [], row.smoothness, row.preservation
+    if steps is not None and steps.largest_ratio > MAX_STEP_RATIO:
+        found.append(Weakness("large_step", steps.largest_ratio, MAX_STEP_RATIO))
     if steps is not None and steps.median <= STILL:
-        found.append(Weakness("staircase", steps.median, STILL))
-    if kept is not None and kept.spearman < LEAST_STRUCTURE:
-        found.append(Weakness("shuffled", kept.spearman, LEAST_STRUCTURE))
-    if kept is not None and kept.major_turn is not None and kept.major_turn > AXIS_MOVED:
-        found.append(Weakness("turned", kept.major_turn, AXIS_MOVED))
-    if row.identity is not None and row.identity > RESTLESS:
+        found.append(Weakness("plateau", steps.median, STILL))
+    if kept is not None and kept.rank_correlation < MIN_RANK_CORRELATION:
+        found.append(Weakness("rank_correlation", kept.rank_correlation, MIN_RANK_CORRELATION))
+    if kept is not None and kept.major_axis_angle is not None and kept.major_axis_angle > AXIS_MOVED:
+        found.append(Weakness("rotated_axes", kept.major_axis_angle, AXIS_MOVED))
+    if row.identity is not None and row.identity > MAX_IDENTITY_TEST:
         transport = next((other.identity for other in others if other.name == TRANSPORT and other is not row), None)
-        found.append(Weakness("restless", row.identity, RESTLESS, transport))
-    if row.stability is not None and row.stability.rotation_rms > UNSTEADY:
-        found.append(Weakness("unsteady", row.stability.rotation_rms, UNSTEADY))
+        found.append(Weakness("identity_test", row.identity, MAX_IDENTITY_TEST, transport))
+    if row.stability is not None and row.stability.rotation_rms > MAX_ROTATION_SPREAD:
+        found.append(Weakness("unstable", row.stability.rotation_rms, MAX_ROTATION_SPREAD))
     return found
 
 
@@ -273,7 +273,7 @@ def _recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str)
         ranked = sound or ranked
     reached = {name: values[candidates[name].name] for name in ranked}
     best = min(reached.values(), default=0.0)
-    return next((name for name, value in reached.items() if WORTH_WHILE * value <= best or _equal(value, best)), "")
+    return next((name for name, value in reached.items() if RELEVANT_RATIO * value <= best or _equal(value, best)), "")
 
 
 def _equal(value: float, other: float) -> bool:

@@ -1,12 +1,15 @@
-"""The limbs of a robot, and which frame is its tip when the user names none."""
+"""Limbs of a robot, their default end effectors, and the bodies off a chain, such as fingers or another arm."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pinocchio as pin
 
+from maniport.arms.chain import PRISMATIC, Body, Joint
 from maniport.errors import InvalidInputError, argument, nearest_first, unknown_name
+from maniport.util.validation import Array
 
 _SIDES = ("left", "right", "l", "r")
 _WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
@@ -203,3 +206,61 @@ def _sidedness(names: Iterable[str], side: str) -> int:
     """How much more often names say one side, as ``left`` or ``l``, than the other."""
     words = [word.lower() for name in names for word in _WORDS.findall(name)]
     return sum((word in (side, side[0])) - (word in _SIDES and word not in (side, side[0])) for word in words)
+
+
+def bodies_off_chain(
+    model: pin.Model,
+    parts: Mapping[int, Sequence[Joint]],
+    mounts: Mapping[int, tuple[int, Array]],
+    fingers: Collection[str],
+    resolve: Callable[[str], tuple[str | None, float, float]],
+    bounds: Mapping[str, tuple[float, float]],
+) -> dict[str, Body]:
+    """Compute where bodies are that are not on a chain, relative to the chain's joints."""
+    bodies = {}
+    frames = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    names = {frame.parentJoint: frame.name for frame in reversed(frames)}
+    for frame in frames:
+        support = list(model.supports[frame.parentJoint])
+        path = [j for j in support if j not in mounts]
+        if path:
+            count, rest = mounts[support[len(support) - len(path) - 1]]
+            poses = _poses(path, model, parts, resolve, bounds)
+            finger = next((j for j in path if any(part.name in fingers for part in parts[j])), None)
+            group = frame.name if finger is None else names.get(finger, frame.name)
+            bodies[str(frame.name)] = Body(count, rest @ poses @ frame.placement.homogeneous, str(group))
+    return bodies
+
+
+def _poses(
+    path: Sequence[int],
+    model: pin.Model,
+    parts: Mapping[int, Sequence[Joint]],
+    resolve: Callable[[str], tuple[str | None, float, float]],
+    bounds: Mapping[str, tuple[float, float]],
+) -> Array:
+    """Poses of the last joint of a path relative to the mount of the first, shape (k, 4, 4); k is at most 512."""
+    rules = {part.name: resolve(part.name) for j in path for part in parts[j]}
+    slides = {
+        leader: all(part.kind == PRISMATIC for j in path for part in parts[j] if rules[part.name][0] == leader)
+        for leader, _, _ in rules.values() if leader is not None
+    }  # fmt: skip
+    spans = {leader: np.ptp(bounds[leader]) for leader in slides}
+    counts = {  # steps of 0.4 rad cut arcs by 2 % of their radius
+        leader: 1 if not np.isfinite(span) else 2 if slides[leader] else 2 + int(span / 0.4)
+        for leader, span in spans.items()
+    }
+    while np.prod(list(counts.values())) > 512:
+        most = max(counts, key=lambda leader: counts[leader])
+        counts[most] -= 1
+    grids = [np.linspace(*bounds[leader], n) if n > 1 else np.zeros(1) for leader, n in counts.items()]
+    at = dict(zip(counts, (grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")), strict=True))
+    poses = np.broadcast_to(np.eye(4), (int(np.prod([len(grid) for grid in grids])), 4, 4))
+    for j in path:
+        if not parts[j]:
+            poses = poses @ model.jointPlacements[j].homogeneous
+        for part in parts[j]:
+            leader, factor, offset = rules[part.name]
+            positions = np.full(len(poses), offset) if leader is None else factor * at[leader] + offset
+            poses = poses @ part.placement @ part.motion(positions)
+    return np.asarray(poses)

@@ -1,0 +1,285 @@
+"""Options of a run in sections, each with its type, unit, range, default and description; values have SI units."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from maniport.errors import FileFormatError, InvalidInputError, argument
+from maniport.util import defaults
+from maniport.util.defaults import AUTO, BOTH
+from maniport.util.input_limits import SETTINGS_BYTES, read_whole
+from maniport.util.options import Options, option
+
+if TYPE_CHECKING:
+    from maniport.arms import EllipsoidSpec
+    from maniport.mocap import Recording
+    from maniport.motion import PlanControl
+
+FREE = "free"
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanOptions(Options):
+    """Import of the recording, and the model of the person."""
+
+    unit: str | None = option(
+        None, "Unit of length; recognized by default", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
+    )
+    vertical_axis: str | None = option(
+        None, "Vertical axis; recognized by default", choices=("x", "y", "z", "-x", "-y", "-z"), common=True
+    )
+    fps: float | None = option(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
+    start: float | None = option(None, "Start of the part that is used", "s", common=True)
+    stop: float | None = option(None, "End of the part that is used", "s", common=True)
+    markers: str | None = option(
+        None, "JSON file: points by role, see maniport info", is_file=True, unchecked=True, common=True
+    )
+    person: str = option(defaults.PERSON, "Human arm model: myoarm or rhuman", common=True)
+    side: str = option(
+        AUTO, "Arm of the person; auto: the one that moves more", choices=(AUTO, "right", "left", BOTH), common=True
+    )
+    height: float | None = option(
+        None, "Body height, for lengths that are not recorded", "m", minimum=1.0, maximum=2.5, common=True
+    )
+    smooth: str | float = option(AUTO, "Low-pass filter of points: words, or cutoff", "Hz", (AUTO, "off"), above=0.0)
+    jumps: str = option(defaults.KEEP, "Treatment of joint jumps", choices=(defaults.KEEP, "smooth", "split"))
+
+    @property
+    def fit_options(self) -> dict[str, Any]:
+        """Arguments of `maniport.fit_arm`."""
+        names = ("person", "side", "height", "smooth", "jumps")
+        return {"markers": self.roles(), **{name: getattr(self, name) for name in names}}
+
+    def read(self, recording: "Recording | str | os.PathLike[str]") -> "Recording":
+        """Read a recording, or the part of it that is used."""
+        from maniport.mocap import Recording, read_recording
+
+        if not isinstance(recording, Recording):
+            recording = read_recording(recording, unit=self.unit, up=self.vertical_axis, rate=self.fps)
+        return recording if self.start is None and self.stop is None else recording.crop(self.start, self.stop)
+
+    def roles(self) -> Mapping[str, Any] | None:
+        """Return the names of points by role, from the file if there is one."""
+        if not isinstance(self.markers, str):
+            return self.markers
+        where = f"marker file {self.markers!r}"
+        try:
+            roles = json.loads(read_whole(self.markers, (), SETTINGS_BYTES))  # bytes: in UTF-8 or UTF-16
+        except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+            raise FileFormatError(f"{where} is not readable JSON: {error}") from None
+        if not isinstance(roles, dict):
+            example = '{"elbow": ["RELB", "RIEL"]}'
+            raise FileFormatError(f"{where} must map roles to lists of point names, such as {example}")
+        return roles
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions(Options):
+    """Robot, or two arms (left first), and the joints that move."""
+
+    robot: tuple[str, ...] = option(
+        (defaults.ROBOT,),
+        "Name, or URDF, MJCF or xacro file; repeatable",
+        metavar="NAME",
+        repeated=True,
+        is_file=True,
+        common=True,
+    )
+    frame: tuple[str, ...] = option(
+        (), "End-effector frame; default: the gripper's; of two arms LEFT,RIGHT", metavar="FRAME", common=True
+    )
+    joints: tuple[str, ...] = option((), "Moving joints; the others are fixed", metavar="J1,J2,…")
+    base: str | None = option(None, "First frame of the chain, such as a torso")
+    lock: Mapping[str, float] | None = option(
+        None, "Fixed joint and its position [deg, or m]; repeatable", metavar="JOINT=POSITION", unchecked=True
+    )
+    pose: tuple[tuple[float, ...], ...] = option(
+        (), "Base of each of two robots [m, m, m, deg]; repeatable", metavar="X,Y,Z,YAW", count=4, repeated=True,
+        unchecked=True,
+    )  # fmt: skip
+    tips: str = option(
+        "placed", "Two arms: placed on the hands' paths, or relative positions", choices=("placed", "relative")
+    )
+    mesh_folders: tuple[str, ...] = option(
+        (), "Folder of further meshes; repeatable", metavar="FOLDER", repeated=True, is_file=True
+    )
+
+    def named(self) -> "RobotOptions":
+        """Return options that load the same arm from its file or by its name, where it is an object."""
+        from maniport.arms import Arm
+
+        arm: Any = self.robot[0]
+        if not isinstance(arm, Arm):
+            return self
+        chain = arm.chain
+        base = chain.base if chain.stand is None else None
+        source = chain.source or arm.name
+        return RobotOptions(robot=(source,), frame=(arm.frame,), base=base, lock=dict(chain.locked) or None)
+
+    def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
+        """Load the arm, or with `both` two arms; side and height are those of a human arm."""
+        from maniport.arms import Arm, ArmGroup, load_arm, load_arms
+
+        robot: Any = self.robot[0]
+        options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
+        if isinstance(robot, Arm | ArmGroup):
+            return robot
+        several = [name for name in ("robot", "frame") if len(getattr(self, name)) > 1]
+        several += [name for name in ("pose", "tips") if getattr(self, name) != getattr(RobotOptions(), name)]
+        if not both:
+            if several:
+                raise InvalidInputError(f"{argument(several[0])} of two arms needs {argument('side', BOTH)}")
+            person: dict[str, Any] = {"side": None if side == AUTO else side, "height": height}
+            frame = self.frame[0] if self.frame else None
+            return load_arm(robot, frame, base=self.base, **options, **person)
+        if self.base is not None:
+            raise InvalidInputError(f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}")
+        if len(self.robot) > 1 and not self.pose:
+            raise InvalidInputError(f"{argument('robot')} of two robots needs {argument('pose')} of each")
+        robots = robot if len(self.robot) == 1 else self.robot
+        return load_arms(robots, self.frame or None, bases=self.pose or None, **options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferOptions(Options):
+    """Ellipsoids, and the map from the human to the robot domain."""
+
+    method: str = option(
+        defaults.METHOD, "Transfer method", common=True, unchecked=True,
+        choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
+    )  # fmt: skip
+    kind: str = option("velocity", "Kind of ellipsoid", choices=("velocity", "force"))
+    part: str = option("translation", "Part of the motion", choices=("translation", "rotation", "full"))
+    joint_weights: str | tuple[float, ...] | None = option(
+        None, "Joint weights: velocity-limits, or numbers", unchecked=True, choices=("velocity-limits",)
+    )
+    damping: float = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
+    eigenvalue_floor: float | None = option(None, "Smallest eigenvalue, instead of damping", above=0.0)
+    base_rotation: tuple[float, ...] = option(
+        (0.0, 0.0, 0.0), "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3,
+        unchecked=True,
+    )  # fmt: skip
+    n_teacher: int = option(defaults.TEACHER_SAMPLES, "Samples of the human domain", minimum=2)
+    n_student: int = option(defaults.STUDENT_SAMPLES, "Samples of the robot domain", minimum=2)
+
+    @property
+    def spec(self) -> "EllipsoidSpec":
+        """Kind, part and joint weights."""
+        from maniport.arms import EllipsoidSpec
+
+        return EllipsoidSpec(self.kind, self.part, self.joint_weights)
+
+    @property
+    def method_name(self) -> str:
+        """Name of the method, also where it is an adapter."""
+        from maniport.transfer import name_of
+
+        method: Any = self.method
+        return method if isinstance(method, str) else name_of(method)
+
+    @property
+    def regularization(self) -> dict[str, float | None]:
+        """Arguments of a transfer method; a floor replaces the damping."""
+        damping = self.damping if self.eigenvalue_floor is None else 0.0
+        return {"damping": damping or None, "eigenvalue_floor": self.eigenvalue_floor}
+
+    @property
+    def rotation(self) -> Any:
+        """Base rotation as a matrix, shape (3, 3)."""
+        import numpy as np
+        from scipy.spatial.transform import Rotation
+
+        from maniport.util.validation import as_finite, as_rotation
+
+        value = as_finite(self.base_rotation, "base_rotation")
+        if value.shape == (3,):
+            return Rotation.from_euler("xyz", value).as_matrix()
+        return as_rotation(np.asarray(value), "base_rotation", 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions(Options):
+    """Trajectory of the robot."""
+
+    move: bool = option(True, "Trajectory planning; otherwise target ellipsoids only", common=True)
+    position_tolerance: float = option(
+        defaults.POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
+    )
+    speed_scale: float = option(1.0, "Largest speed relative to the person", above=0.0, common=True)
+    orientation: str | tuple[float, ...] = option(
+        FREE, "End-effector orientation; a vector is its z axis", choices=(FREE, "demonstrated", "constant"),
+        metavar="free|demonstrated|constant|X,Y,Z", count=3, common=True,
+    )  # fmt: skip
+    orientation_axes: str = option("pointing", "Constrained axes: z or all", choices=("pointing", "whole"))
+    orientation_weight: float = option(10.0, "Weight of the orientation error", "1/rad", above=0.0)
+    planning_effort: str = option(defaults.EFFORT, "Planning effort", choices=("full", "quick"), common=True)
+    rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
+    limits: str | None = option(
+        None, "YAML file of joint limits; default: from the robot", is_file=True, common=True,
+        unchecked=True,
+    )  # fmt: skip
+    joint_limit_margin: float = option(
+        defaults.MARGIN, "Share of joint ranges kept free at either end", "%", minimum=0.0, maximum=0.4
+    )
+    home: tuple[float, ...] | None = option(
+        None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", common=True, unchecked=True
+    )
+    workspace: tuple[float, ...] | None = option(
+        None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
+        unchecked=True,
+    )  # fmt: skip
+    collisions: bool = option(True, "Collision checking", unchecked=True)
+    table: float | None = option(None, "Height of a table in the base frame", "m", common=True)
+    obstacles: str | None = option(None, "YAML or JSON file of boxes", is_file=True, common=True, unchecked=True)
+    srdf: str | None = option(None, "SRDF: link pairs not to check", is_file=True)
+    export: tuple[str, ...] = option((), "Formats: ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
+    tracking: Mapping[str, Any] | None = option(
+        None, "Settings of the controller, in Python", unchecked=True, typed=False
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        around = [name for name in ("table", "obstacles", "srdf") if getattr(self, name) is not None]
+        if around and self.collisions is False:
+            raise InvalidInputError(
+                f"{argument(around[0])} needs collision checking; found {argument('no_collisions')}"
+            )
+        if not isinstance(self.orientation, str) and self.orientation_axes != "pointing":
+            raise InvalidInputError("orientation_axes must be 'pointing' for a vector as orientation; found 'whole'")
+        if not isinstance(self.orientation, str) and not any(self.orientation):
+            raise InvalidInputError("orientation must not be a zero vector")
+        if self.export and not self.move:
+            raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
+
+    def control(self, arm: Any) -> "PlanControl":
+        """Return the settings of `maniport.motion.plan_motion` for an arm, checked."""
+        from maniport.arms.collisions import Collisions
+        from maniport.motion import MotionLimits, PlanControl
+
+        limits: Any = self.limits
+        if not isinstance(limits, MotionLimits):
+            limits = MotionLimits.of(arm, limits, self.joint_limit_margin)
+        around = {name: getattr(self, name) for name in ("table", "obstacles", "srdf")}
+        checked = any(value is not None for value in around.values())
+        names = {item.name for item in fields(PlanControl)} & {item.name for item in fields(self)}
+        box: Any = self.workspace
+        return PlanControl(
+            **{name: getattr(self, name) for name in names - {"workspace", "collisions"}},
+            motion_limits=limits,
+            workspace=[box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box,
+            collisions=Collisions.of(limits.arm, **around) if checked else self.collisions,
+        ).resolved(arm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearningOptions(Options):
+    """Learning of a profile from several demonstrations."""
+
+    segments: tuple[str, ...] = option(
+        (), "Demonstrations [s]; once for all recordings, or for each", metavar="auto|A:B,C:D,…", repeated=True,
+        common=True,
+    )  # fmt: skip
+    components: int | None = option(None, "Number of Gaussians; default: minimum of the BIC", minimum=1, common=True)
+    lengths: str = option("mean", "Segment lengths of all persons", choices=("mean", "own"), common=True)

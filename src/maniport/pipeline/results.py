@@ -1,0 +1,330 @@
+"""Results of the main job as data, and the files that they are saved as."""
+
+import csv
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import ClassVar, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.arms.collisions import Collisions, Lowest
+from maniport.arms.collisions.carried import lowest_points
+from maniport.errors import InvalidInputError
+from maniport.evaluation import Choice, Evaluation
+from maniport.mocap import ArmFit, Recording
+from maniport.motion import ArmMotion, Placement, RobotMotion
+from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.pipeline.config import Config
+from maniport.transfer import DomainAdapter
+from maniport.util.atomic_io import folder_written_whole
+from maniport.util.files import save_ellipsoids, save_path
+from maniport.util.notebook import NotebookDisplay
+from maniport.util.validation import Array
+
+JOINT_FILES = "joints.csv", "joints.npz"
+MOTION_FILES = (*PLACED_FILES, *JOINT_FILES)
+"""Files of the motion of one arm."""
+TRANSFER_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *MOTION_FILES)
+"""Files of the transfer to one arm."""
+
+
+class SavedResult(NotebookDisplay):
+    """Base of results that are saved as a folder of data files."""
+
+    @property
+    def data_files(self) -> tuple[str, ...]:
+        """Names of the files and folders that `save` may write."""
+        raise NotImplementedError
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the data to a folder, whole or not at all; `maniport.write_results` adds a report.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds earlier data and `overwrite` is false, or other files, or cannot be written.
+        """
+        with folder_written_whole(folder, self.data_files, overwrite) as staging:
+            self.write_data(staging)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the data files into an existing folder."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ArmResult(NotebookDisplay):
+    """One arm of a robot and its motion along target ellipsoids.
+
+    Attributes
+    ----------
+    name : str
+        Name within the result, and of its folder where there are several arms: ``"right"`` or ``"left"``, or that of
+        the robot.
+    robot : Arm
+        With the limits of its description, without the margin of the plan.
+    placement : Placement or None
+        Placement of the path relative to the robot; None without a path, and where the path was not placed.
+    motion : ArmMotion or None
+        Joint trajectory, its errors and limits. None where the robot was not moved; a warning has the reason.
+    free : ArmMotion or None
+        The same with a free orientation of the end effector, where an orientation was requested.
+    gap : ndarray, shape (n,), or None
+        Feasibility gap: distance from each target ellipsoid to the nearest one that the arm can reach.
+    collisions : Collisions or None
+        Collision model of this arm.
+    """
+
+    name: str
+    robot: Arm
+    placement: Placement | None = None
+    motion: ArmMotion | None = None
+    free: ArmMotion | None = None
+    gap: Array | None = None
+    collisions: Collisions | None = None
+
+    files: ClassVar[tuple[str, ...]] = MOTION_FILES
+
+    def __repr__(self) -> str:
+        moved = "not moved" if self.motion is None else f"d = {np.median(self.motion.distance):.2f} (median)"
+        return f"{type(self).__name__}({self.name!r}, {self.robot.name!r}, {moved})"
+
+    @property
+    def placement_time(self) -> Array:
+        """Times of the robot at the waypoints that the placement was evaluated at, shape (m,) [s]."""
+        assert self.placement is not None
+        assert self.motion is not None
+        return np.asarray(self.motion.time[placement_rows(len(self.motion.time))])
+
+    @cached_property
+    def lowest_of_links(self) -> tuple[Lowest, ...]:
+        """Lowest point of each moving link over the motion, the lowest first; empty where no shape is available."""
+        if self.motion is None:
+            return ()
+        return lowest_points(self.robot, self.motion.control_time, self.motion.control_positions)
+
+    @property
+    def lowest(self) -> Lowest | None:
+        """Lowest point of all moving links over the motion; None where no shape is available."""
+        return self.lowest_of_links[0] if self.lowest_of_links else None
+
+    @property
+    def mean_distance(self) -> "MeanDistance":
+        """Mean distance of target and achieved ellipsoids, as a sum of three parts."""
+        assert self.motion is not None
+        assert self.gap is not None
+        assert self.motion.pointwise_best is not None
+        values = self.motion.distance, self.motion.pointwise_best, self.gap
+        mean, pointwise, gap = (float(np.mean(value)) for value in values)
+        return MeanDistance(gap, pointwise - gap, mean - pointwise)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the files of the motion into an existing folder."""
+        if self.motion is None:
+            return
+        save_ellipsoids(folder / PLACED_FILES[0], self.motion.target, self.motion.time)
+        if self.motion.path is not None:
+            save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)
+        self.motion.save_joints_csv(folder / JOINT_FILES[0])
+        self.motion.save_joints(folder / JOINT_FILES[1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ArmTransfer(ArmResult):
+    """Transfer from one arm of a person to one arm of a robot.
+
+    Attributes
+    ----------
+    name, robot, placement, motion, free, gap, collisions
+        As in `ArmResult`; the name is the side of the person's arm.
+    fit : ArmFit
+        Human arm scaled to the person, and its joint angles.
+    person_base : ndarray, shape (3,)
+        Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`.
+    method : str
+        Name of the transfer method.
+    adapter : DomainAdapter
+        Fitted map of ellipsoids from the person's domain (teacher) to the robot's (student).
+    choice : Choice or None
+        Selection of the method, where ``method="auto"``.
+    evaluation : Evaluation or None
+        Comparison of the method with baselines; None where it was not requested, as in a batch.
+    time : ndarray, shape (n,)
+        Demonstrated times of the profiles [s].
+    demonstrated_profile : ndarray, shape (n, d, d)
+        Ellipsoids of the person in the trunk frame.
+    target_profile : ndarray, shape (n, d, d)
+        Mapped ellipsoids in the robot's base frame, before the rotation of the placement.
+    teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
+        Sampled domains of the person's arm and of the robot's.
+    seconds_to_fit : float
+        Duration of the fit, or of the selection with its evaluation [s].
+    """
+
+    fit: ArmFit
+    person_base: Array = field(default_factory=lambda: np.zeros(3))
+    method: str
+    adapter: DomainAdapter
+    choice: Choice | None = None
+    evaluation: Evaluation | None = None
+    time: Array
+    demonstrated_profile: Array
+    target_profile: Array
+    teacher_domain: Array
+    student_domain: Array
+    seconds_to_fit: float
+
+    files: ClassVar[tuple[str, ...]] = TRANSFER_FILES
+
+    def write_data(self, folder: Path) -> None:
+        """Write the files of the transfer, and those of the motion if there is one, into an existing folder."""
+        _write_joint_angles(folder / "person.csv", self.fit)
+        save_ellipsoids(folder / "demonstrated_profile.npz", self.demonstrated_profile, self.time)
+        save_ellipsoids(folder / "target_profile.npz", self.target_profile, self.time)
+        self.adapter.save(folder / "adapter.npz")
+        super().write_data(folder)
+
+
+A = TypeVar("A", bound=ArmResult, covariant=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RobotResult(SavedResult, Generic[A]):
+    """Base of results of one or several arms of a robot, with one motion.
+
+    Attributes
+    ----------
+    robot : ArmGroup
+        All arms of the result.
+    arms : tuple of ArmResult
+        Result of each arm; with two arms of a person left first.
+    motion : RobotMotion or None
+        Joint trajectory of all arms, with one time. None where the robot was not moved.
+    random_state : int
+        Random seed.
+    config : Config or None
+        Configuration that the result was requested with.
+    """
+
+    robot: ArmGroup
+    arms: tuple[A, ...]
+    motion: RobotMotion | None = None
+    random_state: int = 0
+    config: Config | None = None
+
+    @property
+    def arm(self) -> A:
+        """Result of the only arm.
+
+        Raises
+        ------
+        InvalidInputError
+            When there are several arms.
+        """
+        if len(self.arms) != 1:
+            names = ", ".join(repr(arm.name) for arm in self.arms)
+            raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
+        return self.arms[0]
+
+    @property
+    def data_files(self) -> tuple[str, ...]:
+        """Names of the files that `save` may write; with several arms a folder for each arm."""
+        if len(self.arms) == 1:
+            return self.arms[0].files
+        return (*(arm.name for arm in self.arms), *JOINT_FILES)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the data files into an existing folder."""
+        if len(self.arms) == 1:
+            self.arms[0].write_data(folder)
+            return
+        for arm in self.arms:
+            (folder / arm.name).mkdir(exist_ok=True)
+            arm.write_data(folder / arm.name)
+        if self.motion is not None:
+            self.motion.trajectory.save_joints_csv(folder / JOINT_FILES[0])
+            self.motion.save_joints(folder / JOINT_FILES[1])
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(map(repr, self.arms))})"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class MotionResult(RobotResult[ArmResult]):
+    """A motion of a robot along target ellipsoids without a person, as ``maniport track`` plans it.
+
+    Attributes
+    ----------
+    robot, arms, motion, random_state, config
+        As in `RobotResult`; the motion exists.
+    sources : tuple of str
+        Files of the profile and the path.
+    """
+
+    sources: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class TransferResult(RobotResult[ArmTransfer]):
+    """A recorded motion of one or both arms of a person, transferred to one or several arms of a robot.
+
+    Attributes
+    ----------
+    robot, arms, motion, random_state, config
+        As in `RobotResult`.
+    recording : Recording
+    spec : EllipsoidSpec
+        Which ellipsoids were transferred; joint weights are for all joints of the robot.
+    base_rotation : ndarray, shape (3, 3)
+        Rotation from the person's trunk frame to the robot's base frame.
+    warnings : tuple of str
+        Warnings of all stages, each once.
+    """
+
+    recording: Recording
+    spec: EllipsoidSpec
+    base_rotation: Array
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def time(self) -> Array:
+        """Demonstrated times, the same for all arms, shape (n,) [s]."""
+        return self.arms[0].time
+
+    @property
+    def placements(self) -> tuple[Placement | None, ...]:
+        """Placement of each arm's path."""
+        return tuple(arm.placement for arm in self.arms)
+
+
+class MeanDistance(NamedTuple):
+    """Parts of the mean distance of target and achieved ellipsoids; their sum is the mean."""
+
+    infeasible: float  # mean feasibility gap
+    path: float  # added by the end-effector path, at the pointwise optimum found
+    motion: float  # added by limits, collisions and smoothness of the trajectory
+
+
+def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
+    """Return the motion of a group of one arm."""
+    use = None
+    if motion.limits is not None:
+        use = motion.limits.use(motion.control_time, motion.control_positions)
+    return RobotMotion(group, motion, (motion,), motion.limits, use, motion.clearance)
+
+
+def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:
+    """Rows of the waypoints that a path is placed by, evenly spaced; more of them change little."""
+    return np.arange(0, count, 1 + (count - 1) // most)
+
+
+def _write_joint_angles(path: Path, fit: ArmFit) -> None:
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["time_s", *(f"{name}_deg" for name in fit.arm.joint_names)])
+        for time, angles in zip(fit.time, np.degrees(fit.joint_angles), strict=True):
+            rows.writerow([f"{time:.6f}", *(f"{angle:.4f}" for angle in angles)])

@@ -1,0 +1,105 @@
+"""Targets of a robot's motion: ellipsoids, paths and orientations of all arms, before and after the placement."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms import EllipsoidSpec
+from maniport.arms.human import hand_rotations
+from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.motion import Placement
+from maniport.motion.objective import POINTING, Damping
+from maniport.motion.search.pointwise import interpolated_distance
+from maniport.pipeline.results import placement_rows
+from maniport.pipeline.values import FittedMap, Human, Settings
+from maniport.transfer.rotation_group import orthonormal, rotation_angle
+from maniport.util.defaults import DAMPING
+from maniport.util.validation import Array, as_numbers
+
+FREE, DEMONSTRATED, CONSTANT = "free", "demonstrated", "constant"  # orientations of the end effector
+
+
+@dataclass(frozen=True, eq=False)
+class MotionTargets:
+    """Velocity ellipsoids (n, d, d), and paths (n, 3) [m] and rotations (n, 3, 3) of the end effectors, of each arm."""
+
+    time: Array  # (n,) [s]
+    profiles: tuple[Array, ...]
+    paths: tuple[Array, ...] | None
+    spec: EllipsoidSpec
+    damping: Damping
+    turn: Array | None = None  # rotation of the paths before the placement (3, 3)
+    rotations: tuple[Array, ...] | None = None
+    direction: Array | None = None  # z axis of the end effectors in the base frame (3,), instead of rotations
+    pointwise_bests: tuple[Array, ...] | None = None  # distances of the pointwise optima (n,), once placed
+
+    def placed(self, placements: Sequence[Placement]) -> "MotionTargets":
+        """Return the targets in the robot's base frame."""
+        assert self.paths is not None
+        rows, count, rotations = placement_rows(len(self.time)), len(self.time), self.rotations
+        if rotations is not None:
+            pairs = zip(placements, rotations, strict=True)
+            rotations = tuple(np.asarray(own.rotation @ own.turn @ rotation) for own, rotation in pairs)
+        return replace(
+            self,
+            profiles=tuple(own.turned(profile) for own, profile in zip(placements, self.profiles, strict=True)),
+            paths=tuple(own.apply(path) for own, path in zip(placements, self.paths, strict=True)),
+            rotations=rotations,
+            pointwise_bests=tuple(interpolated_distance(rows, own.distance, count) for own in placements),
+        )
+
+    def base_rotations(self, axes: str) -> tuple[Array, ...] | None:
+        """Return target orientations in the base frame (n, 3, 3) of each arm, None where they are free."""
+        if self.direction is None:
+            return self.rotations
+        return (np.tile(facing(self.direction, axes), (len(self.time), 1, 1)),) * len(self.profiles)
+
+
+def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings) -> MotionTargets:
+    """Map the demonstrated ellipsoids; collect all targets of the robot's motion."""
+    force = settings.spec.kind == "force"  # the inverse of a velocity ellipsoid, at the same distances
+    profiles = [each.adapter.transform(profile) for each, profile in zip(maps, human.profiles, strict=True)]
+    own = [each.adapter.student_regularization for each in maps]
+    strongest = max(own, key=lambda regularization: regularization.epsilon)
+    targets = MotionTargets(
+        human.fits[0].time,
+        tuple(np.asarray(np.linalg.inv(profile)) if force else profile for profile in profiles),
+        human.hands,
+        settings.spec.velocity,
+        strongest if strongest.epsilon > 0.0 and not force else DAMPING,
+        _common_rotation([each.adapter.map_rotation_ for each in maps]),
+    )
+    if not isinstance(settings.orientation, str):
+        return replace(targets, direction=settings.orientation)
+    if settings.orientation == FREE:
+        return targets
+    hands = [hand_rotations(fit.arm, fit.joint_angles) for fit in human.fits]
+    if settings.orientation == CONSTANT:
+        hands = [np.broadcast_to(hand[0], hand.shape) for hand in hands]
+    return replace(targets, rotations=tuple(hands))
+
+
+def _common_rotation(turns: Sequence[Array], largest: float = 5.0) -> Array:
+    """Return the mean rotation of several adapters; warn where two differ by more than `largest` [deg]."""
+    if len(turns) == 1:
+        return turns[0]
+    angle = max(float(np.degrees(rotation_angle(turns[0], turn))) for turn in turns)
+    if angle > largest:
+        text = f"the adapters rotate ellipsoids by up to {angle:.0f}° differently; the paths get their mean rotation"
+        warnings.warn(text, ManiportWarning, stacklevel=2)
+    return orthonormal(np.sum(turns, axis=0))
+
+
+def facing(direction: ArrayLike, axes: str) -> Array:
+    """Return a rotation with its z axis in a direction (3,), shape (3, 3); `axes` must leave the other axes free."""
+    vector = as_numbers(direction, "direction", 3)
+    if not np.linalg.norm(vector) > 0.0:
+        raise InvalidInputError("direction must not be zero")
+    if axes != POINTING:
+        raise InvalidInputError(f"orientation_axes must be {POINTING!r} with a direction; found {axes!r}")
+    z = vector / np.linalg.norm(vector)
+    across = np.linalg.svd(z[None])[2][1]
+    return np.stack([across, np.cross(z, across), z], axis=1)

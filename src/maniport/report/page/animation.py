@@ -1,0 +1,187 @@
+"""Content of the page of a result: arms with their ellipsoids, curves and the map of the domains."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms.chain import LEFT
+from maniport.arms.human import BREADTH, middle_of
+from maniport.arms.restriction import mirrored
+from maniport.errors import FileFormatError
+from maniport.pipeline import LearnedProfile
+from maniport.pipeline.results import ArmTransfer, MotionResult, TransferResult
+from maniport.report.page.content import STATES, Animation, Body, Cloud, DomainMap, Panel, Part, Stage
+from maniport.report.page.panels import alternated, panels_of, panels_of_learned, profiles_of
+from maniport.report.roles import ACHIEVED, PERSON, ROLES, TARGET
+from maniport.spd.diffusion_map import map_of
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import Array
+
+
+def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
+    """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
+    if isinstance(result, LearnedProfile):
+        return Animation(result.alignment.time, (), panels_of_learned(result), unit=result.spec.unit)
+    transfer = result if isinstance(result, TransferResult) else None
+    moved = [arm.motion for arm in result.arms if arm.motion is not None]
+    time = transfer.time if transfer is not None else moved[0].time
+    spec = transfer.spec if transfer is not None else moved[0].spec
+    stages, notes, chart = [], [_ellipsoid_note(spec)], None
+    if transfer is not None:
+        stages.append(_person(transfer.arms, spec, notes))
+        if len(transfer.arms) == 1:
+            chart = _map(transfer.arms[0], spec, transfer.base_rotation)
+    if moved:
+        stages.append(_robot(result, spec, notes))
+    else:
+        notes.append("The robot was not moved.")
+    groups: dict[str, list[list[Panel]]] = {}
+    for arm in result.arms:
+        for group, panels in panels_of(result, arm, spec):
+            groups.setdefault(group, []).append(panels)
+    order, mean = list(STATES), np.mean([one.distance for one in moved] or [np.zeros(len(time))], axis=0)
+    return Animation(
+        time,
+        tuple(stages),
+        {group: alternated(panels, [arm.name for arm in result.arms]) for group, panels in groups.items()},
+        chart,
+        unit=spec.velocity.unit,
+        clocks={"robot": moved[0].time} if transfer is not None and moved else {},
+        legend={role: ROLES[role].about for role in profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
+        note=" ".join(notes),
+        states=tuple(max(worst, key=order.index) for worst in zip(*(one.status for one in moved), strict=True)),
+        opening=float(time[np.argmin(np.abs(mean - np.median(mean)))]) if moved else None,
+    )
+
+
+def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec, notes: list[str]) -> Stage:
+    """Return the arms of the person, about the middle of the neck if there are several."""
+    bodies, several = [], len(arms) > 1
+    for arm in arms:
+        drawn = {PERSON.name: profiles_of(arm, spec)[PERSON.name]} if spec.part != "full" else {}
+        body = body_of(arm.fit.arm, arm.fit.joint_angles, drawn, name="Person", notes=notes)
+        bodies.append(_shifted(body, np.array([0.0, -middle_of(arm.fit.arm), 0.0])) if several else body)
+    return Stage("Person", tuple(bodies), torso=_torso(arms[0].fit.arm, opposite_arm=not several, centered=several))
+
+
+def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
+    """Return the arms of the robot; links that several arms share are drawn once."""
+    bodies: list[Body] = []
+    for arm in result.arms:
+        assert arm.motion is not None
+        drawn = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved} if spec.part != "full" else {}
+        body = body_of(arm.robot, arm.motion.joint_positions, drawn, arm.motion.path, notes=notes)
+        drawn_parts = [part for other in bodies for part in other.parts]
+        own = tuple(part for part in body.parts if not any(_is_same(part, other) for other in drawn_parts))
+        bodies.append(replace(body, parts=own))
+    rotation = None
+    if isinstance(result, TransferResult):
+        placement = result.arms[0].placement
+        rotation = result.base_rotation if placement is None else placement.rotation @ result.base_rotation
+    return Stage(result.robot.name, tuple(bodies), rotation)
+
+
+def body_of(
+    arm: Arm,
+    joint_positions: Array,
+    ellipsoids: Mapping[str, Array] | None = None,
+    path: Array | None = None,
+    name: str | None = None,
+    notes: list[str] | None = None,
+) -> Body:
+    """Return an arm at each time with ellipsoids at its end effector; a note is added if it has no surfaces."""
+    body = Body(name or arm.name, arm.skeleton(joint_positions), ellipsoids or {}, path)
+    try:
+        surfaces = arm.surfaces()
+    except FileFormatError as error:  # the page is useful without surfaces
+        if notes is not None:
+            notes.append(f"{body.name} is drawn as a skeleton: {error}")
+        return body
+    poses = arm.link_poses(joint_positions)
+    return replace(body, parts=tuple(Part(one.points, one.triangles, poses[:, one.joint]) for one in surfaces))
+
+
+def _shifted(body: Body, offset: Array) -> Body:
+    pose = np.eye(4)
+    pose[:3, 3] = offset
+    parts = tuple(replace(part, poses=pose @ part.poses) for part in body.parts)
+    return replace(body, skeleton=body.skeleton + offset, parts=parts)
+
+
+def _is_same(part: Part, other: Part) -> bool:
+    """Return whether two surfaces move alike and have the same bounds [m]; they may be simplified differently."""
+    first, second = ((one.points.min(axis=0), one.points.max(axis=0)) for one in (part, other))
+    return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
+
+
+def _torso(arm: Arm, opposite_arm: bool, centered: bool) -> Array:
+    """Return rods of a torso and a head next to a human arm, shape (k, 7): start, end and radius [m]."""
+    if arm.side == LEFT:
+        torso = _torso(Arm(mirrored(arm.chain)), opposite_arm, centered)
+        torso[:, [1, 4]] *= -1.0
+        return torso
+    corners = arm.skeleton(np.clip(np.zeros(arm.dof), arm.lower, arm.upper))
+    right = corners[np.argmin(corners[:, 1] + (corners[:, 2] < -0.15))]  # lower corners hang from the shoulder
+    shoulder = max(-float(right[1]), 0.0) or BREADTH
+    middle, top = (0.0 if right[1] < 0.0 else BREADTH), float(right[2])
+    x = float(right[0]) - 0.02
+    rods = np.array([
+        (x, middle - 0.6 * shoulder, top - 0.08, x, middle - 0.45 * shoulder, top - 0.42, 0.07),
+        (x, middle + 0.6 * shoulder, top - 0.08, x, middle + 0.45 * shoulder, top - 0.42, 0.07),
+        (x, middle, top - 0.06, x, middle, top - 0.45, 0.08),
+        (x, middle - 0.8 * shoulder, top, x, middle + shoulder, top, 0.045),
+        (x, middle, top, x + 0.01, middle, top + 0.1, 0.045),
+        (x + 0.02, middle, top + 0.2, x + 0.01, middle, top + 0.23, 0.09),
+        (x, middle + 1.15 * shoulder, top - 0.02, x, middle + 1.3 * shoulder, top - 0.3, 0.035),
+    ])  # fmt: skip
+    rods[:, [1, 4]] -= middle if centered else 0.0
+    return rods if opposite_arm else rods[:-1]
+
+
+def _ellipsoid_note(spec: EllipsoidSpec) -> str:
+    if spec.part == "full":
+        return "Ellipsoids of six dimensions cannot be drawn; their distances can."
+    moves = "translates" if spec.part == "translation" else "rotates"
+    note = (
+        f"An ellipsoid shows how fast the end effector {moves} in each direction at unit joint speed; a semi-axis of "
+        f"1 {spec.velocity.unit} is drawn 0.25 m long."
+    )
+    return note + (" Drawn are the inverses of the force ellipsoids." if spec.kind == "force" else "")
+
+
+def regularized(
+    arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return domains and profiles of an arm by role, regularized as in the fit, in the robot's base frame."""
+    rotation, student = spec.rotation(base_rotation), arm.adapter.student_side
+
+    def teacher(points: Array) -> Array:
+        return np.asarray(rotation @ arm.adapter.teacher_side(points) @ rotation.T)
+
+    domains = {PERSON.name: teacher(arm.teacher_domain), ACHIEVED.name: student(arm.student_domain)}
+    profiles = {PERSON.name: teacher(arm.demonstrated_profile), TARGET.name: student(arm.target_profile)}
+    return domains, profiles
+
+
+def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: int = 40, dots: int = 300) -> DomainMap:
+    """Return the map of the domains, fitted to few points such that it takes less than 0.2 s."""
+    some = replace(
+        arm,
+        teacher_domain=arm.teacher_domain[evenly_spaced(len(arm.teacher_domain), dots)],
+        student_domain=arm.student_domain[evenly_spaced(len(arm.student_domain), dots)],
+    )
+    domains, profiles = regularized(some, spec, base_rotation)
+    chart = map_of([*domains.values(), *profiles.values()], fitted)
+    if arm.motion is not None and spec.kind == "velocity":
+        placed = np.eye(3) if arm.placement is None else arm.placement.rotation
+        back = spec.rotation(placed.T)  # the domain is that of the base before the path was placed
+        moved = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
+        profiles |= {role: arm.adapter.student_side(back @ points @ back.T, role) for role, points in moved.items()}
+    names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: arm.robot.name}
+    clouds, lines = (
+        tuple(Cloud(names[role], role, chart.transform(points), points) for role, points in sets.items())
+        for sets in (domains, profiles)
+    )
+    return DomainMap(clouds, lines, "Ellipsoids are regularized as in the fit.")

@@ -1,0 +1,221 @@
+"""The paper's experiments: arms and motions, results, files, and the comparison with its numbers."""
+
+import csv
+import io
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import expm, logm, sqrtm
+
+from maniport.arms import load_arm
+from maniport.errors import InvalidInputError, OutputError
+from maniport.evaluation import RMSE
+from maniport.report import as_numbers, facts_of
+from maniport.studies.paper import known_truth, run, trajectories
+from maniport.studies.paper.human_robot import AuthorsBaseline
+from maniport.studies.paper.outcome import Experiment, Outcome
+from maniport.studies.paper.report import Group, compare
+from maniport.studies.paper.tables import AUTHORS, OURS, PAPER, TRAJECTORIES, paper_table
+
+FLOOR = 1e-4
+
+
+def lines_of(result):
+    """Lines of the table of an experiment, with columns as attributes."""
+    return [SimpleNamespace(**line) for line in result.lines()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of the results, with two random sets instead of ten."""
+    return tmp_path_factory.mktemp("paper") / "out"
+
+
+@pytest.fixture(scope="module")
+def reproduction(folder):
+    """All experiments, run once."""
+    return run.reproduce("all", folder, seed=3, draws=2)
+
+
+@pytest.fixture(scope="module")
+def outcomes(reproduction):
+    """The lines of their tables by experiment."""
+    return {one.name: lines_of(one) for one in reproduction.experiments}
+
+
+@pytest.mark.parametrize(("name", "number"), [("toy", "I"), ("two-dof", "II"), ("human-robot", "III")])
+def test_every_row_of_the_tables_is_there(outcomes, name, number):
+    """Each row comes with all settings, every evaluation set and the paper's number, once."""
+    for row in paper_table(number):
+        for settings in (PAPER, OURS, AUTHORS) if number == "III" else (PAPER, OURS):
+            found = [x for x in outcomes[name] if (x.table, x.row, x.settings) == (number, row.row, settings)]
+            assert {x.evaluation: x.paper_rmse for x in found} == row.rmse
+            assert len(found) == len(row.rmse)
+            assert all((x.samples, x.method) == (row.label, row.method) for x in found)
+
+
+def test_toy_data_are_recovered(outcomes):
+    """The model class contains the truth: both rows end below 1e-6 in both settings and in every form."""
+    for outcome in outcomes["toy"]:
+        assert max(outcome.undivided, outcome.per_dispersion, outcome.per_squared_dispersion) < 1e-6
+
+
+def test_two_joint_arms_with_the_same_samples_are_exact(outcomes):
+    """With our defaults every row ends below 1e-6 where both arms were sampled at the same joint angles."""
+    same = [x for x in outcomes["two-dof"] if x.data in (TRAJECTORIES, known_truth.SAME) and x.settings == OURS]
+    assert len(same) == 3 * len(paper_table("II"))
+    assert max(x.undivided for x in same) < 1e-6
+
+
+def test_files_agree(folder, reproduction, outcomes):
+    """CSV and JSON hold the same numbers as the result."""
+    without_methods = [name for name in run.FILES if not name.startswith(f"{run.METHODS_FILE}.")]
+    assert sorted(path.name for path in folder.iterdir()) == sorted(without_methods)
+    for name, expected in outcomes.items():
+        table = list(csv.DictReader(io.StringIO((folder / f"{name}.csv").read_text(encoding="utf-8"))))
+        summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+        assert summary[name] == as_numbers(facts_of(reproduction))[name]
+        for line, row, outcome in zip(table, summary[name]["rows"], expected, strict=True):
+            assert float(line["per_dispersion"]) == row["per_dispersion"] == outcome.per_dispersion
+            assert line["method"] == row["method"] == outcome.method
+
+
+def test_same_seed_gives_the_same_numbers(tmp_path, outcomes):
+    """One experiment alone gives the same numbers; an earlier result is replaced on request only."""
+    again = run.reproduce("toy", tmp_path / "toy", seed=3, draws=2)
+    assert [x.undivided for x in lines_of(again.experiments[0])] == [x.undivided for x in outcomes["toy"]]
+    assert sorted(path.name for path in (tmp_path / "toy").iterdir()) == [
+        "report.html", "toy-ellipsoids.png", "toy-ellipsoids.svg", "toy.csv", "toy.json", "toy.md",
+    ]  # fmt: skip
+    with pytest.raises(OutputError, match="earlier result"):
+        run.reproduce("toy", tmp_path / "toy", seed=4, draws=1)
+    run.reproduce("toy", tmp_path / "toy", seed=4, draws=1, overwrite=True)
+
+
+def test_failure_leaves_nothing(tmp_path):
+    """An error half way leaves neither the folder nor a part of it."""
+
+    def stop(*step):
+        raise RuntimeError("stopped")
+
+    with pytest.raises(RuntimeError, match="stopped"):
+        run.reproduce("toy", tmp_path / "out", progress=stop, draws=1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_experiment_is_refused(tmp_path):
+    """The message lists the experiments."""
+    with pytest.raises(InvalidInputError, match="two-dof"):
+        run.reproduce("three-dof", tmp_path / "out")
+
+
+# ---- comparison with the paper ------------------------------------------------------------------------------------
+
+
+def outcome(row, settings, per_dispersion, per_squared_dispersion):
+    """One line of a table whose numbers are those of the paper, times one factor for each form of the error."""
+    errors = {
+        name: [RMSE(1.0, per_dispersion * printed, per_squared_dispersion * printed)]
+        for name, printed in row.rmse.items()
+    }
+    return Outcome(row, row.data, row.label, row.method, settings, "", errors, 7.0, 0.1, 1, 0, 0)
+
+
+def test_comparison_counts_matched_lower_and_higher_numbers():
+    """Within 20 % is matched; the forms of the error and the baselines count separately, our defaults do not."""
+    human = paper_table("III")
+    outcomes = [*(outcome(row, PAPER, 1.19, 0.5) for row in paper_table("I"))]
+    outcomes += [outcome(human[0], PAPER, 1.5, 0.81), outcome(human[1], PAPER, 1.5, 1.21)]
+    outcomes += [outcome(human[0], AUTHORS, 0.79, 1.0), outcome(human[0], OURS, 9.0, 9.0)]
+    groups = compare([Experiment("toy", "I", (), tuple(outcomes))])
+    counts = {(one.table, one.settings, one.error): (one.matched, one.lower, one.higher) for one in groups}
+    assert counts == {
+        ("I", PAPER, "÷ c"): (2, 0, 0),
+        ("I", PAPER, "÷ c²"): (0, 2, 0),
+        ("III", PAPER, "÷ c"): (0, 0, 8),
+        ("III", PAPER, "÷ c²"): (4, 0, 4),
+        ("III", AUTHORS, "÷ c"): (0, 4, 0),
+        ("III", AUTHORS, "÷ c²"): (4, 0, 0),
+    }
+    assert all(bool(one.reason) == bool(one.lower + one.higher) for one in groups)
+    assert isinstance(groups[0], Group)
+
+
+def raised(points):
+    """Ellipsoids whose eigenvalues are at least the floor."""
+    values, vectors = np.linalg.eigh(points)
+    return (vectors * np.maximum(values, FLOOR)[:, None]) @ np.swapaxes(vectors, -1, -2)
+
+
+def test_authors_baseline_against_an_independent_computation():
+    """Unit volumes, log-Euclidean neighbors, a tangent vector moved in parallel, and the volume restored."""
+    arm = load_arm("panda")
+    teacher, student = (raised(arm.manipulability(arm.sample(30, seed))) for seed in (0, 1))
+    points = raised(arm.manipulability(arm.sample(5, 2)))
+
+    def unit(matrix):
+        return matrix / (4 / 3 * np.pi * np.sqrt(np.linalg.det(matrix))) ** (2 / 3)
+
+    def nearest(matrix, others):
+        return min(others, key=lambda other: np.linalg.norm(logm(other) - logm(matrix)))
+
+    expected = []
+    for point in points:
+        at = unit(point)
+        sample = nearest(at, [unit(one) for one in teacher])
+        partner = nearest(sample, [unit(one) for one in student])
+        tangent = sample @ logm(np.linalg.solve(sample, partner))
+        move = sqrtm(at @ np.linalg.inv(sample))
+        moved = at @ expm(np.linalg.solve(at, move @ tangent @ move.T))
+        expected.append(unit(moved) * np.linalg.det(point / np.linalg.det(unit(point)) ** (1 / 3)) ** (1 / 3))
+    found = AuthorsBaseline(FLOOR).fit(teacher, student).transform(points)
+    assert_allclose(found, np.real(expected), rtol=1e-6, atol=1e-9)
+    assert_allclose(np.linalg.det(found), np.linalg.det(points), rtol=1e-6)
+
+
+# ---- arms and motions ---------------------------------------------------------------------------------------------
+
+
+def test_two_joint_arms_differ_by_the_mounting_alone():
+    """At the same joint angles S = R_b T R_bᵀ exactly; the teacher moves in x-y and the student in y-z."""
+    teacher, student = trajectories.two_dof_arms()
+    q = teacher.sample(50, 0)
+    turn = trajectories.MOUNTING
+    assert_allclose(student.manipulability(q), turn @ teacher.manipulability(q) @ turn.T, atol=1e-15)
+    assert_allclose(teacher.forward(np.zeros(2))[:3, 3], [2, 0, 0], atol=1e-15)
+    assert_allclose(teacher.manipulability(q)[:, 2], 0.0, atol=1e-15)
+    assert_allclose(student.manipulability(q)[:, 0], 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "hand"),
+    [
+        ({}, (0, 0, -0.6315)),
+        ({1: 90}, (0, -0.6315, 0)),
+        ({0: 90, 1: 90}, (0.6315, 0, 0)),
+        ({3: 90}, (0.3295, 0, -0.302)),
+    ],
+)
+def test_human_arm_is_the_published_one(degrees, hand):
+    """The hand is where the published table puts it, in a trunk frame that a quarter turn about z takes to theirs."""
+    arm, q = trajectories.human_arm(), np.zeros(7)
+    for joint, angle in degrees.items():
+        q[joint] = np.radians(angle)
+    assert_allclose(arm.forward(q)[:3, 3], hand, atol=1e-12)
+
+
+def test_panda_follows_the_scaled_hand_path_within_its_limits():
+    """Every Panda trajectory stays within the limits and within a millimetre of its target, without jumps."""
+    arm = trajectories.robot_arm()
+    human = trajectories.human_training() | trajectories.human_evaluation()
+    robot = trajectories.robot_training() | trajectories.robot_evaluation()
+    assert list(human) == list(robot)
+    for name, path in robot.items():
+        arm.require_within_limits(path)
+        assert (
+            np.linalg.norm(arm.forward(path)[:, :3, 3] - trajectories.robot_targets(human[name]), axis=1).max() < 1e-3
+        )
+        assert np.degrees(np.abs(np.diff(path, axis=0)).max()) < 5.0
