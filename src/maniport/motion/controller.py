@@ -153,7 +153,7 @@ class Controller:
             residual, jacobian = _linearized(cost, q[None], np.array([problem.time]))
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
-        hessian[np.diag_indices(dof)] += damping + 1e-12
+        hessian.flat[:: dof + 1] += damping + 1e-12  # the diagonal
         return hessian, gradient
 
 

@@ -13,6 +13,7 @@ controller and planner use this cost.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,13 +114,18 @@ class Objective:
         """Return the objective with a cost of orientations; see `axis_weights`."""
         return replace(self, axis_weights=axis_weights(keep, weight))
 
+    @cached_property
+    def _shift(self) -> Array:
+        """Matrix ε I, shape (d, d)."""
+        return self.damping.epsilon * np.eye(self.spec.size)
+
     def damped(self, ellipsoids: Array) -> Array:
         """Add ε I."""
-        return np.asarray(ellipsoids + self.damping.epsilon * np.eye(ellipsoids.shape[-1]))
+        return np.asarray(ellipsoids + self._shift)
 
     def undamped(self, damped: Array) -> Array:
         """Subtract ε I."""
-        return np.asarray(damped - self.damping.epsilon * np.eye(damped.shape[-1]))
+        return np.asarray(damped - self._shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
         """Convert target ellipsoids to damped ones, shape (n, d, d), which are positive-definite.
