@@ -171,7 +171,6 @@ def test_exports_are_of_a_motion(still, tmp_path):
     ("given", "error", "words"),
     [
         ({"recording": "freeform"}, RecordingError, "shows the right"),
-        ({"side": "left"}, InvalidInputError, "side"),
         ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
         ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
         ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
