@@ -272,9 +272,7 @@ def place_and_plan(
     return min(moved, again, key=lambda result: result.motion.clearance.share)
 
 
-def measure(
-    moved: Moved, names: Sequence[str], planner: Planner, settings: MotionSettings
-) -> tuple[ArmResult, ...]:
+def measure(moved: Moved, names: Sequence[str], planner: Planner, settings: MotionSettings) -> tuple[ArmResult, ...]:
     """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
     effort, results = as_effort(settings.plan.planning_effort).of_gap, []
     for i, (name, arm, own) in enumerate(zip(names, as_group(settings.robot).arms, planner.arms, strict=True)):
