@@ -102,7 +102,7 @@ class RobotOptions(Options):
         """Return options that load the same arm from its file or by its name, where it is an object."""
         from maniport.arms import Arm
 
-        arm: Any = self.robot[0]
+        arm: Any = self.robot[0] if self.robot else None
         if not isinstance(arm, Arm):
             return self
         chain = arm.chain
