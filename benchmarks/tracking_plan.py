@@ -303,7 +303,7 @@ def _planned(outcome: Outcome) -> tuple[ArmMotion, ArmMotion]:
     same = {"time": first.time, "path": placed.path, "damping": first.damping}
     planned = {"planner": planner, "paths": placed.path, "position_tolerance": 1e-3}
     (plan,) = plan_motion(robot_arm(), placed.profile, time=first.time, damping=first.damping, **planned).arms
-    return plan, track(planner.limits.arm, placed.profile, bank=planner.arms[0].bank, rate=RATE, **same)
+    return plan, track(planner.limits.arm, placed.profile, bank=planner.arms[0].bank, rate=RATE, **same).arms[0]
 
 
 def _rms(values: Array) -> float:

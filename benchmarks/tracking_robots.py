@@ -105,7 +105,7 @@ def chain(name: str, motion: Motion) -> Chain:
     ).arms
     seconds = clock.process_time() - begin
     # with the same margin of the joints' limits: beyond it lie postures that are nearer, which the plan may not take
-    tracked = track(planner.limits.arm, placed.profile, time=time, path=placed.path, bank=bank, damping=damping)
+    (tracked,) = track(planner.limits.arm, placed.profile, time=time, path=placed.path, bank=bank, damping=damping).arms
     single = (plan.pointwise_ratio, plan.limit_use.shares.max(), plan.clearance.share, seconds)
     return Chain(
         plan.distance,

@@ -5,8 +5,9 @@ from functools import cache
 
 import numpy as np
 import pink
+import pinocchio as pin
 from pink.limits import ConfigurationLimit, VelocityLimit
-from pink.tasks import PostureTask
+from pink.tasks import FrameTask, PostureTask
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
@@ -14,7 +15,8 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import Arm
 from maniport.arms.chain import rotation_about
 from maniport.evaluation import distance_preservation
-from maniport.motion import ArmMotion, Placement, PositionTask, SeedBank, place_path, robot_model, track
+from maniport.motion import ArmMotion, Placement, SeedBank, place_path, robot_model, track
+from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.spd import distance
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -119,7 +121,7 @@ def run(
 
 
 def _tracked(placed: Placement, profile: Array, time: Array, damping: Regularization) -> ArmMotion:
-    return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), damping=damping, rate=RATE)
+    return track(robot_arm(), profile, time=time, path=placed.path, bank=bank(), damping=damping, rate=RATE).arms[0]
 
 
 def _followed(result: ArmMotion, adapted: Array, damping: Regularization, person: Array) -> Followed:
@@ -137,7 +139,7 @@ def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regula
     steps = int(np.ceil((time[-1] - time[0]) * RATE))
     grid = np.linspace(time[0], time[-1], steps + 1)
     hands, dt = CubicSpline(time, placed.path)(grid), (time[-1] - time[0]) / steps
-    position, posture = PositionTask(arm.frame), PostureTask(cost=POSTURE_COST)
+    position, posture = FrameTask(arm.frame, FOLLOWING_WEIGHT, 0.0), PostureTask(cost=POSTURE_COST)
     posture.set_target(home)
     limits = [ConfigurationLimit(model, min(0.5, 10.0 * dt)), VelocityLimit(model)]
     joints = np.empty((len(grid), arm.dof))
@@ -145,7 +147,7 @@ def without_ellipsoids(arm: Arm, placed: Placement, time: Array, damping: Regula
     configuration = pink.Configuration(model, model.createData(), joints[0])
     with threadpool_limits(1, "blas"):
         for i in range(1, len(grid)):
-            position.set_target(hands[i])
+            position.set_target(pin.SE3(np.eye(3), hands[i]))
             velocity = pink.solve_ik(configuration, [position, posture], dt, solver="daqp", limits=limits)
             joints[i] = np.clip(joints[i - 1] + velocity * dt, arm.lower, arm.upper)
             configuration.update(joints[i])

@@ -2,18 +2,17 @@
 
 import time as clock
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar
-from unittest import mock
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from maniport.arms import Arm
 from maniport.arms.collisions import Collisions
-from maniport.motion import Objective, nearest_feasible
-from maniport.motion.follow import follower
-from maniport.motion.follow.follower import Stepper
+from maniport.motion import BrakingLimit, Controller, ControlProblem, ControlState, Objective, nearest_feasible
+from maniport.motion.follow.tracker import follow
 from maniport.motion.objective import FOLLOWING_WEIGHT
-from maniport.motion.schedule import Schedule
+from maniport.motion.schedule import Schedule, speed_limits
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
 
@@ -31,15 +30,18 @@ FREE, COLLIDING = 2e-6, 30e-6
 """Seconds for each posture that are asked for."""
 
 
-class ClockedStepper(Stepper):
-    """Notes when each control step begins, by the clock on the wall and by the time the processor worked on it."""
+class ClockedController(Controller):
+    """Records the beginning of each control step, by wall clock and by processor time."""
 
-    began: ClassVar[list[tuple[float, float]]] = []
+    def __init__(self, robot: Arm):
+        infinite = np.full(robot.dof, np.inf)
+        super().__init__(robot, BrakingLimit(robot.lower, robot.upper, speed_limits(robot, None), infinite))
+        self.began: list[tuple[float, float]] = []
 
-    def velocity(self, dt: float) -> Array | None:
-        """As a stepper does."""
+    def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
+        """As a controller does."""
         self.began.append((clock.perf_counter(), clock.thread_time()))
-        return super().velocity(dt)
+        return super().step(problem, state, dt, speed_share)
 
 
 def rows(outcome: Outcome, adapted: Array, quick: bool) -> Iterator[Row]:
@@ -86,10 +88,9 @@ def _steps(outcome: Outcome, passes: int) -> list[Array]:
     objective = Objective(robot, result.spec, result.damping, FOLLOWING_WEIGHT)
     durations = []
     for _ in range(1 + passes):
-        ClockedStepper.began.clear()
-        with mock.patch.object(follower, "Stepper", ClockedStepper):
-            follower.Follower((objective,)).follow(result.joint_positions[0], (schedule,))
-        durations.append(np.diff(ClockedStepper.began, axis=0))
+        controller = ClockedController(robot)
+        follow(controller, result.joint_positions[0], [schedule], [objective])
+        durations.append(np.diff(controller.began, axis=0))
     return durations[1:]  # the first pass compiles and fills caches
 
 

@@ -1,9 +1,8 @@
-"""Follow a profile with Pink's own loop: an ellipsoid task, a position task and a posture task in `pink.solve_ik`.
+"""Follow a profile with Pink's own loop: an ellipsoid task beside its frame and posture tasks (extra: pink).
 
-You learn how `ManipulabilityEllipsoidTask` and `PositionTask` stand beside the tasks you know from Pink, what a step
-of control looks like, and what the ellipsoid task is good for: with the hand on its path, a 7-joint arm still has a
-freedom left, and without the task its ellipsoids drift. `maniport.track` is this loop with limits of acceleration and a
-search for the start.
+You learn how `EllipsoidTask` works with Pink's own tasks, what a step of control looks like, and what the ellipsoid
+task is good for: with the hand on its path, a 7-joint arm still has a freedom left, and without the task its ellipsoids
+drift. `maniport.track` is such a loop without Pink, with limits of acceleration and a search for the start.
 
     python 05_follow_a_profile.py [FOLDER]
 """
@@ -15,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pink
-from pink.tasks import PostureTask
+import pinocchio as pin
+from pink.tasks import FrameTask, PostureTask
 
 import maniport as mp
-from maniport.motion import ManipulabilityEllipsoidTask, PositionTask, robot_model
+from maniport.motion import robot_model
+from maniport.motion.pink_task import EllipsoidTask
 
 RATE = 200.0  # control steps a second [Hz]
 TIME = np.arange(0.0, 4.0, 1.0 / RATE)  # [s]
@@ -35,8 +36,8 @@ def wanted_motion(arm):
 def follow(arm, profile, path, with_ellipsoids):
     """Joint positions (n, dof) of Pink's loop, which starts from HOME."""
     model = robot_model(arm)  # a plain Pinocchio model with the arm's limits; one from a URDF does as well
-    ellipsoid = ManipulabilityEllipsoidTask(arm.frame, cost=1.0)
-    position = PositionTask(arm.frame, cost=200.0)  # cost of a metre
+    ellipsoid = EllipsoidTask(arm, cost=1.0)
+    position = FrameTask(arm.frame, position_cost=200.0, orientation_cost=0.0)  # cost of a meter
     posture = PostureTask(cost=1e-2)  # holds what nothing else does: here the last joint
     posture.set_target(HOME)
     tasks = [position, posture] + ([ellipsoid] if with_ellipsoids else [])
@@ -44,7 +45,7 @@ def follow(arm, profile, path, with_ellipsoids):
     joints = np.empty((len(TIME), arm.dof))
     for i in range(len(TIME)):
         ellipsoid.set_target(profile[i])
-        position.set_target(path[i])
+        position.set_target(pin.SE3(np.eye(3), path[i]))
         velocity = pink.solve_ik(configuration, tasks, 1.0 / RATE, solver="daqp")  # within the model's limits
         configuration.integrate_inplace(velocity, 1.0 / RATE)
         joints[i] = configuration.q

@@ -59,7 +59,7 @@ def main(folder):
     for name, weights in (("without", None), ("with", tracking_weights(covariance))):
         motion = mp.track(
             arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
-        )
+        ).arms[0]
         start = motion.joint_positions[0]  # both begin alike
         beside, sigmas = 1e3 * motion.position_error, deviation(profile, covariance, motion.achieved)
         print(

@@ -54,7 +54,7 @@ def transfers(recording: str, seeds: int, **options: Any) -> Iterator[Row]:
     """The main job on a bundled recording."""
     for seed in range(seeds):
         begin = time.process_time()
-        result = mp.transfer_recording(shipped_recording(recording), random_state=seed, **options)
+        result = mp.transfer_recording(shipped_recording(recording), seed=seed, **options)
         motion = result.arm.motion
         row = statistics(motion.distance, motion.position_error, float(motion.control_time[-1]), motion.clearance.share)
         yield f"{recording}, seed {seed}", row | {"seconds": time.process_time() - begin}
@@ -86,7 +86,7 @@ def both_arms(whole: bool) -> Iterator[Row]:
     """Both arms of the bundled recording on two Pandas."""
     arms = mp.load_arms("panda", bases=((0.0, 0.3, 0.0), (0.0, -0.3, 0.0)))
     for seed in range(3 if whole else 1):
-        result = mp.transfer_recording(shipped_recording("both-arms"), robot=arms, random_state=seed)
+        result = mp.transfer_recording(shipped_recording("both-arms"), robot=arms, seed=seed)
         for side, motion in zip(("left", "right"), result.motion.arms, strict=True):
             duration, collides = float(motion.control_time[-1]), result.motion.clearance.share
             row = statistics(motion.distance, motion.position_error, duration, collides)

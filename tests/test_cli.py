@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import maniport
-from maniport import cli, load_arm
+from maniport import cli, load_arm, pipeline
 from maniport.mocap import shipped_recording
 from maniport.motion.exports import FORMATS
-from maniport.pipeline import follow
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
 
@@ -209,7 +208,7 @@ def track(run, monkeypatch, tmp_path):
     def asked(*_, **options):
         raise AskedError(options)
 
-    monkeypatch.setattr(follow, "follow", asked)
+    monkeypatch.setattr(pipeline, "follow_profile", asked)
 
     def call(*words):
         try:

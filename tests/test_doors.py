@@ -10,7 +10,7 @@ import pytest
 
 import maniport as mp
 from doors import dh_reader, lab_names, stiff_shoulder, table_reader  # noqa: F401 - importing them opens the doors
-from doors.height_task import HeightTask
+from doors.height_cost import HeightCost
 from doors.log_euclidean_shift import LogEuclideanShift
 from doors.spectrum_correspondence import SpectrumCorrespondence
 from doors.speed_panel import write_page_with_speed
@@ -50,13 +50,13 @@ def files(moment, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(moment, files):
-    """The main job with a recording format, a person, a robot format, a method and a task of one's own."""
+    """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
     recording = mp.read_recording(files / "ladder.pts", up=moment.up)
     method = LogEuclideanShift(damping=0.01)
     with few_places():
         found = mp.transfer_recording(
             recording, person="stiff_shoulder", robot=files / "six.json", method=method, speed_scale=0.5,
-            tasks=[HeightTask("link5", 0.0, cost=10.0)], **SMALL,
+            costs=[HeightCost(mp.load_arm(files / "six.json"), "link5", 0.0)], **SMALL,
         )  # fmt: skip
     assert not hasattr(method, "shift_")  # a clone was fitted
     return found
@@ -118,16 +118,15 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
     np.testing.assert_allclose(again.map_rotation_, turn, atol=1e-6)
 
 
-def test_a_task_of_ones_own_joins_those_of_the_tracker(result):
-    """A task of Pink's kind for the height of the wrist brings it nearer to that height."""
+def test_an_own_cost_is_used_by_the_tracker(result):
+    """A cost for the height of the wrist brings it nearer to that height."""
     robot, placed, plan = result.arm.robot, result.arm.placement, result.arm.motion
-    task = HeightTask("link5", 0.0, cost=10.0)
     heights = []
-    for tasks in ([], [task]):
+    for costs in ([], [HeightCost(robot, "link5", 0.0)]):
         motion = mp.track(
-            robot, placed.profile, path=placed.path, time=plan.time, reference=plan.joint_positions, tasks=tasks
+            robot, placed.profile, path=placed.path, time=plan.time, reference=plan.joint_positions, costs=costs
         )
-        heights.append(robot.point_positions(motion.joint_positions, ["link5"])[:, 0, 2].mean())
+        heights.append(robot.point_positions(motion.trajectory.joint_positions, ["link5"])[:, 0, 2].mean())
     assert abs(heights[1]) < abs(heights[0]) - 0.01
 
 

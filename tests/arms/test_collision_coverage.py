@@ -10,7 +10,7 @@ from exact_meshes import ExactMeshes
 
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
-from maniport.arms.loaders.packages import PACKAGES, find_named
+from maniport.arms.loaders.packages import PACKAGES, find_robot
 from real_robots import NEEDS_ROBOTS
 
 NIGHTLY = bool(os.environ.get("MANIPORT_NIGHTLY"))
@@ -21,7 +21,7 @@ COUNT = 5000 if NIGHTLY else 100
 
 def file_of(name):
     """The URDF of an arm; that of example-robot-data for the Panda that comes with the package."""
-    return ROBOTS.found()["panda"] if name == "panda" else find_named(f"example-robot-data/{name}").path
+    return ROBOTS.found()["panda"] if name == "panda" else find_robot(f"example-robot-data/{name}").path
 
 
 def struck(arm, collisions, q, path):

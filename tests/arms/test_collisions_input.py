@@ -22,10 +22,10 @@ def panda():
         ({"padding": -0.1}, "padding must be a number of at least 0"),
         (
             {"obstacles": [[0, 0, 0, 4, 4, 4]]},
-            r"obstacles: 'box 1' holds or cuts the robot's base: 'panda_link0' is 2\.\d+ m",
+            r"obstacles: 'box 1' intersects the robot's base: 'panda_link0' is 2\.\d+ m",
         ),
-        ({"obstacles": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' holds or cuts the robot's base"),
-        ({"obstacles": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' leaves 'panda_link1' no way out"),
+        ({"obstacles": [Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")]}, "'plinth' intersects the robot's base"),
+        ({"obstacles": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' touches 'panda_link1' in all"),
         ({"obstacles": [[1, 2, 3]]}, r"obstacles must be a file, .* shape \(n, 6\) or \(n, 7\); found shape \(1, 3\)"),
         ({"obstacles": [[1, 2, 3, 1, 1, 0]]}, "box 1: size must be 3 numbers above 0; found 0 at index 2"),
     ],
@@ -44,7 +44,7 @@ def test_a_table_above_a_robot_without_a_drawn_base_is_refused(tmp_path):
         '</visual></link><joint name="j" type="revolute"><parent link="base"/><child link="tip"/>'
         '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>'
     )
-    with pytest.raises(InvalidInputError, match=r"table: the plane at z = 1 m leaves 'tip' no way out"):
+    with pytest.raises(InvalidInputError, match=r"table: the plane at z = 1 m touches 'tip' in all"):
         Collisions.of(load_arm(path), table=1.0)
 
 
@@ -110,7 +110,7 @@ def test_an_srdf_says_which_pairs_are_left_out(panda, tmp_path):
             InvalidInputError,
             "does not fit 'panda': it names a, b",
         ),
-        ("<robot name='x'/>", FileFormatError, "holds no <disable_collisions>"),
+        ("<robot name='x'/>", FileFormatError, "has no <disable_collisions>"),
         ("<robot name='x'><link name='a'/></robot>", FileFormatError, "no SRDF.* this is a URDF"),
         ("<mujoco/>", FileFormatError, "no SRDF.* its root is <mujoco>"),
         ("<robot><disable_collisions link1='a'/></robot>", FileFormatError, "number 1 must name link1 and link2"),

@@ -8,7 +8,7 @@ from robot_packages import farthest, model_of
 
 from maniport.arms import load_arm
 from maniport.arms.loaders import robot_limbs
-from maniport.arms.loaders.packages import PACKAGES, find_named
+from maniport.arms.loaders.packages import PACKAGES, find_robot
 from maniport.errors import InvalidInputError, MissingPackageError, UnknownNameError
 
 GOLDEN = {
@@ -62,7 +62,7 @@ def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
         arm = load_arm(f"{package}/{name}")
         assert (arm.chain.base, arm.frame, arm.dof) == expected, name
         assert np.all(np.isfinite(arm.manipulability(arm.sample(8, random_state=0)))), name
-        assert farthest(mujoco, model_of(mujoco, find_named(f"{package}/{name}").path), arm) < 1e-9, name
+        assert farthest(mujoco, model_of(mujoco, find_robot(f"{package}/{name}").path), arm) < 1e-9, name
 
 
 def test_two_arms_are_named_by_their_side():

@@ -65,7 +65,7 @@ def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
     assert "99.9 %" in err
     code, (_, answer, *_), err = run(tmp_path / "person.npz", given=lines(*frames))
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
-    assert "--no-drop processes all of them" in err
+    assert "--no-drop" in err
 
 
 def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):

@@ -4,7 +4,7 @@ import pytest
 
 from maniport.arms import VELOCITY, load_arm
 from maniport.arms.collisions import Collisions
-from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank, robot_model
+from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank
 from maniport.motion.plan.planner import ArmPlanner
 
 
@@ -12,12 +12,6 @@ from maniport.motion.plan.planner import ArmPlanner
 def panda():
     """The Panda to its flange."""
     return load_arm("panda", frame="panda_link8")
-
-
-@pytest.fixture(scope="session")
-def model(panda):
-    """Its Pinocchio model."""
-    return robot_model(panda)
 
 
 @pytest.fixture(scope="session")

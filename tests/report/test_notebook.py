@@ -62,7 +62,7 @@ def objects(small_result):
         "Identifiability": icp.identifiability_,
         "SeedBank": bank,
         "Placement": small_result.arm.placement,
-        "ArmMotion": mp.track(panda, profile, path=path, time=TIME, start=joints[0]),
+        "ArmMotion": mp.track(panda, profile, path=path, time=TIME, start=joints[0]).arms[0],
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "Alignment": mp.align([student[:20] + np.eye(3), student[5:30] + np.eye(3)]),
         "ProfileGMM": mp.ProfileGMM(n_components=1).fit(np.tile(TIME, 3), np.tile(profile, (3, 1, 1))),

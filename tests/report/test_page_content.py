@@ -74,7 +74,7 @@ def test_the_map_has_one_frame(result, shown):
 def test_unmoved_robot_and_other_ellipsoids_are_drawn(second, options):
     """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
     result = transfer_recording(
-        second.crop(10.0, 10.3), method="parallel-transport", move=False, spec=mp.EllipsoidSpec(**options), **SMALL
+        second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL
     )
     shown = animation_of(result)
     assert [stage.name for stage in shown.stages] == ["Person"]

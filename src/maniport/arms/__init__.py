@@ -6,10 +6,10 @@ from maniport.arms.human import PERSONS, myoarm, rhuman
 from maniport.arms.loaders import READERS, load_arm
 from maniport.arms.loaders.pairs import load_arms
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
-from maniport.arms.meshes import Look, Surface
+from maniport.arms.meshes import Geometry, Surface
 
 __all__ = [
-    "PERSONS", "READERS", "VELOCITY", "Arm", "ArmGroup", "EllipsoidSpec", "Look", "Surface", "as_group", "load_arm",
+    "PERSONS", "READERS", "VELOCITY", "Arm", "ArmGroup", "EllipsoidSpec", "Geometry", "Surface", "as_group", "load_arm",
     "load_arms",
     "myoarm", "rhuman",
 ]  # fmt: skip

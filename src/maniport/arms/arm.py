@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.attached import Attached
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
 from maniport.arms.joint_space import Manipulable
 from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
-from maniport.arms.meshes import Look, Surface
+from maniport.arms.meshes import Geometry, Surface
+from maniport.arms.point_kinematics import PointKinematics
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_numbers
@@ -54,7 +54,7 @@ class Arm(Manipulable):
         self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
-        self.look = Look(chain, self._kinematics)
+        self.geometry = Geometry(chain, self._kinematics)
 
     @classmethod
     def from_dh(
@@ -145,7 +145,7 @@ class Arm(Manipulable):
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
         """The same arm, look included, with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         arm = Arm(self.chain.narrow(lower, upper))
-        arm.look = self.look  # limits do not show; what was read of files is not read again
+        arm.geometry = self.geometry  # limits do not show; what was read of files is not read again
         return arm
 
     def forward(self, q: ArrayLike) -> Array:
@@ -171,7 +171,7 @@ class Arm(Manipulable):
 
     def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
         names, array = self.chain.known_frames(frames), self.configurations(q)
-        points, slopes = Attached(self.chain, names)(array.reshape(-1, self.dof))
+        points, slopes = PointKinematics(self.chain, names)(array.reshape(-1, self.dof))
         shape = (*array.shape[:-1], len(names), 3)
         return points.reshape(shape), slopes.reshape(*shape, self.dof)
 
@@ -218,7 +218,7 @@ class Arm(Manipulable):
     def skeleton(self, q: ArrayLike) -> Array:
         """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m]."""
         positions, shape = self._positions(q)
-        points = self.look.skeleton(positions)
+        points = self.geometry.skeleton(positions)
         return points.reshape(*shape, *points.shape[1:])
 
     def link_poses(self, q: ArrayLike) -> Array:
@@ -227,7 +227,7 @@ class Arm(Manipulable):
         `Surface.joint` is an index into them; joints that follow others or are held count too.
         """
         positions, shape = self._positions(q)
-        poses = self.look.link_poses(positions)
+        poses = self.geometry.link_poses(positions)
         return poses.reshape(*shape, *poses.shape[1:])
 
     def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
@@ -253,7 +253,7 @@ class Arm(Manipulable):
             When the robot's file or a mesh is missing or cannot be read.
         """
         most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
-        return self.look.surfaces(most)
+        return self.geometry.surfaces(most)
 
     def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
         """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""

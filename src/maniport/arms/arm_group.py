@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import Chain
 from maniport.arms.joint_space import JointSpace, Manipulable
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
-from maniport.errors import InvalidInputError, typed
+from maniport.arms.shared_joints import shared_joints
+from maniport.errors import InvalidInputError
 from maniport.util.validation import Array, as_choice, as_finite, as_numbers
 
 FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}
@@ -64,7 +63,7 @@ class ArmGroup(JointSpace):
             raise InvalidInputError(
                 f"names must be one for each of {len(arms)} arms, all different; found {self.names}"
             )
-        self.common, shared = _shared(arms, self.names)
+        self.common, shared = shared_joints([arm.chain for arm in arms], self.names)
         self.shared = tuple(dict.fromkeys(name for _, _, moving in shared for name in moving))
         self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
         own: list[tuple[int, int]] = []  # arm and joint of each column
@@ -284,70 +283,3 @@ class CooperativeArm(Manipulable):
             rotation = first[..., :3, :3] @ half.as_matrix().reshape(rotation.shape)
         result[..., :3, :3] = rotation
         return result
-
-
-def _shared(
-    arms: Sequence[Arm], names: Sequence[str]
-) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
-    """Numbers of common joints (n_arms, n_arms); names of the coordinates that move them, for each pair of arms."""
-    common = np.diag([len(arm.chain.joints) for arm in arms]).astype(np.intp)
-    shared = []
-    for i, j in combinations(range(len(arms)), 2):
-        chains, pair = (arms[i].chain, arms[j].chain), (names[i], names[j])
-        common[i, j] = common[j, i] = count = _common_joints(chains)
-        shared.append((i, j, _require_agreement(chains, pair, count)))
-    return common, shared
-
-
-def _common_joints(chains: tuple[Chain, Chain]) -> int:
-    """Number of joints with which two chains begin in common; raise where one chain is a part of the other."""
-    first, second = chains
-    if first.base != second.base:
-        ends = " and ".join(repr(chain.base or "the robot's base") for chain in chains)
-        raise InvalidInputError(f"all arms must have the same base frame; found {ends}")
-    count = 0
-    for a, b in zip(first.joints, second.joints, strict=False):
-        same = (a.name, a.kind) == (b.name, b.kind)
-        if not same or np.any(a.axis != b.axis) or np.any(a.placement != b.placement):
-            break
-        count += 1
-    if count in (len(first.joints), len(second.joints)):
-        where = f", which stand in one place; place them with {two_bases()}" if first.stand is not None else ""
-        raise InvalidInputError(
-            f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
-            f"{first.name!r}{where}"
-        )
-    return count
-
-
-def _require_agreement(chains: tuple[Chain, Chain], names: tuple[str, str], count: int) -> tuple[str, ...]:
-    """Names of the coordinates that move the common joints; raise unless both chains have the same limits for them."""
-    moving: list[dict[str, Any]] = [
-        {name: (low, high, column[:count].tolist())
-         for name, low, high, column in zip(chain.coordinates, chain.lower, chain.upper, chain.coupling.T, strict=True)
-         if np.any(column[:count])}
-        for chain in chains
-    ]  # fmt: skip
-    for name in moving[0] | moving[1]:
-        if moving[0].get(name) != moving[1].get(name):
-            ranges = [
-                "{:g} to {:g}".format(*own[name][:2]) if name in own else f"locked at {chain.locked.get(name, 0.0):g}"
-                for own, chain in zip(moving, chains, strict=True)
-            ]
-            raise InvalidInputError(
-                f"the joint {name!r} carries two arms and must be locked for both, or have the same limits; found "
-                f"{ranges[0]} for {names[0]}, {ranges[1]} for {names[1]}"
-            )
-    first, second = chains
-    for i in np.flatnonzero(first.offset[:count] != second.offset[:count]).tolist():
-        raise InvalidInputError(
-            f"the joint {first.joints[i].name!r} carries two arms and must be locked at one position; found "
-            f"{first.offset[i]:g} for {names[0]}, {second.offset[i]:g} for {names[1]}"
-        )
-    return tuple(moving[0])
-
-
-def two_bases() -> str:
-    """Describe the options that place two robots, for messages."""
-    given = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
-    return given if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

@@ -29,11 +29,11 @@ def restrict(
     tip = chain.frame if frame is None else frame
     if not isinstance(tip, str) or tip not in chain.frames:
         raise unknown_name("frame", tip, chain.frames, where)
-    part = _ended(chain, tip)
+    part = _ending_at(chain, tip)
     if base is not None:
         if not isinstance(base, str) or base not in part.frames:
             raise unknown_name("base", base, part.frames, f"on the way to the frame {tip!r} {where}")
-        part = _begun(part, base)
+        part = _starting_at(part, base)
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for what, names in (("joints", wanted or ()), ("lock", held)):
         idle = [name for name in names if name not in part.coordinates]
@@ -43,7 +43,7 @@ def restrict(
     if not np.any(moving):
         held_all = "; lock holds them all" if part.coordinates else ""
         raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}{held_all}")
-    return part if np.all(moving) else _held(part, moving, held)
+    return part if np.all(moving) else _locked(part, moving, held)
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
@@ -57,14 +57,14 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
     return held
 
 
-def _ended(chain: Chain, tip: str) -> Chain:
+def _ending_at(chain: Chain, tip: str) -> Chain:
     """The joints of a chain up to a tip, and the coordinates that move them."""
     count = chain.frames[tip].joint
     used = np.any(chain.coupling[:count] != 0, axis=0)
     beyond = {name for name, place in chain.frames.items() if place.joint > count}
     return replace(
         chain,
-        others=_held_at(chain, beyond, lambda joint: min(joint, count)),
+        others=_rigidly_attached(chain, beyond, lambda joint: min(joint, count)),
         joints=chain.joints[:count],
         frames={name: place for name, place in chain.frames.items() if place.joint <= count},
         frame=tip,
@@ -74,7 +74,7 @@ def _ended(chain: Chain, tip: str) -> Chain:
     )
 
 
-def _held_at(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> dict[str, Body] | None:
+def _rigidly_attached(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> dict[str, Body] | None:
     """The bodies off the chain and some frames, at rest; `carrier` is the joint that moves each from now on."""
     if chain.others is None:
         return None
@@ -88,10 +88,10 @@ def _held_at(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> d
 
 def standing(chain: Chain, where: Array) -> Chain:
     """The same chain where it stands in a world, expressed in that; `where` is its base's pose there, shape (4, 4)."""
-    return replace(_seen_from(chain, where, "world"), stand=where if chain.stand is None else where @ chain.stand)
+    return replace(_expressed_in(chain, where, "world"), stand=where if chain.stand is None else where @ chain.stand)
 
 
-def _seen_from(chain: Chain, where: Array, base: str) -> Chain:
+def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
     """The same chain expressed in another frame, in which its base has the pose `where`, shape (4, 4)."""
     return replace(
         chain,
@@ -110,12 +110,12 @@ def _seen_from(chain: Chain, where: Array, base: str) -> Chain:
     )  # fmt: skip
 
 
-def _begun(chain: Chain, base: str) -> Chain:
+def _starting_at(chain: Chain, base: str) -> Chain:
     """The same chain expressed in another of its frames, without the joints before that."""
     first, placement = chain.frames[base].joint, chain.frames[base].placement
     back = np.eye(4)
     back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
-    others = _held_at(
+    others = _rigidly_attached(
         chain, {name for name, place in chain.frames.items() if place.joint < first}, lambda joint: max(joint, first)
     )
     begun = replace(
@@ -130,10 +130,10 @@ def _begun(chain: Chain, base: str) -> Chain:
         coupling=chain.coupling[first:],
         offset=chain.offset[first:],
     )
-    return _ended(_seen_from(begun, back, base), chain.frame)
+    return _ending_at(_expressed_in(begun, back, base), chain.frame)
 
 
-def _held(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
+def _locked(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
     """The same chain with some coordinates held, where `lock` says or next to zero."""
     neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
     for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.cli.application import Output, Overwrite, command
-from maniport.cli.transfer import job_of
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
 from maniport.util.defaults import BATCH_PROFILE_RATE
@@ -41,12 +40,13 @@ def batch(
 ) -> None:
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
+    from maniport.pipeline.transfer import arguments_of
     from maniport.util.signals import raising
 
     config = config.changed(recording=recordings) if recordings else config
     arms = [replace(config.robot, robot=(name,)).load() for name in config.robot.robot]
     robots = [(arm, vars(config.motion.control(arm))) for arm in arms]
-    job = {name: value for name, value in job_of(config, arms[0]).items() if name not in robots[0][1]}
+    job = {name: value for name, value in arguments_of(config, arms[0]).items() if name not in robots[0][1]}
     part = ("unit", "start", "stop")
     reading = {name: getattr(config.human, name) for name in part}
     reading |= {"up": config.human.vertical_axis, "rate": config.human.fps}

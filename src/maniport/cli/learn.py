@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import typer
 
 from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, command, optional_robot
-from maniport.cli.transfer import job_of
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
@@ -38,10 +37,10 @@ def learn(
     require_free(output, LEARNED_FILES, overwrite)
     config = config.changed(recording=recordings) if recordings else config
     follows = Path(f"{output}-robot")
-    job = _job(config, follows, overwrite)
+    moves = _follows(config, follows, overwrite)
     with console.progress() as progress:
         learned, report = _learned(config, output, overwrite, progress)
-        followed = None if job is None else _followed(learned, job, config, follows, progress, overwrite)
+        followed = _followed(learned, config, follows, overwrite, progress) if moves else None
     if followed is None:
         console.tell(report, output=str(output))
         return
@@ -50,20 +49,20 @@ def learn(
         console.tell(followed, output=str(follows))
 
 
-def _job(config: Config, folder: Path, overwrite: bool) -> dict[str, Any] | None:
-    """Return the arguments of the transfer to a robot if there is one, checked before the long work."""
+def _follows(config: Config, folder: Path, overwrite: bool) -> bool:
+    """Return whether a robot follows the profile; its options are checked before the long work."""
+    from maniport.pipeline.transfer import settings_of
     from maniport.report.write import RUN_FILES, export_files
     from maniport.util.atomic_io import require_free
 
-    arm = optional_robot(config)
-    if arm is None:
+    if optional_robot(config) is None:
         if config.motion.export:
             raise InvalidInputError("--export needs --robot")
-        return None
+        return False
     require_free(folder, RUN_FILES, overwrite)
     export_files(config.motion.export)
-    options = {name: value for name, value in job_of(config, arm).items() if name not in config.human.fit_options}
-    return {"robot": arm, **options}
+    settings_of(config)
+    return True
 
 
 def _learned(config: Config, folder: Path, overwrite: bool, progress: Progress) -> tuple[Any, Report]:
@@ -79,14 +78,12 @@ def _learned(config: Config, folder: Path, overwrite: bool, progress: Progress) 
     return learned, write_results(learned, folder, progress, overwrite=overwrite)
 
 
-def _followed(
-    learned: Any, options: dict[str, Any], config: Config, folder: Path, progress: Progress, overwrite: bool
-) -> Report:
+def _followed(learned: Any, config: Config, folder: Path, overwrite: bool, progress: Progress) -> Report:
     """Transfer the learned profile to a robot, and write the results."""
     from maniport.pipeline import transfer_recording
     from maniport.report.write import write_results
 
-    result = replace(transfer_recording(learned, progress=progress, **options), config=config)
+    result = transfer_recording(learned, config, progress=progress)
     return write_results(result, folder, progress, config.motion.export, overwrite=overwrite)
 
 

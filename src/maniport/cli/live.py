@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maniport.cli.application import command
-from maniport.cli.transfer import job_of
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
@@ -53,11 +52,10 @@ def live(
         from maniport.live import Live
         from maniport.pipeline import transfer_recording
 
-        arm = config.robot.load()
         motion = config.human.read(recording)
         for text in motion.quality_warnings:
             console.warn(text)
-        result = transfer_recording(motion, robot=arm, progress=progress, **job_of(config, arm))
+        result = transfer_recording(motion, config, progress=progress)
         follower = Live.of(result, progress=progress)
     if udp is not None and not is_loopback(host):
         console.warn("the port is open to other machines: whoever can reach it moves the robot")

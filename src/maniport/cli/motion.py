@@ -49,7 +49,8 @@ def place(
     with console.progress() as progress:
         placed = place_path(
             positions, target, arm, time=time, tilt=leaning, workspace=settings.workspace, spec=config.transfer.spec,
-            damping=config.transfer.damping, collisions=settings.collisions, planning_effort=settings.planning_effort,
+            damping=config.transfer.damping or 0.0, collisions=settings.collisions,
+            planning_effort=settings.planning_effort,
             rank=rank, random_state=config.seed, progress=progress,
         )  # fmt: skip
     placed.save(output, time, overwrite=overwrite)
@@ -86,7 +87,8 @@ def track(
     times = None if times is None else as_times(times, f"time in {str(file)!r}", fewest=2)
     with console.progress() as progress:
         result = follow_profile(
-            arm, [target], times, None if positions is None else [positions], place=place, spec=config.transfer.spec, damping=config.transfer.damping,
+            arm, [target], times, None if positions is None else [positions], place=place,
+            spec=config.transfer.spec, damping=config.transfer.damping or 0.0,
             direction=direction, random_state=config.seed, progress=progress, **control,
         )  # fmt: skip
         files = tuple(str(file) for file in (profile, path) if file is not None)

@@ -1,8 +1,7 @@
 """Commands that transfer a recording to a robot."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -72,25 +71,5 @@ def _transferred(config: Config, console: Console, output: Path, overwrite: bool
     console.say(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
     for text in recording.quality_warnings:  # before the long work, and in the result once more
         console.warn(text)
-    options = job_of(config, arm)
-    result = transfer_recording(recording, robot=arm, tips=config.robot.tips, progress=progress, **options)
-    result = replace(result, config=config)
+    result = transfer_recording(recording, config, progress=progress)
     return write_results(result, output, progress, config.motion.export, overwrite=overwrite)
-
-
-def job_of(config: Config, arm: Any) -> dict[str, Any]:
-    """Return the arguments of `maniport.transfer_recording`."""
-    transfer, motion = config.transfer, config.motion
-    return {
-        **config.human.fit_options,
-        "method": transfer.method,
-        "spec": transfer.spec,
-        **transfer.regularization,
-        "base_rotation": transfer.rotation,
-        "n_teacher": transfer.n_teacher,
-        "n_student": transfer.n_student,
-        "orientation": motion.orientation,
-        "move": motion.move,
-        "random_state": config.seed,
-        **(vars(motion.control(arm)) if motion.move else {}),
-    }

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import Any
 
@@ -18,8 +18,9 @@ from maniport.live.person import ArmEstimate, Person
 from maniport.live.robot import Robot, best_start
 from maniport.live.state import HOLDING, FollowState, Moment
 from maniport.mocap import ArmFit
-from maniport.motion import MotionLimits, Placement, PlanControl
+from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanControl
 from maniport.motion.plan.plan_control import require_free
+from maniport.motion.problem import as_costs
 from maniport.pipeline import TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
@@ -34,13 +35,13 @@ class Live:
     """A robot that follows a person, frame by frame.
 
     `step` estimates the person's arm in a frame, maps its ellipsoid with a fitted adapter, and moves the robot towards
-    that ellipsoid, and its end effector towards the position of the hand in the placed path, within the limits of the
-    joints and without collisions, whatever the frames are. It returns a `Moment`. Where the person is not seen or
-    jumps, the robot brakes and rests; it returns when the person is seen again. Each thread needs its own instance.
+    that ellipsoid and the position of the hand in the placed path, within joint limits and without collisions, whatever
+    the frames are. Where the person is not seen or jumps, the robot brakes and rests until the person is seen again.
+    Each thread needs its own instance.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
     commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between
-    two frames: simulated time, for recordings. The same frames then give the same motion.
+    two frames (simulated time), and the same frames give the same motion.
 
     Parameters
     ----------
@@ -50,27 +51,24 @@ class Live:
         Fitted.
     robot : Arm
     path : Placement, optional
-        Placement of the hand's path before the robot, of `maniport.motion.place_path` or of a result. Without it the
-        robot follows the ellipsoids alone.
+        Placement of the hand's path. Without it the robot follows the ellipsoids alone.
     spec : EllipsoidSpec
-        Which ellipsoids the adapter maps.
+        Ellipsoids of the adapter.
     motion_limits, collisions
         As in `maniport.motion.PlanControl`.
     start : array_like, shape (dof,), optional
         Configuration of the robot, at rest. Default: one that suits the first frame of `person`.
     reference : array_like, shape (n, dof), optional
-        Configurations of the robot that suit the motion, such as those of a plan: it stays near the one that suits
-        best. Without them it may get stuck at limits of its joints.
+        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
+        get stuck at joint limits.
     hold_after : float
-        After so many seconds without a frame that can be used the robot brakes, at most 10 [s]; it must be longer than
-        the time between two frames.
+        Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
     clock : callable or None
-        Returns the time on this machine [s]. None: simulated time; commands keep the limits only when they are sent at
-        the times of their frames.
-    random_state : int
-        Seed of the search for a start.
-    progress : callable, optional
-        Called as ``progress(step, fraction)``; `maniport.progress` prints bars.
+        Returns the time on this machine [s]. None: simulated time; commands keep the limits at the times of frames.
+    costs, limits
+        As in `maniport.motion.Control`; the time of costs is that of the robot's clock.
+    random_state, progress : optional
+        Seed of the search for a start; as in `maniport.transfer_recording`.
 
     Attributes
     ----------
@@ -101,6 +99,8 @@ class Live:
         reference: ArrayLike | None = None,
         hold_after: float = 0.1,
         clock: Callable[[], float] | None = monotonic,
+        costs: Sequence[Cost] = (),
+        limits: Sequence[Limit] = (),
         random_state: int = 0,
         progress: Progress | None = None,
     ):
@@ -110,25 +110,27 @@ class Live:
         own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
         self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
         if (size := len(adapter.teacher_mean_)) != spec.size:
-            raise InvalidInputError(f"the adapter maps ellipsoids of {size}×{size}; {spec} are {spec.size}×{spec.size}")
+            raise InvalidInputError(f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}")
         if path is not None:  # an affine map is determined by its images of zero and of the axes
             self._turn, self._origin = spec.rotation(path.rotation), path.apply(np.zeros(3))
             self._axes = path.apply(np.eye(3)) - self._origin
         control = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
-        limits = control.motion_limits
-        assert isinstance(limits, MotionLimits)
+        bounds = control.motion_limits
+        assert isinstance(bounds, MotionLimits)
         self._collisions = control.collisions if isinstance(control.collisions, Collisions) else None
         own = adapter.student_regularization
         damping = own if own.epsilon > 0.0 and spec.kind != "force" else DAMPING
-        self.points, self.robot = self._person.points, limits.arm
+        self.points, self.robot = self._person.points, bounds.arm
         if start is None:
             first = self._target_of(person.joint_angles[0])[1]
-            start = best_start(limits.arm, spec.velocity, damping, *first, self._collisions, random_state)
-        q = np.clip(require_free(start, "start", limits, self._collisions), limits.lower, limits.upper)
-        near = None if reference is None else limits.arm.require_within_limits(reference, "reference")
+            start = best_start(bounds.arm, spec.velocity, damping, *first, self._collisions, random_state)
+        q = np.clip(require_free(start, "start", bounds, self._collisions), bounds.lower, bounds.upper)
+        near = None if reference is None else bounds.arm.require_within_limits(reference, "reference")
         if near is not None:
-            require_shape(near, "reference", ("n", limits.arm.dof), " with n ≥ 1")
-        self._robot = Robot(limits, self._collisions, spec.velocity, damping, q, path is not None, near)
+            require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
+        self._robot = Robot(
+            bounds, self._collisions, spec.velocity, damping, q, near, as_costs(costs, robot, np.zeros(2)), limits
+        )
         self._reset(MotionClock(None))
         self._warm_up(preparation)
         self._reset(own_clock)
@@ -283,7 +285,7 @@ class Live:
             if position is not None and start is not None:
                 next_position = start + part * (position - start)
             ellipsoid = last if i == steps else first + part * (last - first)
-            self._robot.follow(ellipsoid, next_position, last_position, dt, share)
+            self._robot.follow(ellipsoid, next_position, last_position, dt, share, self._clock.now)
             last_position = next_position
 
     def _position_error(self) -> float | None:

@@ -1,32 +1,32 @@
-"""A robot arm, control step by control step: it moves towards a target within its limits, or brakes."""
+"""The robot that follows: its target of the present, and the motion towards it within all limits."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.arms.manipulability import squared
+from maniport.arms.manipulability import manipulability
 from maniport.motion import MotionLimits, Objective, SeedBank
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.follow.follower import Follower, Stepper
-from maniport.motion.limits import RememberingLimit, UnevenLimit
+from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
-from maniport.motion.schedule import Schedule
+from maniport.motion.problem import Cost
 from maniport.motion.search.descent import descend
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.validation import Array
 
-COLLISION_TIME = 0.1  # The clearance is used up with this time constant, or slower [s]
 # This share of the acceleration that the slowest joint gives a stretched arm's end effector brakes it before its target
 BRAKING = 0.5
-REFERENCE_COST = 2.0
-"""Cost of a radian away from the reference: high enough that a robot which is led faster than it can follow stays on
-its branch of configurations, and low enough that the end effector is on its path where it can be."""
+REFERENCE_WEIGHT = 2.0
+"""Weight of the distance from the reference [1/rad]: high enough that a robot that cannot follow fast enough stays on
+its branch of configurations, and low enough that the end effector is on its path where that is feasible."""
 
 
 class Robot:
-    """An arm that follows targets of the present as `maniport.motion.track` does those of a motion."""
+    """An arm that follows targets of the present, as `maniport.motion.track` follows those of a motion."""
 
     def __init__(
         self,
@@ -35,106 +35,90 @@ class Robot:
         spec: EllipsoidSpec,
         damping: Damping,
         start: Array,
-        path: bool,
         reference: Array | None = None,
+        costs: Sequence[Cost] = (),
+        own_limits: Sequence[Limit] = (),
     ):
         require_trackable(limits.arm, spec)
-        objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
-        self._collision = (
-            RememberingLimit(collisions, way_out=0.0) if collisions is not None and collisions.known else None
-        )
-        self._bounds = UnevenLimit(limits)
-        d, spec = spec.size, limits.arm.resolved(spec)
-        self._rows, self._weights = spec.rows, None if spec.joint_weights is None else spec.weights(limits.arm.dof)
-        self._damping = objective.damped(np.zeros((d, d)))
-        self._reference = None if reference is None else SeedBank(limits.arm, reference, objective.damping, spec)
-        self._targets = Schedule(
-            np.zeros(1),
-            np.eye(d)[None],
-            np.zeros((1, 3)) if path else None,
-            postures=None if reference is None else start[None].copy(),
-        )
-        follower = Follower((objective,))
-        constraints = [self._bounds] if self._collision is None else [self._bounds, self._collision]
-        self._stepper = Stepper(follower, start, constraints, (self._targets,), REFERENCE_COST)
-        self._acceleration = BRAKING * follower.reach * float(limits.acceleration.min())
+        self._arm, self._spec = limits.arm, limits.arm.resolved(spec)
+        self._objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
+        self._references = None if reference is None else SeedBank(limits.arm, reference, self._objective.damping, spec)
+        self._collision = None
+        if collisions is not None and collisions.known:
+            self._collision = CollisionLimit(collisions, separation_share=0.0)
+        braking = BrakingLimit(limits.lower, limits.upper, limits.velocity, limits.acceleration)
+        self._controller = Controller(limits.arm, braking, self._collision, costs, own_limits)
+        self._acceleration = BRAKING * self._controller.reaches[0] * float(limits.acceleration.min())
         self.rest(start)
 
     def rest(self, q: Array) -> None:
         """Be at rest in a configuration (dof,), without any memory of earlier steps."""
-        self._bounds.velocity, self._bounds.last = np.zeros(len(q)), None
         if self._collision is not None:
-            self._collision.forget()
-        if self._targets.postures is not None:
-            self._targets.postures[0] = q
-        self._set(q.copy())
+            self._collision.reset()
+        self._reference = q
+        self._set(ControlState.at_rest(q))
 
-    def _set(self, q: Array) -> None:
-        """Take a configuration."""
-        self.q = q
-        self._stepper.configuration.update(q)
-        self.tip, jacobian = self._stepper.tip()
-        rows = jacobian[self._rows]
-        self.achieved = squared(rows if self._weights is None else rows * self._weights)
+    def _set(self, state: ControlState) -> None:
+        self._state = state
+        poses, jacobians = self._arm.motion(state.q[None])
+        self.tip = poses[0, :3, 3]
+        self.achieved = manipulability(jacobians[0] @ self._arm.chain.coupling, self._spec)  # (d, d)
 
-    def distance(self, target: Array) -> float:
-        """Affine-invariant distance of a target (d, d) and the achieved ellipsoid, with the damping."""
-        return float(distance_unchecked(target + self._damping, self.achieved + self._damping))
+    @property
+    def q(self) -> Array:
+        """Configuration, shape (dof,)."""
+        return self._state.q
 
     @property
     def velocity(self) -> Array:
         """In the last step, shape (dof,)."""
-        return self._bounds.velocity
+        return self._state.velocity
 
     @property
     def resting(self) -> bool:
         """Whether it is at rest."""
         return not self.velocity.any()
 
+    def distance(self, target: Array) -> float:
+        """Affine-invariant distance of a target (d, d) and the achieved ellipsoid, with the damping."""
+        return float(distance_unchecked(self._objective.damped(target), self._objective.damped(self.achieved)))
+
     def choose_reference(self, ellipsoid: Array, tip: Array | None, candidates: int = 5) -> None:
         """Stay near that configuration of the reference, of those that suit a target best, which is nearest."""
-        if self._reference is not None:
-            assert self._targets.postures is not None
-            near = self._reference.query(ellipsoid[None], None if tip is None else tip[None], k=candidates)[0]
-            self._targets.postures[0] = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
+        if self._references is not None:
+            near = self._references.query(ellipsoid[None], None if tip is None else tip[None], k=candidates)[0]
+            self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
-    def follow(self, ellipsoid: Array, tip: Array | None, before: Array | None, dt: float, share: float) -> None:
-        """Move for dt [s] towards an ellipsoid (d, d) and a position (3,), whose last value was `before`.
+    def follow(
+        self, ellipsoid: Array, tip: Array | None, before: Array | None, dt: float, speed_share: float, time: float
+    ) -> None:
+        """Move for dt [s] towards an ellipsoid (d, d) and a position (3,).
 
-        `share` is that of the velocity limits that may be used.
+        `before` is the position in the step before, `speed_share` the share of the velocity limits to use, and
+        `time` that of the step, for further costs [s].
         """
-        self._bounds.share = share
-        if self._collision is not None:
-            self._collision.gain = -np.expm1(-dt / COLLISION_TIME)
-        self._targets.ellipsoids[0] = ellipsoid
+        position = None
         if tip is not None:
-            assert self._targets.positions is not None
             assert before is not None
-            self._targets.positions[0] = tip - self._left_for_later(before, dt)
-        self._stepper.aim((self._targets,), 0, (before,))
-        velocity = self._stepper.velocity(dt)
-        if velocity is None or not self._move(velocity, dt, checked=True):
-            self.brake(dt)
+            position = (tip - self._left_for_later(before, dt))[None]
+        problem = ControlProblem(
+            (self._objective.targets(ellipsoid[None], position),),
+            (before,),
+            self._reference,
+            1e-2 if self._references is None else REFERENCE_WEIGHT,
+            time,
+        )
+        self._set(self._controller.step(problem, self._state, dt, speed_share))
 
     def _left_for_later(self, before: Array, dt: float) -> Array:
-        """The part of the error at the last target that is not made up for within dt, so that braking is possible."""
+        """The part of the error at the last target that is not corrected within dt, so that braking is possible."""
         error = before - self.tip
         away = max(math.sqrt(error @ error), 1e-9)
         return np.asarray(error * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration / away)))
 
     def brake(self, dt: float) -> None:
         """Come to rest as soon as accelerations allow, for a time dt [s]."""
-        self._bounds.share = 1.0
-        self._move(np.zeros(len(self.q)), dt, checked=False)
-
-    def _move(self, velocity: Array, dt: float, checked: bool) -> bool:
-        """Move at a velocity, or as limits allow; with `checked` only where the way to rest is collision-free."""
-        achieved, configurations = self._bounds.step(self.q, velocity, dt)
-        if checked and self._collision is not None and not self._collision.free(configurations):
-            return False
-        self._bounds.velocity, self._bounds.last = achieved, dt
-        self._set(configurations[0])
-        return True
+        self._set(self._controller.brake(self._state, dt))
 
 
 def best_start(

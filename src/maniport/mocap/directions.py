@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms import Arm
-from maniport.arms.attached import Attached, axis_of
 from maniport.arms.human import JOINTS
+from maniport.arms.point_kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError
 from maniport.mocap.path_solver import BLOCK, parts_of
 from maniport.util.jit import kernel, part
@@ -94,11 +94,11 @@ class Directions:
         return np.array([[self._points.index(end) for end in pair] for pair in segments], dtype=np.int64)
 
     @cached_property
-    def _attached(self) -> Attached:
+    def _attached(self) -> PointKinematics:
         """Those frames, and joint axes fixed to the segment above them."""
         joints = [AXES[name] for name in self.names if name in AXES]
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
-        return Attached(self.arm.chain, self._points, axes)
+        return PointKinematics(self.arm.chain, self._points, axes)
 
     def arrays(self) -> tuple[tuple[Any, ...], Array]:
         """Return the arguments of `frame_terms` from `coupling` to `ends`, and the weights."""

@@ -14,11 +14,11 @@ from maniport.motion.search.seed_bank import SeedBank
 if TYPE_CHECKING:
     from maniport.motion.arm_model import robot_model
     from maniport.motion.arm_motion import ArmMotion
+    from maniport.motion.controller import Controller, ControlProblem, ControlState
     from maniport.motion.exports import export_motion
-    from maniport.motion.follow.follower import Control
-    from maniport.motion.follow.track_arms import track_arms
+    from maniport.motion.follow.control import Control
     from maniport.motion.follow.tracker import track
-    from maniport.motion.limits import BrakingLimit, CollisionLimit
+    from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
     from maniport.motion.motion_limits import LimitUse, MotionLimits
     from maniport.motion.placement.placed_path import Place, Placement
     from maniport.motion.placement.placement import place_path, place_paths
@@ -30,17 +30,16 @@ if TYPE_CHECKING:
     from maniport.motion.plan.time_parameterization import Timed, retime
     from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
     from maniport.motion.robot_motion import RobotMotion
-    from maniport.motion.tasks import ManipulabilityEllipsoidTask, OrientationTask, PositionTask
     from maniport.motion.trajectory import Clearance, Trajectory
 
 _LAZY = {
     "arm_model": ("robot_model",),
     "arm_motion": ("ArmMotion",),
+    "controller": ("Controller", "ControlProblem", "ControlState"),
     "exports": ("export_motion",),
-    "follow.follower": ("Control",),
-    "follow.track_arms": ("track_arms",),
+    "follow.control": ("Control",),
     "follow.tracker": ("track",),
-    "limits": ("BrakingLimit", "CollisionLimit"),
+    "limits": ("BrakingLimit", "CollisionLimit", "Limit"),
     "motion_limits": ("LimitUse", "MotionLimits"),
     "placement.placed_path": ("Place", "Placement"),
     "placement.placement": ("place_path", "place_paths"),
@@ -52,10 +51,9 @@ _LAZY = {
     "plan.time_parameterization": ("Timed", "retime"),
     "problem": ("Cost", "MotionProblem", "RelativePositionCost"),
     "robot_motion": ("RobotMotion",),
-    "tasks": ("ManipulabilityEllipsoidTask", "OrientationTask", "PositionTask"),
     "trajectory": ("Clearance", "Trajectory"),
 }
-"""Names by module, loaded on first use, since Pink and its solvers take their time to import."""
+"""Names by module, loaded on first use, since some modules import slowly."""
 _HOMES = {name: module for module, names in _LAZY.items() for name in names}
 
 __all__ = [
@@ -64,21 +62,22 @@ __all__ = [
     "Clearance",
     "CollisionLimit",
     "Control",
+    "ControlProblem",
+    "ControlState",
+    "Controller",
     "Cost",
     "FeasibleEllipsoids",
     "FeasibleProjector",
     "FeasibleSearch",
+    "Limit",
     "LimitUse",
-    "ManipulabilityEllipsoidTask",
     "MotionLimits",
     "MotionProblem",
     "Objective",
-    "OrientationTask",
     "Place",
     "Placement",
     "PlanControl",
     "Planner",
-    "PositionTask",
     "ReachabilityMap",
     "RelativePositionCost",
     "RobotMotion",
@@ -94,7 +93,6 @@ __all__ = [
     "retime",
     "robot_model",
     "track",
-    "track_arms",
     "with_approach",
 ]
 

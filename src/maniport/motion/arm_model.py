@@ -4,19 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.chain import PRISMATIC, Joint
-from maniport.errors import InvalidInputError, unknown_name
+from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
 LEAST_JOINTS = 3
-ONE_TURN_OR_SLIDE = {
-    *("JointModelRX", "JointModelRY", "JointModelRZ", "JointModelRevoluteUnaligned"),
-    *("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"),
-    *("JointModelPX", "JointModelPY", "JointModelPZ", "JointModelPrismaticUnaligned"),
-}
 
 
 def robot_model(arm: Arm | ArmGroup) -> pin.Model:
@@ -140,32 +134,6 @@ def _moved(joint: Joint, position: float) -> pin.SE3:
     if joint.kind == PRISMATIC:
         return pin.SE3(np.eye(3), position * joint.axis)
     return pin.SE3(pin.exp3(position * joint.axis), np.zeros(3))
-
-
-def frame_id(model: pin.Model, frame: str) -> int:
-    """Index of a frame."""
-    index = model.getFrameId(frame)
-    if index == model.nframes:
-        raise unknown_name("frame", frame, [f.name for f in model.frames], f"in the model {model.name!r}")
-    return int(index)
-
-
-def moving_columns(model: pin.Model, frame: str) -> NDArray[np.intp]:
-    """Columns of the frame's Jacobian that belong to the joints between the world and the frame, base to tip."""
-    columns = []
-    joint = model.frames[frame_id(model, frame)].parentJoint
-    while joint:
-        kind = model.joints[joint].shortname()
-        if kind not in ONE_TURN_OR_SLIDE:
-            raise InvalidInputError(
-                f"the joint {model.names[joint]!r} on the way to the frame {frame!r} is a {kind}; the ellipsoid's "
-                "derivative is known for revolute and prismatic joints only. Fix a floating base, or lock the joint"
-            )
-        columns.append(model.joints[joint].idx_v)
-        joint = model.parents[joint]
-    if not columns:
-        raise InvalidInputError(f"no joint moves the frame {frame!r} of the model {model.name!r}")
-    return np.array(columns[::-1], dtype=np.intp)
 
 
 def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:

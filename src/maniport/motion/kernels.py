@@ -2,10 +2,7 @@
 
 import numpy as np
 
-from maniport.spd.kernels.loops import diagonalize_one
 from maniport.util.jit import kernel, part
-
-SINGULAR = 1e-14  # Smallest ratio of eigenvalues of an ellipsoid that is not taken for rounding
 
 
 @kernel
@@ -149,83 +146,3 @@ def _solve_moving(gradient, hessian, damping, moving, free, factor, step):  # ty
         for c in range(a + 1, count):
             total -= factor[c, a] * step[moving[c]]
         step[moving[a]] = total / factor[a, a]
-
-
-@kernel
-def fill_terms(rows, changes, epsilon, damped, root, turned, error, jacobian):  # type: ignore[no-untyped-def]
-    """Fill error (m,) and Jacobian (m, dof) of the present ellipsoid M = rows rowsᵀ + epsilon I."""
-    d, dof = rows.shape
-    m, v, factor, x = np.empty((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
-    for i in range(d):
-        for j in range(i, d):
-            m[i, j] = epsilon if i == j else 0.0
-            for k in range(dof):
-                m[i, j] += rows[i, k] * rows[j, k]
-    diagonalize_one(m, v)
-    if not _spread_enough(m):
-        return False
-    _compose(v, m, 0, factor)
-    _congruence(factor, damped, x)
-    diagonalize_one(x, v)
-    if not _spread_enough(x):
-        return False
-    if turned:
-        # Oᵀ = W^½ M^-½ X^-½; the error turned, Oᵀ log(X) O, has the eigenvectors Oᵀ U.
-        _compose(v, x, 0, m)
-        turn = root @ factor @ m
-        v = turn @ v
-        factor = turn @ factor
-    _compose(v, x, 1, m)
-    _mandel(m, error)
-    row = np.empty(len(error))
-    for k in range(dof):
-        _congruence(factor, changes[k], m)
-        _mandel(m, row)
-        for i in range(len(error)):
-            jacobian[i, k] = -row[i]
-    return True
-
-
-@part
-def _spread_enough(diagonal):  # type: ignore[no-untyped-def]
-    lowest, highest = diagonal[0, 0], diagonal[0, 0]
-    for k in range(len(diagonal)):
-        lowest, highest = min(lowest, diagonal[k, k]), max(highest, diagonal[k, k])
-    return lowest > SINGULAR * highest and highest < np.inf
-
-
-@part
-def _compose(v, diagonal, logarithm, result):  # type: ignore[no-untyped-def]
-    """Fill result with V f(D) Vᵀ, f the logarithm or the inverse root."""
-    d = len(v)
-    for i in range(d):
-        for j in range(d):
-            result[i, j] = 0.0
-            for k in range(d):
-                value = np.log(diagonal[k, k]) if logarithm else 1.0 / np.sqrt(diagonal[k, k])
-                result[i, j] += v[i, k] * value * v[j, k]
-
-
-@part
-def _congruence(factor, matrix, result):  # type: ignore[no-untyped-def]
-    """Fill result with F A Fᵀ, symmetric to the last bit."""
-    d = len(factor)
-    for i in range(d):
-        for j in range(i, d):
-            total = 0.0
-            for k in range(d):
-                for n in range(d):
-                    total += factor[i, k] * matrix[k, n] * factor[j, n]
-            result[i, j] = total
-            result[j, i] = total
-
-
-@part
-def _mandel(matrix, vector):  # type: ignore[no-untyped-def]
-    d = len(matrix)
-    row = d
-    for i in range(d):
-        vector[i] = matrix[i, i]
-        for j in range(i + 1, d):
-            vector[row] = np.sqrt(2.0) * matrix[i, j]
-            row += 1

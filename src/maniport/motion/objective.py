@@ -13,7 +13,8 @@ controller and planner use this cost.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,13 +114,18 @@ class Objective:
         """Return the objective with a cost of orientations; see `axis_weights`."""
         return replace(self, axis_weights=axis_weights(keep, weight))
 
+    @cached_property
+    def _shift(self) -> Array:
+        """Matrix ε I, shape (d, d)."""
+        return self.damping.epsilon * np.eye(self.spec.size)
+
     def damped(self, ellipsoids: Array) -> Array:
         """Add ε I."""
-        return np.asarray(ellipsoids + self.damping.epsilon * np.eye(ellipsoids.shape[-1]))
+        return np.asarray(ellipsoids + self._shift)
 
     def undamped(self, damped: Array) -> Array:
         """Subtract ε I."""
-        return np.asarray(damped - self.damping.epsilon * np.eye(damped.shape[-1]))
+        return np.asarray(damped - self._shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
         """Convert target ellipsoids to damped ones, shape (n, d, d), which are positive-definite.
@@ -143,6 +149,16 @@ class Objective:
         """Prepare target ellipsoids (n, d, d) and the other arrays of `Targets`; checked by the caller."""
         root, whitening = roots(self.damped(ellipsoids))
         return Targets(self, root, whitening, positions, weights, rotations)
+
+
+class Linearization(NamedTuple):
+    """Cost f of n configurations and its derivatives."""
+
+    ellipsoid_square: Array  # (n,): rᵀ W r; infinite where an ellipsoid is singular
+    pose_square: Array  # (n,): weighted squared errors of position and orientation
+    gradient: Array  # (n, dof): half the gradient of f
+    hessian: Array  # (n, dof, dof): Gauss-Newton Hessian of f
+    poses: Array | None  # (n, 4, 4) of the end effector; None where neither position nor orientation has a target
 
 
 @dataclass(frozen=True)
@@ -184,6 +200,11 @@ class Targets:
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
+        parts = self.linearize(q)
+        return np.sqrt(parts.ellipsoid_square + parts.pose_square), parts.gradient, parts.hessian
+
+    def linearize(self, q: Array) -> "Linearization":
+        """Evaluate f and its derivatives at configurations (n, dof)."""
         values, vectors, singular, changes, jacobian, tips = self.differentials(q)
         square, gradient, hessian = np.zeros(len(q)), np.zeros(q.shape), np.zeros((*q.shape, q.shape[1]))
         if self.weights is None:
@@ -197,10 +218,11 @@ class Targets:
             gradient += (rows @ pull[..., None])[..., 0]
             hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
             square += np.sum(residual * pull, axis=1)
+        pose_square = np.zeros(len(q))
         for away, moves in self.pose_residuals(q, tips, jacobian):
             add_residual(away, moves, gradient, hessian)
-            square += np.sum(away**2, axis=1)
-        return np.sqrt(np.where(singular, np.inf, square)), gradient, hessian
+            pose_square += np.sum(away**2, axis=1)
+        return Linearization(np.where(singular, np.inf, square), pose_square, gradient, hessian, tips)
 
     def log_changes(self, q: Array) -> Array:
         """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""

@@ -102,7 +102,7 @@ class RobotOptions(Options):
         """Return options that load the same arm from its file or by its name, where it is an object."""
         from maniport.arms import Arm
 
-        arm: Any = self.robot[0]
+        arm: Any = self.robot[0] if self.robot else None
         if not isinstance(arm, Arm):
             return self
         chain = arm.chain
@@ -147,7 +147,7 @@ class TransferOptions(Options):
     joint_weights: str | tuple[float, ...] | None = option(
         None, "Joint weights: velocity-limits, or numbers", unchecked=True, choices=("velocity-limits",)
     )
-    damping: float = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
+    damping: float | None = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
     eigenvalue_floor: float | None = option(None, "Smallest eigenvalue, instead of damping", above=0.0)
     base_rotation: tuple[float, ...] = option(
         (0.0, 0.0, 0.0), "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3,
@@ -174,8 +174,8 @@ class TransferOptions(Options):
     @property
     def regularization(self) -> dict[str, float | None]:
         """Arguments of a transfer method; a floor replaces the damping."""
-        damping = self.damping if self.eigenvalue_floor is None else 0.0
-        return {"damping": damping or None, "eigenvalue_floor": self.eigenvalue_floor}
+        damping = self.damping or None if self.eigenvalue_floor is None else None
+        return {"damping": damping, "eigenvalue_floor": self.eigenvalue_floor}
 
     @property
     def rotation(self) -> Any:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
-from maniport.arms.collisions.carried import lowest_points
+from maniport.arms.collisions.hulls import lowest_points
 from maniport.errors import InvalidInputError
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording

@@ -239,7 +239,7 @@ def _tracked(
 ) -> RobotMotion:
     """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
     (plan,) = planned.arms
-    motion = track(
+    (motion,) = track(
         planner.arms[0].limits.arm,
         plan.target,
         time=plan.time,
@@ -250,7 +250,7 @@ def _tracked(
         damping=plan.damping,
         progress=settings.progress,
         **settings.tracking,
-    )
+    ).arms
     kept = ("demonstrated_time", "limits", "pointwise_best")
     clearance = Clearance.of(planner.collisions, motion)
     motion = replace(motion, clearance=clearance, **{name: getattr(plan, name) for name in kept})
@@ -272,9 +272,7 @@ def place_and_plan(
     return min(moved, again, key=lambda result: result.motion.clearance.share)
 
 
-def measure(
-    moved: Moved, names: Sequence[str], planner: Planner, settings: MotionSettings
-) -> tuple[ArmResult, ...]:
+def measure(moved: Moved, names: Sequence[str], planner: Planner, settings: MotionSettings) -> tuple[ArmResult, ...]:
     """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
     effort, results = as_effort(settings.plan.planning_effort).of_gap, []
     for i, (name, arm, own) in enumerate(zip(names, as_group(settings.robot).arms, planner.arms, strict=True)):

@@ -18,6 +18,7 @@ from maniport.motion import Control, PlanControl, Planner
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import PLACED, RELATIVE
 from maniport.pipeline import stages
+from maniport.pipeline.config import Config
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import MotionResult, TransferResult
 from maniport.pipeline.targets import CONSTANT, DEMONSTRATED, FREE, MotionTargets, facing
@@ -43,9 +44,9 @@ T = TypeVar("T")
 
 def transfer_recording(
     recording: Recording | LearnedProfile | str | Path,
-    person: str = PERSON,
-    robot: Arm | ArmGroup | str | Path = ROBOT,
-    method: str | DomainAdapter = METHOD,
+    config: Config | None = None,
+    *,
+    progress: Progress | None = None,
     **options: Any,
 ) -> TransferResult:
     """Transfer a recorded motion of one or both arms of a person to a robot.
@@ -56,52 +57,67 @@ def transfer_recording(
     Parameters
     ----------
     recording : Recording, LearnedProfile, str or Path
-        A recording, its file, or a profile that `maniport.learn` made from several; it replaces the next three.
-    person : str
-        Human arm model.
-    markers, height, smooth, jumps : optional
-        Points of the recording by role, body height [m], smoothing, treatment of jumps; see `fit_arm`.
-    side : {"auto", "right", "left", "both"}
-        Arm of the person; with "auto" both for a robot of two arms, else the one that moves more. One arm may lead
-        several arms of a robot, each in front of its own base.
-    robot : Arm, ArmGroup, str or Path
-        One or more arms, the name of a robot, or its URDF or MJCF file.
-    method : str or DomainAdapter
-        A name in `maniport.transfer.METHODS`, an adapter, of which a clone is fitted for each arm, or "auto": the
-        length field if it passes its checks, else parallel transport; see `maniport.evaluation.choose`.
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    base_rotation : array_like, shape (3, 3), optional
-        Rotation from the person's trunk frame (x forward, y left, z up) to the robot's base frame. Default: the
-        identity; the robot then faces where the person faces.
-    damping, eigenvalue_floor : float, optional
-        Regularization of singular ellipsoids; see `maniport.spd.regularization`.
-    n_teacher, n_student : int
-        Sizes of the sampled domains, at least 2.
-    move : bool
-        Whether to plan a motion; False ends with the target ellipsoids.
-    orientation : {"free", "demonstrated", "constant"} or array_like of shape (3,)
-        Orientation of the end effector: free, that of the person's hand, that at the start, or its z axis in the base
-        frame. See `maniport.arms.human.hand_rotations`, and `orientation_axes` and `orientation_weight` below.
-    tips : {"placed", "relative"}
-        For two arms: end effectors follow the paths of the hands, or only the vector between them.
-    random_state : int
-        Random seed.
+        A recording, its file, or a profile that `maniport.learn` made from several.
+    config : Config, optional
+        Options of the run.
     progress : callable, optional
         Called with the name of a stage, the fraction done and, at its end, a message.
     **options
-        These by keyword, options of `maniport.motion.PlanControl`, and for one arm those of `maniport.motion.Control`;
-        if there are any of the latter alone, a controller follows the planned motion.
+        Options by name, which override those of `config`; `maniport.pipeline.options` describes them. ``robot`` may
+        also be an `Arm` or an `ArmGroup`, ``method`` a `DomainAdapter`, ``base_rotation`` a matrix (3, 3) from the
+        person's trunk frame (x forward, y left, z up) to the robot's base frame. ``tracking`` has the arguments of a
+        controller that follows the planned motion, see `maniport.motion.Control`.
+
+    Returns
+    -------
+    TransferResult
 
     Raises
     ------
     ManiportError
-        When an input cannot be used; arguments are checked before any long work.
+        When an option does not exist or an input cannot be used; options are checked before any long work.
     """
-    settings = checked(robot, person, method, **options)
+    config = _with_source((config or Config()).changed(**options), recording)
+    settings = settings_of(config, progress)
+    if not isinstance(recording, LearnedProfile):
+        recording = config.human.read(recording)
     with threadpool_limits(1):  # sums round alike with any number of cores, and threads would wait for one another
         result, texts = recorded(lambda: run(recording, settings))
-    return replace(result, warnings=texts)
+    return replace(result, warnings=texts, config=config)
+
+
+def settings_of(config: Config, progress: Progress | None = None) -> Settings:
+    """Load the robot of a configuration, and check all options for it."""
+    arm = config.robot.load(config.human.side == BOTH)
+    return checked(arm, **arguments_of(config, arm), tips=config.robot.tips, progress=progress)
+
+
+def arguments_of(config: Config, arm: Arm | ArmGroup) -> dict[str, Any]:
+    """Return the arguments of `checked` for an arm."""
+    transfer, motion = config.transfer, config.motion
+    return {
+        **config.human.fit_options,
+        "method": transfer.method,
+        "spec": transfer.spec,
+        **transfer.regularization,
+        "base_rotation": transfer.rotation,
+        "n_teacher": transfer.n_teacher,
+        "n_student": transfer.n_student,
+        "orientation": motion.orientation,
+        "move": motion.move,
+        "random_state": config.seed,
+        **({**vars(motion.control(arm)), **(motion.tracking or {})} if motion.move else {}),
+    }
+
+
+def _with_source(config: Config, recording: Recording | LearnedProfile | str | Path) -> Config:
+    """Return the configuration with the file of the recording and its part, unless it has one."""
+    if config.recording or isinstance(recording, LearnedProfile):
+        return config
+    if not isinstance(recording, Recording):
+        return config.changed(recording=recording)
+    part = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
+    return config.changed(recording=str(recording.source), **part) if recording.source else config
 
 
 def run(recording: Recording | LearnedProfile | str | Path, settings: Settings) -> TransferResult:

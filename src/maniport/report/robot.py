@@ -10,7 +10,7 @@ from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders import ROBOTS
 from maniport.arms.loaders.limbs import Limb
-from maniport.arms.loaders.packages import pair_of, places_of
+from maniport.arms.loaders.packages import arm_names, packages_with
 from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement
 from maniport.motion.motion_limits import QUANTITIES, MotionLimits
@@ -114,10 +114,10 @@ def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
     title, text = "Other ends" if arm else "Ends", "Fingers are omitted. With --base the chain begins at a branch."
     ends = [Section(title, (), (table,), text=text)] if others else []
-    places = () if name in (*ROBOTS, *PERSONS) else places_of(name)
+    places = () if name in (*ROBOTS, *PERSONS) else packages_with(name)
     files = [Metric("From", listed(places), "The first one is used." if places[1:] else "", "from", list(places))]
     if arm is None:
-        arms = " or ".join(pair_of(name))
+        arms = " or ".join(arm_names(name))
         lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
         return Report(name, lead, (Section("", tuple(files)), *ends))
     own, *more = arm_report(arm).sections

@@ -33,7 +33,7 @@ class Option:
     name: str = ""
     kind: Any = str  # bool, int, float, str, tuple or Mapping
     element: type = str  # of a tuple
-    required: bool = False  # None is not allowed
+    required: bool = False  # None stands for the default
     default: Any = None
 
     @property
@@ -55,8 +55,8 @@ class Option:
         """Return a valid value of plain type, or raise `InvalidInputError`."""
         label = label or self.name + (f" [{self.si_unit}]" if self.si_unit else "")
         bounds = self.bounds if bounds is None else bounds
-        if value is None and not self.required:
-            return None
+        if value is None:
+            return self.default if self.required else None
         if isinstance(value, os.PathLike):
             value = os.fspath(value)
         if self.choices and (isinstance(value, str) or self.kind is str) and not self.unchecked:
@@ -176,6 +176,7 @@ class Options:
 
 
 def _as_tuple(value: Any) -> Any:
+    value = value.tolist() if hasattr(value, "tolist") else value  # arrays have no truth value
     return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value
 
 

@@ -13,9 +13,11 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
 from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path, place_paths
-from maniport.motion.follow.follower import Follower
+from maniport.motion.controller import Controller
+from maniport.motion.follow.tracker import follow
+from maniport.motion.limits import BrakingLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT
-from maniport.motion.schedule import Schedule
+from maniport.motion.schedule import Schedule, speed_limits
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.subsample import evenly_spaced
@@ -182,9 +184,10 @@ class ViewState:
         self._jump = True
 
     @cached_property
-    def _follower(self) -> Follower:
-        pair = self.robot if isinstance(self.robot, ArmGroup) else None
-        return Follower([side.objective for side in self.sides], pair=pair)
+    def _controller(self) -> Controller:
+        robot = self.robot
+        limits = robot.lower, robot.upper, speed_limits(robot, None), np.full(robot.dof, np.inf)
+        return Controller(robot, BrakingLimit(*limits))
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -204,7 +207,8 @@ class ViewState:
             self._jump = False
         if elapsed > 0.0:
             schedules = [target.schedule(elapsed) for target in targets]
-            self.joints = self._follower.follow(self.joints, schedules)[0][-1]
+            objectives = [side.objective for side in self.sides]
+            self.joints = follow(self._controller, self.joints, schedules, objectives)[0][-1]
         parts = zip(self.sides, targets, self._columns, strict=True)
         return tuple(side.frame(target, self.joints[columns], command.base_rotation) for side, target, columns in parts)
 

@@ -11,9 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, CooperativeArm, as_group
-from maniport.arms.collisions.carried import carried_by
 from maniport.arms.collisions.obstacles import as_boxes, disabled_pairs
-from maniport.arms.collisions.pairs import Chosen, Meshes, candidates, chosen, require_free_base
+from maniport.arms.collisions.pairs import (
+    MeshContacts,
+    SelectedPairs,
+    body_hulls,
+    require_free_base,
+    select_pairs,
+)
 from maniport.arms.collisions.solids import LinkTree, Pairs, Solids, Watch
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.notebook import NotebookDisplay
@@ -62,17 +67,19 @@ class Collisions(NotebookDisplay):
         self,
         arm: Arm | ArmGroup,
         solids: Solids,
-        found: Chosen,
+        selected: SelectedPairs,
         padding: float,
         why: str = "",
         across: NDArray[np.bool_] | None = None,
-        around: Mapping[str, Any] | None = None,
+        surroundings: Mapping[str, Any] | None = None,
     ):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
-        self._solids, self._pairs, self._found = solids, found.pairs, found
-        self._across, self._around = across, dict(around or {})
-        self.obstacles = self._around.get("obstacles") is not None
-        self.pairs, self.always, never, self._full = (tuple(dict.fromkeys(self._names(pairs))) for pairs in found[:4])
+        self._solids, self._pairs, self._selected = solids, selected.pairs, selected
+        self._across, self._surroundings = across, dict(surroundings or {})
+        self.obstacles = self._surroundings.get("obstacles") is not None
+        self.pairs, self.always, never, self._full = (
+            tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
+        )
         self.never = tuple(pair for pair in never if pair not in self.pairs)
 
     @classmethod
@@ -107,50 +114,50 @@ class Collisions(NotebookDisplay):
         FileFormatError
             When obstacles or SRDF cannot be read.
         """
-        height = None if table is None else as_number(table, "table")
-        room = as_number(padding, "padding", minimum=0.0)
-        around = [box.hull() for box in as_boxes(obstacles)]
+        height = -np.inf if table is None else as_number(table, "table")
+        distance = as_number(padding, "padding", minimum=0.0)
+        boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = None if srdf is None else disabled_pairs(srdf, arm)
-        given = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
-        tree, why = LinkTree(arm), ""
-        try:
-            carried = carried_by(arm, tree)
-        except FileFormatError as error:
-            carried, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
-        if carried is None:
-            why = why or f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
-            return cls(arm, Solids(tree, [], -np.inf), Chosen.nothing(), room, why, np.zeros(0, dtype=np.bool_), given)
-        plane = -np.inf if height is None else height
-        solids = Solids(tree, [*carried.hulls, *around], plane)
-        require_free_base(solids, carried, height)
-        meshes = Meshes(arm, tree)
-        found, coarse = chosen(
-            meshes, solids, carried, candidates(carried, len(around), height is not None, disabled), room
+        surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
+        tree, why = (
+            LinkTree(arm),
+            f"{arm.name!r} is known by its joints alone: its description names no shapes of links",
         )
+        try:
+            bodies = body_hulls(arm, tree)
+        except FileFormatError as error:
+            bodies, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
+        if bodies is None:
+            none = np.empty((0, 2), dtype=np.int64)
+            nothing = SelectedPairs(none, none, none, none, np.empty(0))
+            return cls(arm, Solids(tree, [], -np.inf), nothing, distance, why, none[:, 0] > 0, surroundings)
+        solids = Solids(tree, [*bodies.hulls, *boxes], height)
+        require_free_base(solids, bodies)
+        meshes = MeshContacts(arm, tree)
+        selected, coarse = select_pairs(meshes, solids, bodies, disabled, distance)
         if coarse:
-            carried = carried_by(arm, tree, coarse) or carried
-            solids = Solids(tree, [*carried.hulls, *around], plane)
-            asked = candidates(carried, len(around), height is not None, disabled)
-            found, _ = chosen(meshes, solids, carried, asked, room)
-        return cls(arm, solids, found, room, why, carried.across(found.pairs), given)
+            bodies = body_hulls(arm, tree, coarse) or bodies
+            solids = Solids(tree, [*bodies.hulls, *boxes], height)
+            selected, _ = select_pairs(meshes, solids, bodies, disabled, distance)
+        return cls(arm, solids, selected, distance, "", bodies.across(selected.pairs), surroundings)
 
     def __repr__(self) -> str:
-        told = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
-        return f"Collisions({self.arm.name!r}, {told})"
+        text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
+        return f"Collisions({self.arm.name!r}, {text})"
 
     @cached_property
     def between(self) -> "Collisions":
         """Collisions between different arms of a group only."""
-        every, across = self._found, self._across
-        found = every._replace(pairs=every.pairs[across], share=every.share[across])
-        return Collisions(self.arm, self._solids, found, self.padding, self.why)
+        every, across = self._selected, self._across
+        selected = every._replace(pairs=every.pairs[across], share=every.share[across])
+        return Collisions(self.arm, self._solids, selected, self.padding, self.why)
 
     @cached_property
     def of_arms(self) -> tuple["Collisions", ...]:
         """Collisions of each arm of a group with itself and its surroundings, as `of` chooses them."""
         if not isinstance(self.arm, ArmGroup):
             return (self,)
-        return tuple(Collisions.of(arm, **self._around) for arm in self.arm.arms)
+        return tuple(Collisions.of(arm, **self._surroundings) for arm in self.arm.arms)
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -160,7 +167,7 @@ class Collisions(NotebookDisplay):
         """
         arms = as_group(self.arm).arms
         if self.known:
-            missing = dict.fromkeys(name for arm in arms for name in arm.look.attached[1])
+            missing = dict.fromkeys(name for arm in arms for name in arm.geometry.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
 
@@ -168,7 +175,7 @@ class Collisions(NotebookDisplay):
     def stand_ins(self) -> tuple[str, ...]:
         """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
         arms = as_group(self.arm).arms
-        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.look.stand_ins()))
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins()))
 
     @property
     def table(self) -> float | None:
@@ -178,17 +185,17 @@ class Collisions(NotebookDisplay):
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Whether configurations (..., dof) collide, shape (...); False where nothing is known."""
         flat, shape = self._flat(q)
-        limit = self.padding * self._found.share
+        limit = self.padding * self._selected.share
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _parts(len(flat)):
             near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal's distance decides of these
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each at a time, since one is enough
                 first = near[left].argmax(axis=1)
-                asked = np.arange(len(self._pairs)) == first[:, None]
-                distances = self._solids.distances(flat[part][left], self._pairs, asked, depths=False)[0]
+                mask = np.arange(len(self._pairs)) == first[:, None]
+                distances = self._solids.distances(flat[part][left], self._pairs, mask, depths=False)[0]
                 hit[part.start + left[distances <= limit[first]]] = True
-                near[left] &= ~asked
+                near[left] &= ~mask
                 left = left[near[left].any(axis=1) & ~hit[part.start + left]]
         return hit.reshape(shape)
 
@@ -231,7 +238,7 @@ class Collisions(NotebookDisplay):
         Of links with at most two coordinates between, which need a quarter of the clearance, four times the distance is
         returned.
         """
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._found.share, ahead=True)
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._selected.share, ahead=True)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -12,7 +12,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain, Mesh
-from maniport.arms.meshes import Look, joined, reduced
+from maniport.arms.meshes import Geometry, joined, reduced
+from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
 
@@ -56,19 +57,19 @@ class Part:
 
 def parts_of(arm: Arm) -> tuple[Part, ...]:
     """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
-    return _parts(arm.look)
+    return _parts(arm.geometry)
 
 
 @lru_cache(maxsize=16)
-def _parts(look: Look) -> tuple[Part, ...]:
+def _parts(geometry: Geometry) -> tuple[Part, ...]:
     meshes: dict[str, list[Mesh]] = {}
-    for link, mesh in look.shapes():
+    for link, mesh in geometry.shapes():
         meshes.setdefault(link, []).append(mesh)
-    frames, attached = look.chain.frames, look.chain.attached
-    links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(look.chain, name))))
+    frames, attached = geometry.chain.frames, geometry.chain.attached
+    links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(geometry.chain, name))))
     own = [Part(link, frames[link].joint, joined(meshes[link]), True) for link in links]
     posed: dict[tuple[str, int], list[Mesh]] = {}
-    for name, (points, triangles) in look.attached[0].items() if own else ():
+    for name, (points, triangles) in geometry.attached[0].items() if own else ():
         body = attached[name]
         swept = len(body.placements) > 1
         points = _outline(points) if swept else points
@@ -88,7 +89,7 @@ def _hull_mesh(points: Array) -> Mesh:
 def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
     """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
     frames = arm.chain.frames
-    shown = {link for link, _ in arm.look.shapes()}
+    shown = {link for link, _ in arm.geometry.shapes()}
     carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in shown), None)
     tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
     return _hulls(part, fine, tip)
@@ -247,3 +248,28 @@ def _farthest(solid: coal.Convex, points: Array) -> float:
         result.clear()
         farthest = max(farthest, coal.distance(solid, here, sphere, there, request, result))
     return farthest
+
+
+class Lowest(NamedTuple):
+    """Lowest point of a link during a motion: its height in the base frame [m], and when [s]."""
+
+    link: str
+    height: float
+    time: float
+
+
+def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
+    """Compute the lowest point of each moving link's convex hull over a motion."""
+    try:
+        hulls = [hull for part in parts_of(arm) if part.joint for hull in hulls_of(arm, part)]
+    except FileFormatError:
+        return ()
+    poses = arm.link_poses(q)
+    lowest: dict[str, Lowest] = {}
+    for hull in hulls:
+        vertical = poses[:, hull.joint, 2]
+        heights = (vertical[:, :3] @ hull.corners.T).min(axis=1) + vertical[:, 3] - hull.skin
+        i = int(np.argmin(heights))
+        point = Lowest(hull.name, float(heights[i]), float(time[i]))
+        lowest[hull.name] = min(lowest.get(hull.name, point), point, key=lambda point: point.height)
+    return tuple(sorted(lowest.values(), key=lambda point: point.height))

@@ -1,4 +1,4 @@
-"""What users say of collisions: obstacles around a robot, and pairs of links that an SRDF leaves out."""
+"""Input of collision checking: boxes around a robot, and disabled pairs of links from an SRDF."""
 
 import os
 from collections.abc import Iterable
@@ -21,18 +21,18 @@ _KEYS = ("center", "size", "yaw")
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box that stands in the robot's base frame.
+    """A box in the robot's base frame.
 
     Parameters
     ----------
     center : array_like, shape (3,)
-        Its middle [m].
+        Center [m].
     size : array_like, shape (3,)
-        Lengths of its edges [m], along x, y and z before it is turned.
+        Edge lengths [m] along x, y and z of the box.
     yaw : float
-        By how much it is turned about the z axis through its middle [rad].
+        Rotation about the z axis through the center [rad].
     name : str
-        What it is called in messages.
+        Name in messages.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class Box:
         object.__setattr__(self, "yaw", as_number(self.yaw, f"{self.name}: yaw"))
 
     def hull(self) -> Hull:
-        """Its hull, fixed to the base."""
+        """Compute the convex hull, fixed to the base."""
         corners = box_mesh(self.size)[0] @ rotation_about(2, self.yaw).T + self.center
         return Hull.around(self.name, 0, corners)
 
@@ -59,8 +59,7 @@ class Box:
 def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     """Read obstacles from a YAML or JSON file.
 
-    Each has a name, a center [m] and a size [m] in the robot's base frame and, where it is turned about the vertical,
-    a yaw [rad]::
+    Each has a name, a center [m] and a size [m] in the robot's base frame and an optional yaw [rad]::
 
         obstacles:
           shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}
@@ -80,7 +79,7 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
         box = require_mapping(content, _KEYS, where)
         missing = [key for key in _KEYS[:2] if key not in box]
         if missing:
-            raise FileFormatError(f"{where}: {missing[0]!r} is missing; a box has center, size and, if turned, yaw")
+            raise FileFormatError(f"{where}: {missing[0]!r} is missing; a box has center, size and optional yaw")
         try:
             obstacles.append(Box(**box, name=str(name)))
         except InvalidInputError as error:
@@ -89,29 +88,29 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
 
 
 def as_boxes(value: Any) -> tuple[Box, ...]:
-    """Convert to obstacles: None, a file, obstacles, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7)."""
+    """Convert None, a file, boxes, or rows of center, size and optional yaw, shape (n, 6) or (n, 7)."""
     if value is None:
         return ()
     if isinstance(value, (str, os.PathLike)):
         return read_boxes(value)
     listed = list(value) if isinstance(value, Iterable) else [value]
-    if all(isinstance(one, Box) for one in listed):
+    if all(isinstance(box, Box) for box in listed):
         return tuple(listed)
     rows: Array = as_finite(value, "obstacles")
     if rows.ndim != 2 or rows.shape[1] not in (6, 7):
         raise InvalidInputError(
-            "obstacles must be a file, a sequence of Box, or rows of center, size and perhaps yaw, shape (n, 6) or (n, 7); "
-            f"found shape {rows.shape}"
+            "obstacles must be a file, a sequence of Box, or rows of center, size and optional yaw, "
+            f"shape (n, 6) or (n, 7); found shape {rows.shape}"
         )
     return tuple(Box(row[:3], row[3:6], float(sum(row[6:])), f"box {i + 1}") for i, row in enumerate(rows))
 
 
 def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[frozenset[str]]:
-    """Names of the links of each pair that an SRDF leaves out."""
+    """Read the names of the links of each pair that an SRDF disables."""
     root = parsed(Path(path))[1]
     if root.tag != "robot" or root.find("link") is not None:
-        what = "a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
-        raise FileFormatError(f"{path}: no SRDF, which has the root <robot> and defines no links; this is {what}")
+        what = "this is a URDF" if root.tag == "robot" else f"its root is <{root.tag}>"
+        raise FileFormatError(f"{path}: no SRDF, which has the root <robot> and defines no links; {what}")
     pairs: set[frozenset[str]] = set()
     for i, element in enumerate(root.findall("disable_collisions")):
         ends = [element.get(key, "") for key in ("link1", "link2")]
@@ -119,7 +118,7 @@ def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[fro
             raise FileFormatError(f"{path}: <disable_collisions> number {i + 1} must name link1 and link2")
         pairs.add(frozenset(ends))
     if not pairs:
-        raise FileFormatError(f"{path}: holds no <disable_collisions>, the pairs of links that need not be checked")
+        raise FileFormatError(f"{path}: has no <disable_collisions>")
     named = set().union(*pairs)
     if named.isdisjoint(arm.frames):
         raise InvalidInputError(

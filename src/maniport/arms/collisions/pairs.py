@@ -1,47 +1,143 @@
-"""Which pairs of an arm's links and of what stands around it are to be checked."""
+"""Convex hulls of all bodies of a group of arms, and the pairs of them that are checked for collisions."""
 
-from typing import NamedTuple
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
 from numpy.typing import NDArray
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup
-from maniport.arms.collisions.carried import Carried
-from maniport.arms.collisions.hulls import Part
+from maniport.arms.arm_group import ArmGroup, as_group
+from maniport.arms.collisions.hulls import Hull, Part, hulls_of, parts_of
 from maniport.arms.collisions.solids import TABLE, LinkTree, Pairs, Solids
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
-FIRST = 1024
-"""Number of samples that estimates how often hulls meet; the others are looked at where a pair may be left out."""
-
-OFTEN = 0.05  # Pairs whose hulls meet in a larger share of the samples are decided by their meshes
-
-NEARLY_ALL = 0.9
-"""Pairs whose meshes meet in a larger share of the samples, and at rest, are left out: their meshes overlap."""
+FIRST = 1024  # samples that estimate how often hulls meet; the others are used before a pair is left out
+OFTEN = 0.05  # pairs whose hulls meet in a larger share of the samples are decided by their meshes
+NEARLY_ALL = 0.9  # pairs whose meshes meet in a larger share of the samples, and at rest, overlap by design
 
 _Body = tuple[Part, int]  # A part, and the link of the tree that it is on
 
 
-class Chosen(NamedTuple):
-    """Pairs to check, and those left out: they always or never meet, or their hulls cannot tell whether they do."""
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyHulls:
+    """Hulls of the parts of a group of arms: all of the first arm, then those of each further arm alone."""
+
+    hulls: tuple[Hull, ...]  # their joints are links of the tree; named by their arms too where robots share names
+    links: tuple[str, ...]  # names of the links
+    parts: tuple[Part, ...]  # the part that each hull encloses, or a piece of it
+    joined: NDArray[np.bool_]  # (hulls, hulls): pairs joined by one joint, or that do not move against one another
+    between: NDArray[np.intp]  # (hulls, hulls): number of coordinates that move one against the other
+    owners: NDArray[np.bool_]  # (hulls, arms): arms that each hull is a part of; a base is one of all its robot's arms
+    robots: NDArray[np.intp]  # (hulls,): robot that each hull is a part of
+    last: frozenset[int]  # the last links
+
+    def across(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which pairs of hulls are of two arms; table and obstacles are of none."""
+        links = (pairs >= 0) & (pairs < len(self.hulls))
+        owners = self.owners[np.where(links, pairs, 0)]
+        together = np.any(owners.all(axis=1), axis=1)
+        return np.asarray(links.all(axis=1) & ~together)
+
+
+def body_hulls(arm: Arm | ArmGroup, tree: LinkTree, fine: Collection[str] = ()) -> BodyHulls | None:
+    """Collect the hulls of an arm or a group; None where the shapes of an arm are not known."""
+    group = as_group(arm)
+    listed = [list(parts_of(member)) for member in group.arms]
+    if not all(any(part.own for part in parts) for parts in listed):
+        return None
+    robots = _robots(group)
+    listed = _without_duplicates(listed, group.common, robots)
+    hulls: list[Hull] = []
+    parts: list[Part] = []
+    owners: list[NDArray[np.bool_]] = []
+    sides: list[int] = []
+    for side, member in enumerate(group.arms):
+        for part in listed[side]:
+            link = tree.of_chain[side][part.joint]
+            pieces = [replace(hull, joint=link) for hull in hulls_of(member, part, part.name in fine)]
+            hulls += pieces
+            parts += [part] * len(pieces)
+            owners += [(robots == robots[side]) & (group.common[side] >= part.joint)] * len(pieces)
+            sides += [side] * len(pieces)
+    links = tuple(hull.name for hull in hulls)
+    names = [name for parts in listed for name in {part.name for part in parts}]
+    if len(set(names)) < len(names):
+        hulls = [
+            replace(hull, name=f"{group.names[side]}_{hull.name}") for hull, side in zip(hulls, sides, strict=True)
+        ]
+    last = frozenset(
+        tree.of_chain[side][max(part.joint for part in members if part.own)] for side, members in enumerate(listed)
+    )
+    joined, between = _relations(group.arms, tree, hulls, np.array([part.own for part in parts]))
+    of_hulls = robots[sides]
+    joined &= of_hulls[:, None] == of_hulls
+    return BodyHulls(tuple(hulls), links, tuple(parts), joined, between, np.array(owners), of_hulls, last)
+
+
+def _without_duplicates(
+    listed: list[list[Part]], common: NDArray[np.intp], robots: NDArray[np.intp]
+) -> list[list[Part]]:
+    """Parts of each arm without those of an earlier arm, and without those that another arm of its robot moves."""
+    kept: list[list[Part]] = []
+    for i, parts in enumerate(listed):
+        same = [k for k in np.flatnonzero(robots == robots[i]).tolist() if k != i]
+        before = {part.name for k in same if k < i for part in kept[k]}
+        moved = {part.name for k in same for part in listed[k] if part.joint > common[i, k]}
+        deepest = max((int(common[i, k]) for k in same), default=-1)
+        kept.append([
+            part for part in parts
+            if part.joint > deepest or (part.name not in before and (part.own or part.name not in moved))
+        ])  # fmt: skip
+    return kept
+
+
+def _relations(
+    arms: Sequence[Arm], tree: LinkTree, hulls: Sequence[Hull], on_chain: NDArray[np.bool_]
+) -> tuple[Any, Any]:
+    """Which hulls one joint joins, or none moves against one another, and how many coordinates are between them."""
+    links_with_bodies = {0}
+    for arm, links in zip(arms, tree.of_chain, strict=True):
+        links_with_bodies |= {links[frame.joint] for frame in arm.chain.frames.values()}
+    above = [0]  # the link with a body that each link hangs on
+    for parent in tree.parents.tolist():
+        above.append(parent if parent in links_with_bodies else above[parent])
+    joints = np.array([hull.joint for hull in hulls])
+    paths, moved = tree.moves[joints], tree.coupling != 0
+    between = np.array([((paths != path).astype(np.intp) @ moved > 0).sum(axis=1) for path in paths])
+    joined = (np.array(above)[joints][:, None] == joints) & on_chain[:, None] & on_chain & (joints[:, None] > joints)
+    return joined | joined.T | (between == 0), between
+
+
+def _robots(group: ArmGroup) -> NDArray[np.intp]:
+    """Index of the robot of each arm: arms of one robot have a frame in the same place in common."""
+    robots = np.arange(len(group))
+    for k in range(len(group)):
+        for i in range(k):
+            ours, theirs = group.arms[i].chain.frames, group.arms[k].chain.frames
+            if any(
+                place.joint <= group.common[i, k] and name in theirs and theirs[name].joint == place.joint
+                and np.array_equal(theirs[name].placement, place.placement)
+                for name, place in ours.items()
+            ):  # fmt: skip
+                robots[robots == robots[k]] = robots[i]
+    return robots
+
+
+class SelectedPairs(NamedTuple):
+    """Pairs to check, and those left out: they always or never meet, or their hulls do not decide whether they do."""
 
     pairs: Pairs
     always: Pairs
     never: Pairs
     unresolved: Pairs
-    share: Array
-
-    @classmethod
-    def nothing(cls) -> "Chosen":
-        """Return no pairs."""
-        none = np.empty((0, 2), dtype=np.int64)
-        return cls(none, none, none, none, np.empty(0))
+    share: Array  # (pairs,): fraction of the padding that applies
 
 
-class Meshes:
+class MeshContacts:
     """Exact meshes of parts in 10 000 samples of the joint space, of which the first is at rest."""
 
     def __init__(self, arm: Arm | ArmGroup, tree: LinkTree):
@@ -53,15 +149,15 @@ class Meshes:
 
     def touch(self, rows: NDArray[np.intp], first: _Body, second: _Body) -> NDArray[np.bool_]:
         """Whether the meshes of two parts touch in some of the samples, shape (n,)."""
-        known = self._results.setdefault((first, second), {})
-        missing = [row for row in rows.tolist() if row not in known]
+        results = self._results.setdefault((first, second), {})
+        missing = [row for row in rows.tolist() if row not in results]
         request, result = coal.CollisionRequest(), coal.CollisionResult()
-        one, other = self._solid(first[0]), self._solid(second[0])
+        mesh_a, mesh_b = self._solid(first[0]), self._solid(second[0])
         for row, turns, origins in zip(missing, *self._tree.poses(self.samples[missing]), strict=True):
             a, b = (coal.Transform3s(turns[link], origins[link]) for _, link in (first, second))
             result.clear()
-            known[row] = coal.collide(one, a, other, b, request, result) > 0
-        return np.array([known[row] for row in rows.tolist()], dtype=np.bool_)
+            results[row] = coal.collide(mesh_a, a, mesh_b, b, request, result) > 0
+        return np.array([results[row] for row in rows.tolist()], dtype=np.bool_)
 
     def _solid(self, part: Part) -> coal.BVHModelOBBRSS:
         if part not in self._solids:
@@ -74,14 +170,14 @@ class Meshes:
         return self._solids[part]
 
 
-def require_free_base(solids: Solids, carried: Carried, table: float | None) -> None:
+def require_free_base(solids: Solids, bodies: BodyHulls) -> None:
     """Raise InvalidInputError when what a base carries stands in a box or in another, or a table goes through it."""
-    hulls, links = solids.hulls, len(carried.hulls)
+    hulls, links = solids.hulls, len(bodies.hulls)
     sunk = 0.01  # feet and rounded meshes may reach so far into a table or box [m]
     for i, hull in enumerate(hulls[:links]):
-        if not carried.parts[i].own:
+        if not bodies.parts[i].own:
             continue  # a leg or another arm may reach below a table in front of the robot
-        for k in np.flatnonzero(carried.robots != carried.robots[i]).tolist() if hull.joint == 0 else ():
+        for k in np.flatnonzero(bodies.robots != bodies.robots[i]).tolist() if hull.joint == 0 else ():
             depth = -solids.at_rest(i, k) if hulls[k].joint == 0 else 0.0
             if depth > sunk:
                 raise InvalidInputError(
@@ -89,106 +185,106 @@ def require_free_base(solids: Solids, carried: Carried, table: float | None) -> 
                     "Place the robots farther apart"
                 )
         low, high = float(hull.corners[:, 2].min()), float(hull.corners[:, 2].max())
-        if hull.joint == 0 and table is not None and table > low + sunk:
+        if hull.joint == 0 and solids.table > low + sunk:
             raise InvalidInputError(
-                f"table: the plane at z = {table:g} m goes through the robot's base or lies above it: {hull.name!r} "
-                f"reaches from z = {low:.3f} to {high:.3f} m in the base frame; allowed is at most {low + sunk:.3f} m"
+                f"table: the plane at z = {solids.table:g} m goes through the robot's base or lies above it: "
+                f"{hull.name!r} reaches from z = {low:.3f} to {high:.3f} m in the base frame; "
+                f"allowed is at most {low + sunk:.3f} m"
             )
         for k in range(links, len(hulls)) if hull.joint == 0 else ():
             depth = -solids.at_rest(i, k)
             if depth > sunk:
                 raise InvalidInputError(
-                    f"obstacles: {hulls[k].name!r} holds or cuts the robot's base: {hull.name!r} is {depth:.3f} m deep in "
-                    f"it; allowed is at most {sunk:g} m"
+                    f"obstacles: {hulls[k].name!r} intersects the robot's base: {hull.name!r} is {depth:.3f} m deep "
+                    f"in it; allowed is at most {sunk:g} m"
                 )
 
 
-def candidates(carried: Carried, obstacles: int, table: bool, disabled: set[frozenset[str]] | None) -> Pairs:
-    """All pairs that could be checked, as `Solids` takes them; obstacles come behind the hulls of links."""
-    hulls, links, robots = carried.hulls, carried.links, carried.robots
+def _candidates(bodies: BodyHulls, solids: Solids, disabled: set[frozenset[str]] | None) -> Pairs:
+    """All pairs that could be checked, as `Solids` takes them; obstacles follow the hulls of links."""
+    hulls, links, robots = bodies.hulls, bodies.links, bodies.robots
     pairs = []
     for b in range(len(hulls)):
         for a in range(b + 1, len(hulls)):
-            strangers = robots[a] != robots[b]
-            allowed = disabled is not None and frozenset((links[a], links[b])) in disabled and not strangers
-            if not carried.joined[a, b] and not allowed:
+            same = robots[a] == robots[b]
+            allowed = disabled is not None and frozenset((links[a], links[b])) in disabled and same
+            if not bodies.joined[a, b] and not allowed:
                 pairs.append((a, b))
-    for a, hull in enumerate(hulls):
-        if hull.joint:
-            pairs += [(a, len(hulls) + box) for box in range(obstacles)] + [(a, TABLE)] * table
+    surroundings = [*range(len(hulls), len(solids.hulls)), *([TABLE] if np.isfinite(solids.table) else [])]
+    pairs += [(a, b) for a, hull in enumerate(hulls) if hull.joint for b in surroundings]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def chosen(
-    meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, padding: float
-) -> tuple[Chosen, frozenset[str]]:
+def select_pairs(
+    meshes: MeshContacts, solids: Solids, bodies: BodyHulls, disabled: set[frozenset[str]] | None, padding: float
+) -> tuple[SelectedPairs, frozenset[str]]:
     """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
+
+    The second value has the names of the parts that need finer hulls.
 
     A pair is never near if it stays farther apart in all samples than 5 mm with at most two coordinates between, whose
     samples are 2° to 4° apart, 2 cm from table or obstacles, and else 10 cm, as samples miss the nearest configuration.
     """
-    q = meshes.samples
-    links = np.array(((asked >= 0) & (asked < len(carried.hulls))).all(axis=1), dtype=np.bool_)
-    near = links & (carried.between[tuple(np.where(links[:, None], asked, 0).T)] <= 2)
+    q, pairs = meshes.samples, _candidates(bodies, solids, disabled)
+    links = np.array(((pairs >= 0) & (pairs < len(bodies.hulls))).all(axis=1), dtype=np.bool_)
+    near = links & (bodies.between[tuple(np.where(links[:, None], pairs, 0).T)] <= 2)
     share = np.where(near, 0.25, 1.0)
     limit = padding * share
     reach = limit + np.where(near, 0.005, np.where(links, 0.1, 0.02))
-    first = np.ones((FIRST, len(asked)), dtype=np.bool_)
-    room = solids.room(q[:FIRST], asked, reach, first)
-    never = np.array((room > reach).all(axis=0), dtype=np.bool_)
-    never[never] = ~solids.maybe_near(q[FIRST:], asked[never], reach[never]).any(axis=0)
-    hits = np.array(room <= np.where(links, 0.0, limit), dtype=np.bool_)
+    first = np.ones((FIRST, len(pairs)), dtype=np.bool_)
+    bounds = solids.distance_bounds(q[:FIRST], pairs, reach, first)
+    never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
+    never[never] = ~solids.maybe_near(q[FIRST:], pairs[never], reach[never]).any(axis=0)
+    hits = np.array(bounds <= np.where(links, 0.0, limit), dtype=np.bool_)
     always = np.asarray(hits.all(axis=0) & ~links)
     for pair in np.flatnonzero(always):
-        always[pair] = np.all(solids.distances(q[:FIRST], asked[[pair]], first[:, :1])[0] <= limit[pair])
-    _require_way_out(solids, carried, asked[always])
-    blocked = always
-    always, apart, coarse, full = _by_meshes(meshes, solids, carried, asked, hits & links & ~never)
-    always |= blocked
+        always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], first[:, :1])[0] <= limit[pair])
+    _require_way_out(solids, bodies, pairs[always])
+    overlapping, apart, coarse, full = _by_meshes(meshes, solids, bodies, pairs, hits & links & ~never)
+    always |= overlapping
     never |= apart
     kept = ~(always | never | full)
-    return Chosen(asked[kept], asked[always], asked[never], asked[full], share[kept]), coarse
+    return SelectedPairs(pairs[kept], pairs[always], pairs[never], pairs[full], share[kept]), coarse
 
 
 def _by_meshes(
-    meshes: Meshes, solids: Solids, carried: Carried, asked: Pairs, hits: NDArray[np.bool_]
+    meshes: MeshContacts, solids: Solids, bodies: BodyHulls, pairs: Pairs, hits: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str], NDArray[np.bool_]]:
     """Decide about pairs of links whose hulls meet often, by their meshes."""
     coarse = set[str]()
-    always, apart, full = (np.zeros(len(asked), dtype=np.bool_) for _ in range(3))
+    always, apart, full = (np.zeros(len(pairs), dtype=np.bool_) for _ in range(3))
     of_parts: dict[tuple[str, ...], list[int]] = {}
     for pair in np.flatnonzero(hits.any(axis=0)).tolist():
-        of_parts.setdefault(tuple(solids.hulls[i].name for i in asked[pair]), []).append(pair)
-    for pairs in of_parts.values():
-        struck = np.asarray(hits[:, pairs].any(axis=1))
-        if struck.mean() <= OFTEN:
+        of_parts.setdefault(tuple(solids.hulls[i].name for i in pairs[pair]), []).append(pair)
+    for columns in of_parts.values():
+        meeting = np.asarray(hits[:, columns].any(axis=1))
+        if meeting.mean() <= OFTEN:
             continue
-        a, b = asked[pairs[0]].tolist()
-        rows = np.flatnonzero(struck)[:128]
-        bodies = [(carried.parts[i], solids.hulls[i].joint) for i in (a, b)]
-        touching = meshes.touch(rows, *bodies)
-        share = float(struck.mean() * touching.mean())
-        if share > NEARLY_ALL and struck[0] and touching[0]:
-            always[pairs] = True
+        a, b = pairs[columns[0]].tolist()
+        rows = np.flatnonzero(meeting)[:128]
+        ends = [(bodies.parts[i], solids.hulls[i].joint) for i in (a, b)]
+        touching = meshes.touch(rows, *ends)
+        share = float(meeting.mean() * touching.mean())
+        if share > NEARLY_ALL and meeting[0] and touching[0]:
+            always[columns] = True
             continue
-        if not touching.any() and carried.between[a, b] <= 2:
+        if not touching.any() and bodies.between[a, b] <= 2:
             # 2048 samples with two coordinates are 8° apart
-            near = np.asarray(solids.maybe_near(meshes.samples[:2048], asked[pairs], 0.0).any(axis=1))
-            if not meshes.touch(np.flatnonzero(near), *bodies).any():
-                apart[pairs] = True
+            near = np.asarray(solids.maybe_near(meshes.samples[:2048], pairs[columns], 0.0).any(axis=1))
+            if not meshes.touch(np.flatnonzero(near), *ends).any():
+                apart[columns] = True
                 continue
-        full[pairs] = struck.mean() > NEARLY_ALL
-        if struck.mean() - share > OFTEN:
-            coarse |= {carried.parts[i].name for i in (a, b)}
+        full[columns] = meeting.mean() > NEARLY_ALL
+        if meeting.mean() - share > OFTEN:
+            coarse |= {bodies.parts[i].name for i in (a, b)}
     return always, apart, frozenset(coarse), full
 
 
-def _require_way_out(solids: Solids, carried: Carried, always: Pairs) -> None:
+def _require_way_out(solids: Solids, bodies: BodyHulls, always: Pairs) -> None:
     """Raise InvalidInputError when a link touches a box in all samples, or the last one on a chain the table."""
     for a, b in always.tolist():
         what = f"table: the plane at z = {solids.table:g} m" if b == TABLE else f"obstacles: {solids.hulls[b].name!r}"
-        if (b == TABLE and solids.hulls[a].joint in carried.last) or b > a:
+        if (b == TABLE and solids.hulls[a].joint in bodies.last) or b > a:
             raise InvalidInputError(
-                f"{what} leaves {solids.hulls[a].name!r} no way out: it touches it in all of {FIRST} samples of the "
-                "joint space"
+                f"{what} touches {solids.hulls[a].name!r} in all of {FIRST} samples of the joint space"
             )

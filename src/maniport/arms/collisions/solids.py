@@ -112,13 +112,15 @@ class Solids:
 
     def maybe_near(self, q: Array, pairs: Pairs, margin: float | Array) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than a margin [m], or its own, (n, pairs), for q (n, dof)."""
-        return np.asarray(self.room(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin)
+        return np.asarray(
+            self.distance_bounds(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin
+        )
 
-    def room(self, q: Array, pairs: Pairs, enough: float | Array, asked: NDArray[np.bool_]) -> Array:
-        """Lower bound of the distances of pairs [m], shape (n, pairs); not refined where it is `enough`."""
-        room, skins = np.full((len(q), len(pairs)), -np.inf), self._skins[pairs].sum(axis=1)
-        _fill_room(*self._tree.poses(q), *self._arrays, pairs, enough + skins, self.table, asked, room)
-        return np.asarray(room - skins)
+    def distance_bounds(self, q: Array, pairs: Pairs, sufficient: float | Array, mask: NDArray[np.bool_]) -> Array:
+        """Lower bound of the distances of pairs [m], shape (n, pairs); not refined where it exceeds `sufficient`."""
+        bounds, skins = np.full((len(q), len(pairs)), -np.inf), self._skins[pairs].sum(axis=1)
+        _fill_distance_bounds(*self._tree.poses(q), *self._arrays, pairs, sufficient + skins, self.table, mask, bounds)
+        return np.asarray(bounds - skins)
 
     def leverage(self, pairs: Pairs) -> Array:
         """How far the distance of each pair changes at most with each degree of freedom, (dof, pairs) [m/rad or 1]."""
@@ -126,10 +128,10 @@ class Solids:
         return self._tree.leverage(self._links[pairs], far[pairs])
 
     def distances(
-        self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], depths: bool = True
+        self, q: Array, pairs: Pairs, mask: NDArray[np.bool_], depths: bool = True
     ) -> tuple[Array, Array, Array]:
-        """Signed distances, normals and points of the pairs asked for, in the order of ``np.argwhere(asked)``."""
-        rows, columns = np.nonzero(asked)
+        """Signed distances, normals and points of the pairs in `mask`, in the order of ``np.argwhere(mask)``."""
+        rows, columns = np.nonzero(mask)
         distances, normals, points = np.empty(len(rows)), np.empty((len(rows), 3)), np.empty((len(rows), 3))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         request.enable_signed_distance = depths
@@ -151,9 +153,9 @@ class Solids:
             normals[k], points[k] = -result.normal, result.getNearestPoint1()
         return distances - self._skins[pairs[columns]].sum(axis=1), normals, points
 
-    def slopes(self, q: Array, pairs: Pairs, asked: NDArray[np.bool_], normals: Array, points: Array) -> Array:
+    def slopes(self, q: Array, pairs: Pairs, mask: NDArray[np.bool_], normals: Array, points: Array) -> Array:
         """Derivatives of these distances in the configuration, shape (k, dof), for what `distances` returned."""
-        rows, columns = np.nonzero(asked)
+        rows, columns = np.nonzero(mask)
         return self._tree.slopes(q[rows], points, normals, self._links[pairs[columns]])
 
     def at_rest(self, first: int, second: int) -> float:
@@ -169,20 +171,22 @@ class Solids:
 
 
 class Watch:
-    """Pairs nearer than a threshold [m], asked for again and again, as `Collisions.gradient` returns them."""
+    """Pairs nearer than a threshold [m], for repeated queries, as `Collisions.gradient` returns them."""
 
     def __init__(self, solids: Solids, pairs: Pairs, threshold: float, share: Array, ahead: bool = False):
         self._solids, self._pairs, self._threshold, self._share = solids, pairs, threshold * share, share
-        self._enough = self._threshold + 0.03 if ahead else self._threshold  # what is farther is left alone for a while
+        self._sufficient = (
+            self._threshold + 0.03 if ahead else self._threshold
+        )  # what is farther is left alone for a while
         self._leverage = solids.leverage(pairs) if ahead else None
-        self._q, self._room = np.empty((0, 0)), np.empty((0, 0))
+        self._q, self._bounds = np.empty((0, 0)), np.empty((0, 0))
 
     def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
         """Rows, distances and slopes for configurations (n, dof)."""
         near = self._near(q)
         distance, normals, points = self._solids.distances(q, self._pairs, near)
         slope = self._solids.slopes(q, self._pairs, near, normals, points)
-        self._room[near] = np.maximum(self._room[near], distance - 1e-5)  # Coal's tolerance
+        self._bounds[near] = np.maximum(self._bounds[near], distance - 1e-5)  # Coal's tolerance
         rows, columns = np.nonzero(near)
         kept = distance < self._threshold[columns]
         share = self._share[columns[kept]]
@@ -194,9 +198,9 @@ class Watch:
         if self._leverage is None or not len(self._q):
             left = np.ones((len(q), len(self._pairs)), dtype=np.bool_)
         else:
-            left = self._room[0] - np.abs(q - self._q[0]) @ self._leverage <= limit
+            left = self._bounds[0] - np.abs(q - self._q[0]) @ self._leverage <= limit
         if left.any():
-            left &= self._solids.room(q, self._pairs, limit, left) <= limit
+            left &= self._solids.distance_bounds(q, self._pairs, limit, left) <= limit
         if not left.any():
             return True
         distances = self._solids.distances(q, self._pairs, left, depths=False)[0]
@@ -205,22 +209,22 @@ class Watch:
     def _near(self, q: Array) -> NDArray[np.bool_]:
         """Which pairs are not certainly farther apart than the threshold, shape (n, pairs)."""
         if self._leverage is None or self._q.shape != q.shape:
-            room = np.full((len(q), len(self._pairs)), -np.inf)
+            bounds = np.full((len(q), len(self._pairs)), -np.inf)
         else:
-            room = self._room - np.abs(q - self._q) @ self._leverage
-        left = room <= self._threshold
+            bounds = self._bounds - np.abs(q - self._q) @ self._leverage
+        left = bounds <= self._threshold
         rows = np.flatnonzero(left.any(axis=1))
-        seen = self._solids.room(q[rows], self._pairs, self._enough, left[rows])
-        room[rows] = np.where(left[rows], seen, room[rows])
-        self._q, self._room = q.copy(), room
-        return np.asarray(room <= self._threshold)
+        seen = self._solids.distance_bounds(q[rows], self._pairs, self._sufficient, left[rows])
+        bounds[rows] = np.where(left[rows], seen, bounds[rows])
+        self._q, self._bounds = q.copy(), bounds
+        return np.asarray(bounds <= self._threshold)
 
 
 @kernel
-def _fill_room(  # type: ignore[no-untyped-def]
-    all_turns, all_origins, corners, starts, joints, centres, sides, pairs, enough, table, asked, room
+def _fill_distance_bounds(  # type: ignore[no-untyped-def]
+    all_turns, all_origins, corners, starts, joints, centres, sides, pairs, sufficient, table, mask, bounds
 ):
-    """Write how far pairs are apart at least; what is more than enough is not looked at any closer."""
+    """Write how far pairs are apart at least; what is more than sufficient is not looked at any closer."""
     middles, radii = np.empty((len(joints), 3)), np.empty(len(joints))
     for h in range(len(joints)):  # by entry: a sum along an axis costs Numba 1.6 s of compiling, for its messages
         radii[h] = np.sqrt(sides[h, 0] * sides[h, 0] + sides[h, 1] * sides[h, 1] + sides[h, 2] * sides[h, 2])
@@ -233,23 +237,23 @@ def _fill_room(  # type: ignore[no-untyped-def]
                     turns[j, i, 0] * centres[h, 0] + turns[j, i, 1] * centres[h, 1] + turns[j, i, 2] * centres[h, 2]
                 )
         for p in range(len(pairs)):
-            if not asked[n, p]:
+            if not mask[n, p]:
                 continue
             a, b = pairs[p]
             j = joints[a]
             if b < 0:
                 height = middles[a, 2] - radii[a] - table
-                if height <= enough[p]:
+                if height <= sufficient[p]:
                     up = turns[j, 2]
                     height = origins[j, 2] - table + _least(corners, starts[a], starts[a + 1], up[0], up[1], up[2])[0]
-                room[n, p] = height
+                bounds[n, p] = height
                 continue
             x, y, z = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
-            room[n, p] = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
-            if room[n, p] <= enough[p]:
-                room[n, p] = _apart(
+            bounds[n, p] = np.sqrt(x * x + y * y + z * z) - radii[a] - radii[b]
+            if bounds[n, p] <= sufficient[p]:
+                bounds[n, p] = _apart(
                     turns[j], origins[j], turns[joints[b]], origins[joints[b]], corners, sides[a], sides[b],
-                    starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, enough[p],
+                    starts[a], starts[a + 1], starts[b], starts[b + 1], x, y, z, sufficient[p],
                 )  # fmt: skip
 
 
@@ -266,9 +270,9 @@ def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
 
 @part
 def _apart(  # type: ignore[no-untyped-def]
-    turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, enough
+    turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, sufficient
 ):
-    """How much a plane leaves between two hulls: the first one found that leaves more than enough, or the best."""
+    """How much a plane leaves between two hulls: the first one found that leaves more than sufficient, or the best."""
     from_middle, most = (x, y, z), -1.0
     for _ in range(12):  # a pair that so many directions do not separate is left to the exact test
         square = x * x + y * y + z * z
@@ -285,13 +289,13 @@ def _apart(  # type: ignore[no-untyped-def]
         spread += abs(bx) * sides_b[0] + abs(by) * sides_b[1] + abs(bz) * sides_b[2]
         of_boxes = x * from_middle[0] + y * from_middle[1] + z * from_middle[2] - spread
         most = max(most, of_boxes / length - 1e-9)  # rounding
-        if most > enough:
+        if most > sufficient:
             break
         least_a, i = _least(corners, a0, a1, ax, ay, az)
         least_b, j = _least(corners, b0, b1, -bx, -by, -bz)
         between = x * (at_a[0] - at_b[0]) + y * (at_a[1] - at_b[1]) + z * (at_a[2] - at_b[2]) + least_a + least_b
         most = max(most, between / length - 1e-9)
-        if most > enough:
+        if most > sufficient:
             break
         w0 = at_a[0] - at_b[0]
         w1 = at_a[1] - at_b[1]

@@ -1,4 +1,4 @@
-"""Where arms come from: names, and files by their suffix; a further source is one file and one line of a table."""
+"""Arms by name and from files, by suffix; a new format is one file and one entry of `READERS`."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ from maniport.arms.loaders.document import XACRO, parsed
 from maniport.arms.loaders.limbs import Limb, one_side
 from maniport.arms.loaders.mjcf import Mjcf
 from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
-from maniport.arms.loaders.packages import Named, find_named, known_names
+from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.urdf import Urdf
 from maniport.arms.restriction import restrict
 from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
@@ -25,7 +25,7 @@ Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
 
 
 def _source(path: Path) -> RobotXML:
-    """Read a URDF or an MJCF, which the root tells apart."""
+    """Read a URDF or an MJCF, depending on the root element."""
     text, root = parsed(path)
     for kind in (Urdf, Mjcf):
         if root.tag == kind.tag:
@@ -40,12 +40,13 @@ def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Ch
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
-"""For each suffix what reads a robot's file: called with its path and `load_arm`'s frame and joints, it returns the
-chain to that frame or, without one, to the tip that suits the joints; `load_arm` holds the others. It raises
-`FileFormatError` where the file is at fault. What is added here, `load_arm` takes."""
+"""Readers of robot files by suffix, called with the path and the frame and joints of `load_arm`.
+
+A reader returns the chain to the frame, or to the default end effector of the joints; `load_arm` locks the other
+joints. It raises `FileFormatError` for a faulty file."""
 
 ROBOTS: dict[str, Callable[[], Chain]] = {"panda": lambda: read_embedded("panda")}
-"""Robots that come with this package; human arms are in `maniport.arms.human.PERSONS`."""
+"""Robots of this package; human arms are in `maniport.arms.human.PERSONS`."""
 
 
 def load_arm(
@@ -64,37 +65,37 @@ def load_arm(
     Parameters
     ----------
     name_or_path : str or path
-        - ``"panda"``: Franka Emika Panda with its hand, tip between the fingers, ``panda_hand_tcp``. With the frame
-          ``panda_link8`` it ends at the flange, without the hand.
+        - ``"panda"``: Franka Emika Panda with its hand; the end effector ``panda_hand_tcp`` is between the fingers.
+          With the frame ``panda_link8`` it ends at the flange, without the hand.
         - ``"myoarm"``, ``"rhuman"``: human arms, see `maniport.arms.myoarm` and `maniport.arms.rhuman`.
         - A path to a ``.urdf``, a ``.xacro`` (needs xacrodoc), or a ``.xml`` or ``.mjcf`` with an MJCF.
         - A robot of an installed package, such as ``"ur5"`` or ``"talos_right_arm"``: example-robot-data, airo-models
-          or robosuite, the first that has it; ``"robosuite/ur5e"`` names one. Where a robot has two arms, the name
-          says which, and the arm begins at the body that both hang on.
+          or robosuite, in this order; ``"robosuite/ur5e"`` selects the package. An arm of a robot with two arms
+          begins at the body that both have in common.
         - A name from an installed robot_descriptions, such as ``"ur5e_description"``, downloaded on first use.
     frame : str, optional
-        Name of the tip frame, a body (link) or a site. By default the end of the longest limb: the body that carries
-        its gripper or hand, else the outermost body.
+        Name of the end effector, a body (link) or a site. By default the end of the longest limb: the body that
+        carries its gripper or hand, else the outermost body.
     joints : sequence of str, optional
-        Names of the joints that move; by default all on the chain. The others are held at zero, or at the limit next to
-        zero.
+        Names of the joints that move; by default all on the chain. The others are locked at zero, or at the limit
+        nearest to zero.
     mesh_folders : sequence of str or path
-        Folders from which a file may take meshes besides its own folder, the one above that, its package, packages
-        near it and those of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
+        Folders with meshes in addition to the folder of the file, its parent, its package, packages near it and those
+        of ROS (``ROS_PACKAGE_PATH``, ``AMENT_PREFIX_PATH``).
     base : str, optional
-        Name of the frame on the way to the tip with which the chain begins, and in which everything is expressed.
+        Name of the frame on the chain in which the chain begins and all results are expressed.
     lock : mapping of str to float, optional
-        Joints that are held, and where [rad] or [m].
+        Positions of locked joints [rad] or [m].
     side : {"right", "left"}, optional
-        Which arm of a person, the right one by default.
+        Arm of a person, the right one by default.
     height : float, optional
-        A person's body height [m], which the segments are fractions of; see `maniport.arms.human`.
+        Body height of a person [m], which scales the segments; see `maniport.arms.human`.
 
     Returns
     -------
     Arm
-        Every coordinate is one angle or one slide. A joint without limits (or with limits beyond ten turns) gets
-        −π to π; joints that mimic others follow them; a floating base stands at its zero.
+        Every coordinate is one angle or one displacement. Revolute joints without limits (or with limits beyond ten
+        turns) get −π to π; joints that mimic others follow them; a floating base is fixed at zero.
 
     Raises
     ------
@@ -124,14 +125,14 @@ def load_arm(
     for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
         if not low > -inf or not high < inf:
             raise FileFormatError(
-                f"{os.fspath(name_or_path)}: the slide {name!r} has no limits; write them into the file, or leave the "
-                f"joint out with {argument('joints')} or {argument('lock')}"
+                f"{os.fspath(name_or_path)}: the prismatic joint {name!r} has no limits; add them to the file, or "
+                f"exclude the joint with {argument('joints')} or {argument('lock')}"
             )
     return Arm(replace(chain, source=os.fspath(name_or_path)))
 
 
 def _named(name_or_path: str | os.PathLike[str], side: str | None, height: float | None) -> Chain | None:
-    """The chain of a person or of a robot that comes with this package; None where the name is not theirs."""
+    """The chain of a person or of a robot of this package; None for other names."""
     if isinstance(name_or_path, str) and name_or_path in PERSONS:
         return human_arm(name_or_path, RIGHT if side is None else side, height).chain
     for name, value in (("side", side), ("height", height)):
@@ -147,7 +148,7 @@ def read_arm(
     joints: Sequence[str] | None = None,
     base: str | None = None,
 ) -> Chain:
-    """Read the whole chain to the tip of an arm, before joints are held or a base is taken; see `load_arm`."""
+    """Read the whole chain of an arm, before joints are locked or a base is chosen; see `load_arm`."""
     chain = _named(name_or_path, None, None)
     return _read(name_or_path, frame, joints, base, ()) if chain is None else chain
 
@@ -159,8 +160,8 @@ def _read(
     base: str | None,
     mesh_folders: tuple[Path, ...],
 ) -> Chain:
-    """The chain of a file to the tip, from the base that its name implies if no other is given; see `load_arm`."""
-    file, text = _find(name_or_path), os.fspath(name_or_path)
+    """The chain of a file, from the base that its name implies unless `base` is given; see `load_arm`."""
+    file, text = _robot_file(name_or_path), os.fspath(name_or_path)
     folders = (*mesh_folders, *file.folders)
     limb = None
     if file.side is not None:
@@ -183,10 +184,10 @@ def _read(
 
 
 def robot_limbs(name_or_path: str | os.PathLike[str]) -> tuple[list[Limb], Limb | None]:
-    """What limbs a robot's file has, the longest first, and which one `load_arm` takes where nothing else is said."""
+    """Read the limbs of a robot, the longest first, and the limb that `load_arm` chooses by default."""
     if isinstance(name_or_path, str) and name_or_path in (*ROBOTS, *PERSONS):
         return [], None
-    file = _find(name_or_path)
+    file = _robot_file(name_or_path)
     if READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
     limbs = read_limbs(_source(file.path))
@@ -196,17 +197,18 @@ def robot_limbs(name_or_path: str | os.PathLike[str]) -> tuple[list[Limb], Limb 
     return limbs, limbs[0] if alone and not file.pair else None
 
 
-def _find(name_or_path: str | os.PathLike[str]) -> Named:
-    """The file that a name or a path stands for."""
+def _robot_file(name_or_path: str | os.PathLike[str]) -> RobotFile:
+    """The file of a name or a path."""
     text = os.fspath(name_or_path)
     path = Path(text)
-    named = find_named(text) if isinstance(name_or_path, str) and not os.path.isfile(path) else None
-    if named is None and not _looks_like_path(name_or_path):
+    is_name = isinstance(name_or_path, str) and not os.path.isfile(path)
+    robot = find_robot(text) if is_name else None
+    if robot is None and is_name and path.suffix.lower() not in READERS and path.name == text and not path.exists():
         names, how = known_names()
         where = f"(a file must end in {', '.join(READERS)}{how})"
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
-    named = Named(path) if named is None else named
-    return replace(named, path=existing_file(named.path, READERS, ROBOT_BYTES))
+    robot = RobotFile(path) if robot is None else robot
+    return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
 
 
 def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:
@@ -215,10 +217,5 @@ def _as_folders(value: Sequence[str | os.PathLike[str]]) -> tuple[Path, ...]:
     folders = tuple(Path(folder).absolute() for folder in value)
     for folder in folders:
         if not folder.is_dir():
-            raise InvalidInputError(f"mesh_folders: there is no folder {str(folder)!r}")
+            raise InvalidInputError(f"mesh_folders: no folder {str(folder)!r}")
     return folders
-
-
-def _looks_like_path(value: str | os.PathLike[str]) -> bool:
-    path = Path(value)
-    return not isinstance(value, str) or path.suffix.lower() in READERS or path.name != value or os.path.exists(path)

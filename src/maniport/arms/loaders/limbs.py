@@ -17,15 +17,15 @@ _WORDS = re.compile(r"[A-Z](?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 @dataclass(frozen=True)
 class Limb:
-    """A chain from the base of a robot to one of its ends, fingers left out."""
+    """A chain from the base of a robot to one of its ends, without fingers."""
 
     tip: str  # the end effector's site, else the body that carries the gripper, else the outermost body
-    joints: tuple[str, ...]  # those with one axis, from the base on
-    fork: str | None  # the last body shared with another of the longest limbs; None where no joint leads there
+    joints: tuple[str, ...]  # with one axis, from the base
+    fork: str | None  # last body shared with another of the longest limbs; None if it is fixed
 
 
 def named_frames(model: pin.Model) -> dict[str, int]:
-    """Bodies and sites of a model with their index; bodies win where names are equal."""
+    """Map names of bodies and sites to indices; bodies have priority."""
     kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
     names: dict[str, int] = {}
     for kind in kinds:
@@ -36,7 +36,7 @@ def named_frames(model: pin.Model) -> dict[str, int]:
 
 
 def body_above(model: pin.Model, frame: int) -> int:
-    """Index of the body that a frame is attached to; 0 where there is none."""
+    """Return the index of the body that a frame is attached to; 0 without one."""
     above = model.frames[frame].parentFrame
     while above and model.frames[above].type != pin.FrameType.BODY:
         above = model.frames[above].parentFrame
@@ -44,12 +44,12 @@ def body_above(model: pin.Model, frame: int) -> int:
 
 
 def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
-    """The limb on one side of a robot, among its longest ones."""
+    """Return the limb of one side of a robot, among its longest limbs."""
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
-    said = [_sidedness((*limb.joints, limb.tip), side) for limb in longest]
-    if said.count(max(said)) > 1:
+    scores = [_side_score((*limb.joints, limb.tip), side) for limb in longest]
+    if scores.count(max(scores)) > 1:
         raise unknown_name("arm", robot, [limb.tip for limb in longest], f"(no limb is called {side})")
-    return longest[said.index(max(said))]
+    return longest[scores.index(max(scores))]
 
 
 class Limbs:
@@ -65,47 +65,47 @@ class Limbs:
         self.model, self.names, self.wanted = model, names, wanted
         self._beyond = dict.fromkeys(range(model.njoints), 0)
         self._below: dict[int, list[int]] = {j: [] for j in range(model.njoints)}
-        for j in sorted(names, reverse=True):  # what hangs on a joint comes after it
+        for j in sorted(names, reverse=True):  # children follow their parents
             moving, parent = len(names[j]) + self._beyond[j], model.parents[j]
             if moving:
                 self._below[parent].append(j)
                 self._beyond[parent] = max(self._beyond[parent], moving)
-        self._coupled = {leader for name, leader in leaders.items() if self._sideways(name, leader)}
+        self._coupled = {leader for name, leader in leaders.items() if self._follows_other_branch(name, leader)}
         tops = (j for j in names if names[j] and not self._beyond[j])
         self.ends = list(dict.fromkeys(self._end(j) for j in tops))
 
     def all(self) -> list[Limb]:
-        """Every limb, the longest first."""
+        """Return all limbs, the longest first."""
         longest = max((len(self._joints(end)) for end in self.ends), default=0)
         equals = [end for end in self.ends if len(self._joints(end)) == longest]
         ends = sorted(self.ends, key=lambda end: -len(self._joints(end)))
         return [Limb(self.tip(end), self._joints(end), self._fork(end, equals)) for end in ends]
 
     def fingers(self) -> set[str]:
-        """Names of the joints beyond all hands."""
+        """Return the names of the joints beyond all hands."""
         return {name for end in self.ends for j in self._all_below(end) for name in self.names[j]}
 
     def choose(self, source: str) -> str:
-        """Choose the tip: the end of the limb with most of the wanted joints, or, without any, of most joints."""
-        found = {end: self._joints(end) for end in self.ends}
-        size = {end: (sum(name in self.wanted for name in joints), len(joints)) for end, joints in found.items()}
+        """Choose the end of the limb with most of the wanted joints, or of most joints."""
+        joints = {end: self._joints(end) for end in self.ends}
+        size = {end: (sum(name in self.wanted for name in names), len(names)) for end, names in joints.items()}
         most = max(size.values(), default=(0, 0))
         ends = [end for end in self.ends if size[end] == most]
         if not ends:
-            raise InvalidInputError(f"{source}: holds no movable joint")
+            raise InvalidInputError(f"{source}: has no movable joint")
         shared = [j for j in self._path(ends[0]) if all(j in self.model.supports[end] for end in ends)]
         if len(ends) > 1 and most[0] and sum(name in self.wanted for j in shared for name in self.names[j]) == most[0]:
             ends = [max(j for j in shared if set(self.names[j]) & set(self.wanted))]
         if len(ends) > 1:
             candidates = nearest_first("hand", [self.tip(end) for end in ends])
             raise InvalidInputError(
-                f"{source}: several frames end a chain of {most[1]} movable joints; say which with "
+                f"{source}: several frames end a chain of {most[1]} movable joints; choose one with "
                 f"{argument('frame')}, such as {', '.join(map(repr, candidates[:12]))}"
             )
         return self.tip(ends[0])
 
     def tip(self, joint: int) -> str:
-        """Return the end effector's site, else the body that carries all further joints, else the outermost body."""
+        """Return the end-effector site, else the body that carries all further joints, else the outermost body."""
         frames = named_frames(self.model)
         sites = [
             name
@@ -129,7 +129,7 @@ class Limbs:
         return tuple(name for j in self._path(end) for name in self.names[j])
 
     def _end(self, joint: int) -> int:
-        """Where the limb with this outermost joint ends: at the hand, if it has one."""
+        """Last joint of the limb with this outermost joint: before the hand, if it has one."""
         return next((j for j in self._path(joint) if self._is_hand(j)), joint)
 
     def _is_hand(self, joint: int) -> bool:
@@ -145,14 +145,14 @@ class Limbs:
             yield child
             yield from self._all_below(child)
 
-    def _sideways(self, follower: str, leader: str) -> bool:
-        """Whether a joint follows another one that it does not hang on."""
+    def _follows_other_branch(self, follower: str, leader: str) -> bool:
+        """Whether a joint follows a joint that is not one of its ancestors."""
         joints = {name: j for j, names in self.names.items() for name in names}
         if leader not in joints:
             return False
         if follower in joints:
             place = joints[follower]
-        elif self.model.existFrame(follower):  # a joint that is fixed, and yet follows
+        elif self.model.existFrame(follower):  # a fixed joint with a mimic
             place = self.model.frames[self.model.getFrameId(follower)].parentJoint
         else:
             return False
@@ -178,32 +178,32 @@ class Limbs:
         return [i for i in bodies if i not in inner]
 
     def _common(self, bodies: Collection[int]) -> str:
-        """The outermost body on which all of some bodies hang, or which they are."""
-        ways = []
+        """Outermost common ancestor of bodies."""
+        ancestors = []
         for body in bodies:
-            way = [body]
-            while way[-1]:
-                way.append(body_above(self.model, way[-1]))
-            ways.append(way)
-        shared = next(body for body in ways[0] if all(body in way for way in ways))
+            line = [body]
+            while line[-1]:
+                line.append(body_above(self.model, line[-1]))
+            ancestors.append(line)
+        shared = next(body for body in ancestors[0] if all(body in line for line in ancestors))
         return str(self.model.frames[shared].name)
 
 
 def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None:
-    """Return the name that is a usual one, or ends with it; the most usual first."""
-    endings = [(one, f"_{one}", f"/{one}") for one in usual]
+    """The first name that equals or ends with a usual name, in the order of `usual`."""
+    endings = [(name, f"_{name}", f"/{name}") for name in usual]
     return next((name for ending in endings for name in names if name == ending[0] or name.endswith(ending[1:])), None)
 
 
 def _is_finger(name: str) -> bool:
-    """Whether a joint is called as the one that closes a gripper: ``gripper_left_joint``, ``jointGripper``."""
+    """Whether the name of a joint is that of a gripper: ``gripper_left_joint``, ``jointGripper``."""
     words = [word.lower() for word in _WORDS.findall(name)]
-    said = [word for word in words if word not in ("joint", "link", *_SIDES)]
-    return bool(said) and said[-1] in ("gripper", "finger", "thumb", "jaw", "claw", "knuckle")
+    words = [word for word in words if word not in ("joint", "link", *_SIDES)]
+    return bool(words) and words[-1] in ("gripper", "finger", "thumb", "jaw", "claw", "knuckle")
 
 
-def _sidedness(names: Iterable[str], side: str) -> int:
-    """How much more often names say one side, as ``left`` or ``l``, than the other."""
+def _side_score(names: Iterable[str], side: str) -> int:
+    """Number of occurrences of one side, as ``left`` or ``l``, minus those of the other."""
     words = [word.lower() for name in names for word in _WORDS.findall(name)]
     return sum((word in (side, side[0])) - (word in _SIDES and word not in (side, side[0])) for word in words)
 
@@ -216,7 +216,7 @@ def bodies_off_chain(
     resolve: Callable[[str], tuple[str | None, float, float]],
     bounds: Mapping[str, tuple[float, float]],
 ) -> dict[str, Body]:
-    """Compute where bodies are that are not on a chain, relative to the chain's joints."""
+    """Compute the poses of bodies off a chain relative to the joints of the chain."""
     bodies = {}
     frames = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
     names = {frame.parentJoint: frame.name for frame in reversed(frames)}

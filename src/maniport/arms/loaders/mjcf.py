@@ -1,8 +1,8 @@
-"""MJCF: checks, joint equalities, several joints on one body, ranges, and what the bodies look like.
+"""MJCF: checks, joint equalities, several joints of one body, ranges and shapes.
 
-Pinocchio 4 converts the ranges of slides from degrees and shifts those of joints with a `ref`, so that they are read
-here. It says where shapes are, but reads a copy in which each mesh is one triangle: its native reader does not bear
-damaged files.
+Ranges are read here, since Pinocchio 4 converts those of prismatic joints from degrees and shifts those of joints with
+a `ref`. Pinocchio reads the poses of shapes from a copy in which each mesh is one triangle, since its native mesh
+reader crashes on damaged files.
 """
 
 from collections import Counter
@@ -18,16 +18,15 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, require_numbers
-from maniport.arms.loaders.mjcf_tree import WORLD, kinematics, one_tree, whole
+from maniport.arms.loaders.document import LARGEST, WORLD, kinematics, one_tree, require_numbers, with_includes
 from maniport.arms.loaders.model import Follower, RobotXML
 from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_places import Places, is_file
+from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
 
-# Pinocchio's reader leaves these out without a word, and all bodies within them.
+# Pinocchio ignores these elements and all bodies in them.
 _UNREAD = ("frame", "replicate", "attach", "composite", "flexcomp")
 
 
@@ -45,18 +44,18 @@ class Mjcf(RobotXML):
 
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> RobotXML:
-        """Take a file's text and root with all that it includes, and check them."""
-        return super().checked(path, text, whole(path, root) if root.tag == cls.tag else root)
+        """Check the text and the root of a file with its included files."""
+        return super().checked(path, text, with_includes(path, root) if root.tag == cls.tag else root)
 
     def build(self) -> pin.Model:
-        """Let Pinocchio read the kinematics."""
+        """Read the kinematics with Pinocchio."""
         with TemporaryDirectory(prefix="maniport-") as folder:
             file = Path(folder) / self.path.with_suffix(".xml").name
             ElementTree.ElementTree(kinematics(self.root)).write(file, encoding="utf-8")
             return pin.buildModelFromMJCF(str(file))
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
-        """Joints of joint equalities."""
+        """Yield the joints of joint equalities."""
         for joint in self.root.findall("equality/joint"):
             if joint.get("active", "true") == "true":
                 follower, leader = joint.get("joint1", ""), joint.get("joint2")
@@ -76,7 +75,7 @@ class Mjcf(RobotXML):
         return {name: element for joints in self.body_joints().values() for name, element in joints.items()}
 
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
-        """Hinges, slides and balls of each MJCF body: body name, then joint name."""
+        """Return the joints of each body: body name, then joint name."""
         return {
             body.get("name", ""): {
                 joint.get("name", ""): joint for joint in body.findall("joint") if joint.get("type") != "free"
@@ -85,7 +84,7 @@ class Mjcf(RobotXML):
         }
 
     def joint_range(self, name: str) -> tuple[float, float]:
-        """Range of an MJCF joint [rad] or [m], its own or its default class's; infinite when it has none."""
+        """Return the range of a joint [rad] or [m], its own or that of its class; infinite without one."""
         joint = self._joints.get(name)
         text = None if joint is None else self._attribute(joint, "range")
         if joint is None or text is None or self._attribute(joint, "limited") == "false":
@@ -97,7 +96,7 @@ class Mjcf(RobotXML):
         return low, high
 
     def _rest(self, joint: ElementTree.Element | None) -> float:
-        """Position of an MJCF joint in the pose that the file draws [rad] or [m]."""
+        """Reference position of a joint [rad] or [m]."""
         return 0.0 if joint is None else float(self._attribute(joint, "ref") or 0.0) * self._unit(joint)
 
     def _unit(self, joint: ElementTree.Element) -> float:
@@ -106,7 +105,7 @@ class Mjcf(RobotXML):
         return np.pi / 180 if hinge and (not angle or angle[-1] == "degree") else 1.0
 
     def _attribute(self, joint: ElementTree.Element, attribute: str) -> str | None:
-        """An attribute of an MJCF joint, its own or the one its default class gives it."""
+        """An attribute of a joint, its own or that of its default class."""
         if joint.get(attribute) is not None:
             return joint.get(attribute)
         parents = self._parents
@@ -116,25 +115,25 @@ class Mjcf(RobotXML):
         top = self.root.find("default")
         entry = next((d for d in self.root.iter("default") if name is not None and d.get("class") == name), top)
         while entry is not None and entry.tag == "default":
-            found = entry.find("joint")
-            if found is not None and found.get(attribute) is not None:
-                return found.get(attribute)
+            default = entry.find("joint")
+            if default is not None and default.get(attribute) is not None:
+                return default.get(attribute)
             entry = parents.get(entry)
         return None
 
     def fault(self) -> str:
-        """What keeps the file from being read completely, in words, or nothing."""
+        """Describe the first inconsistency or unsupported element; empty without one."""
         unread = sorted({tag for tag in _UNREAD for _ in self.root.iter(tag)})
         if unread:
             return (
-                f"uses <{'>, <'.join(unread)}>, which cannot be read here; write it as one plain file first, for "
-                "instance with mujoco.MjModel.from_xml_path and mujoco.mj_saveLastXML"
+                f"uses <{'>, <'.join(unread)}>, which are not supported; save the model as one plain file first, for "
+                "example with mujoco.MjModel.from_xml_path and mujoco.mj_saveLastXML"
             )
         if self.root.find("worldbody//body") is None:
-            return "holds no body in <worldbody>"
+            return "has no body in <worldbody>"
         for tag in self.bounded:
             names = Counter(element.get("name") for element in self.root.findall(f"worldbody//{tag}"))
-            names[WORLD] += tag == "body"  # which is there without being written
+            names[WORLD] += tag == "body"  # implicit
             for name, count in names.items():
                 if name is not None and count > 1:
                     return f"{tag} {name!r} appears {count} times"
@@ -142,51 +141,51 @@ class Mjcf(RobotXML):
         for element in self.root.findall("worldbody//*"):
             for name in (element.get("class"), element.get("childclass")):
                 if name is not None and name not in classes:
-                    return f"<{element.tag}> is of the class {name!r}, which no <default> describes"
+                    return f"<{element.tag}> is of the class {name!r}, which no <default> defines"
         require_numbers(self.path, self.root.iter(), _NUMBERS)
         return ""
 
-    def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
-        """What Pinocchio finds to show; of a body's shapes those that touch nothing, if it has such, else all."""
-        meshes = _named_meshes(self.root, places.path.parent)
-        model, shown, solid = _geometries(self.root, places.path)
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
+        """Yield the shapes of bodies: those without contacts if a body has such, else all."""
+        meshes = _named_meshes(self.root, paths.path.parent)
+        model, shown, solid = _geometries(self.root, paths.path)
         touching = {thing.name for thing in solid.geometryObjects}
         dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
         for thing in shown.geometryObjects:
             frame = model.frames[thing.parentFrame]
             if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
                 placement = (frame.placement.inverse() * thing.placement).homogeneous
-                for points, triangles in _meshes(thing, places, meshes):
+                for points, triangles in _meshes(thing, paths, meshes):
                     yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
 
 def _named_meshes(root: ElementTree.Element, folder: Path) -> dict[str, Path | ElementTree.Element]:
-    """Meshes by what stands in for them: a file, or an element that holds points itself."""
+    """Meshes by their placeholder: a file, or an element with points of its own."""
     options = {name: value for compiler in root.findall("compiler") for name, value in compiler.items()}
     folder = folder / options.get("meshdir", options.get("assetdir", ""))
     bare = options.get("strippath") == "true"
-    found: dict[str, Path | ElementTree.Element] = {}
+    meshes: dict[str, Path | ElementTree.Element] = {}
     for i, mesh in enumerate(root.iterfind("asset/mesh")):
         name = mesh.get("file", "")
-        found[f"{i}.stl"] = folder / (Path(name).name if bare else name) if name else mesh
-    return found
+        meshes[f"{i}.stl"] = folder / (Path(name).name if bare else name) if name else mesh
+    return meshes
 
 
 def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
-    """Points and triangles that an MJCF holds itself; the hull of the points where it has no triangles."""
+    """Points and triangles of a mesh in an MJCF; without triangles the hull of the points."""
     try:
         points = np.array([float(word) for word in mesh.get("vertex", "").split()]).reshape(-1, 3)
         rows = np.array([int(word) for word in mesh.get("face", "").split()], dtype=np.int32).reshape(-1, 3)
         if not np.all(np.abs(points) < LARGEST) or not np.all((rows >= 0) & (rows < len(points))):
-            raise ValueError("numbers beyond reason")
+            raise ValueError("invalid numbers")
         return points, rows if len(rows) else ConvexHull(points).simplices.astype(np.int32)
     except (ValueError, OverflowError, QhullError) as error:
         reason = str(error).splitlines()[0]
-        raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} make no solid: {reason}") from None
+        raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} are no solid: {reason}") from None
 
 
 def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
-    """The model, and what of it is to be seen and what touches, each mesh a triangle."""
+    """The model and its visual and collision geometry, with a triangle for each mesh."""
     root = one_tree(root)
     corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
     triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
@@ -212,9 +211,9 @@ def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.G
 
 
 def _meshes(
-    thing: pin.GeometryObject, places: Places, meshes: Mapping[str, Path | ElementTree.Element]
+    thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]
 ) -> Iterator[Mesh]:
-    """The mesh of one of Coal's shapes; none for planes, which have no end."""
+    """The mesh of a shape of Coal; none for planes, which are infinite."""
     shape = thing.geometry
     if isinstance(shape, coal.Box):
         yield box(2 * shape.halfSide)
@@ -229,20 +228,18 @@ def _meshes(
     elif isinstance(shape, coal.BVHModelBase):
         mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
         if isinstance(mesh, Path):
-            yield scaled(places.mesh(_found(mesh, meshes, places)), scale)
+            yield scaled(paths.mesh(_existing_mesh(mesh, meshes, paths)), scale)
         else:
-            yield scaled(_own_mesh(places.path, mesh), scale)
+            yield scaled(_own_mesh(paths.path, mesh), scale)
     elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
-        raise FileFormatError(f"{places.path}: {thing.name!r} has a shape that cannot be drawn: {type(shape).__name__}")
+        raise FileFormatError(f"{paths.path}: {thing.name!r} has an unsupported shape: {type(shape).__name__}")
 
 
-def _found(file: Path, meshes: Mapping[str, Path | ElementTree.Element], places: Places) -> Path:
-    """The file of a mesh; an error that counts those that are missing."""
+def _existing_mesh(file: Path, meshes: Mapping[str, Path | ElementTree.Element], paths: MeshPaths) -> Path:
+    """Require the file of a mesh; the error counts the missing files."""
     if not is_file(file):
         there = {other for other in meshes.values() if isinstance(other, Path)}
         missing = sum(not is_file(other) for other in there)
-        raise FileFormatError(
-            f"{places.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)"
-        )
-    places.require_allowed(file, str(file))
+        raise FileFormatError(f"{paths.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)")
+    paths.require_allowed(file, str(file))
     return file

@@ -1,4 +1,4 @@
-"""From a robot's XML, read by Pinocchio, to the chain that ends at one frame."""
+"""Chains from robot XML files that Pinocchio reads."""
 
 from abc import abstractmethod
 from collections.abc import Collection, Iterable, Sequence
@@ -14,7 +14,7 @@ import pinocchio as pin
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
 from maniport.arms.loaders.document import parsed
 from maniport.arms.loaders.limbs import Limb, Limbs, bodies_off_chain, body_above, named_frames
-from maniport.arms.meshes.mesh_places import Places
+from maniport.arms.meshes.mesh_paths import MeshPaths
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
 from maniport.util.input_limits import LINKS, SHAPES, TRIANGLES, require_at_most
 from maniport.util.validation import MAX_POSITION, Array
@@ -32,7 +32,7 @@ class Follower:
 
 @dataclass(frozen=True)
 class RobotXML:
-    """A robot file that was read as XML: what a format says that Pinocchio does not pass on."""
+    """A robot file as XML, for the content that Pinocchio does not pass on."""
 
     path: Path
     text: str
@@ -40,41 +40,41 @@ class RobotXML:
 
     name: ClassVar[str]
     tag: ClassVar[str]  # the root element of such a file
-    bounded: ClassVar[tuple[str, str]]  # what links and joints are called
+    bounded: ClassVar[tuple[str, str]]  # tags of links and joints
 
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
-        """Take a file's text and root, and check them."""
+        """Check the text and the root of a file."""
         source = cls(path, text, root)
         for tag in cls.bounded:
             require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
-        fault = source.fault() if root.tag == cls.tag else f"is no {cls.name} any more; its root is <{root.tag}>"
+        fault = source.fault() if root.tag == cls.tag else f"must have the root <{cls.tag}>; found <{root.tag}>"
         if fault:
             raise FileFormatError(f"{path}: {fault}")
         return source
 
     @abstractmethod
     def fault(self) -> str:
-        """The first inconsistency in words, or nothing."""
+        """Describe the first inconsistency; empty without one."""
 
     @abstractmethod
     def build(self) -> pin.Model:
-        """Let Pinocchio read the kinematics."""
+        """Read the kinematics with Pinocchio."""
 
     @abstractmethod
     def followers(self) -> Iterable[tuple[str, Follower]]:
-        """Joints that follow others."""
+        """Return the joints that follow others."""
 
     @abstractmethod
-    def shapes(self, links: Collection[str], places: Places) -> Iterable[Shape]:
-        """What some links look like; meshes may be at `places`."""
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterable[Shape]:
+        """Return the visual shapes of some links; `paths` finds their meshes."""
 
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
-        """Joints of each body, where several may share one: body name, then joint name."""
+        """Return the joints of each body, if bodies may have several: body name, then joint name."""
         return {}
 
     def joint_range(self, name: str) -> tuple[float, float] | None:
-        """Range of a joint [rad] or [m] where Pinocchio's is not right; None where it is."""
+        """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
         return None
 
 
@@ -84,17 +84,17 @@ def read_chain(source: RobotXML, frame: str | None, joints: Sequence[str] | None
 
 
 def read_limbs(source: RobotXML) -> list[Limb]:
-    """Read what a robot's limbs are, the longest first."""
+    """Read the limbs of a robot, the longest first."""
     return _Reader(source).limbs().all()
 
 
 def read_shapes(
     kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
 ) -> list[Shape]:
-    """Read what some links look like; meshes of others may be missing."""
+    """Read the visual shapes of some links; meshes of others may be missing."""
     shapes: list[Shape] = []
     triangles = 0
-    for shape in kind.checked(path, *parsed(path)).shapes(links, Places(path, mesh_folders)):
+    for shape in kind.checked(path, *parsed(path)).shapes(links, MeshPaths(path, mesh_folders)):
         shapes.append(shape)
         triangles += len(shape.mesh[1])
         require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
@@ -105,14 +105,14 @@ def read_shapes(
 
 
 class _Reader:
-    """Takes one chain out of a Pinocchio model, with what the XML adds."""
+    """Extracts one chain from a Pinocchio model and the XML."""
 
     def __init__(self, source: RobotXML):
         self.source = source
-        try:  # first, as Pinocchio does not say which number is none
+        try:  # first, as Pinocchio does not name invalid numbers
             self.followers = dict(source.followers())
         except ValueError as error:
-            raise FileFormatError(f"{source.path}: a mimic or equality holds no number: {error}") from None
+            raise FileFormatError(f"{source.path}: a mimic or equality has an invalid number: {error}") from None
         try:
             self.model = source.build()
         except (ValueError, RuntimeError, IndexError, TypeError) as error:
@@ -124,7 +124,7 @@ class _Reader:
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
 
     def chain(self, frame: str | None, joints: tuple[str, ...] | None) -> Chain:
-        """The chain from the base to a frame, by default one that is moved by the given joints."""
+        """The chain from the base to a frame, by default the end effector of the given joints."""
         path = self.source.path
         for name in joints or ():
             if name not in self.bounds:
@@ -140,16 +140,16 @@ class _Reader:
         return self._full_chain(frame, frames)
 
     def limbs(self, wanted: Sequence[str] = ()) -> Limbs:
-        """The robot's limbs; fingers are left out of them unless they are wanted."""
+        """Limbs of the robot, without fingers unless these are in `wanted`."""
         names = {j: [part.name for part in parts] for j, parts in self.parts.items()}
         leaders = {name: follower.leader for name, follower in self.followers.items() if follower.leader is not None}
         return Limbs(self.model, names, leaders, wanted)
 
     def _full_chain(self, tip: str, frames: dict[str, int]) -> Chain:
-        """The chain to a frame with all joints that can move by themselves."""
+        """The chain to a frame with all independent joints."""
         path = [j for j in self.model.supports[self.model.frames[frames[tip]].parentJoint] if j]
         joints: list[Joint] = []
-        mounts = {0: (0, np.eye(4))}  # joint of the model: how many joints of the chain lead there, rest of the pose
+        mounts = {0: (0, np.eye(4))}  # joint of the model: number of chain joints, remaining pose
         rest = np.eye(4)
         for j in path:
             parts = self.parts[j]
@@ -165,7 +165,7 @@ class _Reader:
                 low, high = self.closed[name]
                 raise FileFormatError(
                     f"{self.source.path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below "
-                    "the second, or both zero where none are known"
+                    "the second, or both zero if unknown"
                 )
         coupling, offset = np.zeros((len(joints), len(coordinates))), np.zeros(len(joints))
         for row, joint in enumerate(joints):
@@ -242,7 +242,7 @@ class _Reader:
         speed = float(self.model.velocityLimit[joint.idx_v])
         self.bounds[name] = bounds
         self.speeds[name] = speed if 0 < speed < 1e6 else np.inf
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # an axis of no length is told by the joint
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
             direction = axis / np.linalg.norm(axis)
         return Joint(name, kind, direction, placement)
 
@@ -254,31 +254,31 @@ class _Reader:
             names = list(self.source.body_joints().get(body, ()))
             if len(names) == count:
                 return names
-        raise FileFormatError(f"{self.source.path}: the {count} joints of {bodies or 'a body'} cannot be told apart")
+        raise FileFormatError(f"{self.source.path}: the {count} joints of {bodies or 'a body'} cannot be distinguished")
 
     def _fixed_placement(self, j: int) -> Array:
-        """Where a floating base stands; an error for other joints without a single axis."""
+        """Pose of a floating base; an error for other joints without a single axis."""
         kind = self.model.joints[j].shortname()
         if kind != "JointModelFreeFlyer":
             raise FileFormatError(
-                f"{self.source.path}: joint {self.model.names[j]!r} on the way to the frame is of type "
-                f"{kind.removeprefix('JointModel')}; only joints with one axis can be used"
+                f"{self.source.path}: joint {self.model.names[j]!r} on the chain is of type "
+                f"{kind.removeprefix('JointModel')}; only joints with one axis are supported"
             )
         return np.asarray(self.model.jointPlacements[j].homogeneous)
 
     def _resolve(self, name: str, coordinates: list[str]) -> tuple[str | None, float, float]:
-        """Which coordinate moves a joint, by which factor, and the joint's position at zero."""
+        """Coordinate that moves a joint, factor and position at zero."""
         factor, offset, seen = 1.0, 0.0, set[str]()
         while (follower := self.followers.get(name)) is not None:
             offset += factor * follower.offset
             if follower.leader is None:
                 return None, 0.0, offset
             if not follower.linear or follower.leader not in self.bounds or name in seen:
-                fault = "in a curve, not in proportion" if not follower.linear else "which is no joint, or in a circle"
+                fault = "nonlinearly" if not follower.linear else "which is no joint, or in a cycle"
                 raise FileFormatError(f"{self.source.path}: joint {name!r} follows {follower.leader!r} {fault}")
             seen.add(name)
             factor, name = factor * follower.factor, follower.leader
         if name in coordinates:
             return name, factor, offset
-        rest = float(np.clip(0.0, *self.bounds[name]))  # a joint beside the chain is held
+        rest = float(np.clip(0.0, *self.bounds[name]))  # a joint off the chain is locked
         return None, 0.0, factor * rest + offset

@@ -16,7 +16,7 @@ from maniport.arms.chain import SIDES
 from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
 from maniport.util.optional import xacrodoc
 
-CATALOGUE = "robot_descriptions"
+CATALOG = "robot_descriptions"
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ PACKAGES = {
 
 
 @dataclass(frozen=True)
-class Named:
+class RobotFile:
     """A robot's file, its name in a package, which of its arms is meant, if not all of it, and whether it has two."""
 
     path: Path
@@ -98,12 +98,12 @@ class Named:
     pair: bool = False
 
 
-def find_named(name: str) -> Named | None:
+def find_robot(name: str) -> RobotFile | None:
     """The file of a robot in a package that is installed; None where no package is known to have one of that name."""
     title, _, robot = name.rpartition("/")
-    if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOGUE):
-        hidden = not _is_catalogued(robot) and os.path.isdir(name)  # packages of ROS are called so, too
-        return None if hidden else _from_catalogue(robot)
+    if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOG):
+        hidden = not _in_catalog(robot) and os.path.isdir(name)  # packages of ROS are called so, too
+        return None if hidden else _from_catalog(robot)
     if title and title not in PACKAGES:
         return None
     packages = {title: PACKAGES[title]} if title else PACKAGES
@@ -111,9 +111,9 @@ def find_named(name: str) -> Named | None:
         files = package.found()
         stem, side = _side(robot)
         if side is not None and stem in files and stem not in package.arms:
-            return Named(files[stem], name=robot, side=side)
+            return RobotFile(files[stem], name=robot, side=side)
         if robot in files:
-            return Named(files[robot], name=robot, pair=robot in package.pairs)
+            return RobotFile(files[robot], name=robot, pair=robot in package.pairs)
         if title and files:
             raise unknown_name("robot", robot, {*package.names, *files}, f"in the package {title}")
     missing = [one for one, package in packages.items() if title or robot in (*package.names, *package.pairs)]
@@ -132,7 +132,7 @@ def known_names() -> tuple[set[str], str]:
     return {name for package in PACKAGES.values() for name in package.names}, how
 
 
-def places_of(name: str) -> tuple[str, ...]:
+def packages_with(name: str) -> tuple[str, ...]:
     """All robots of one name that are installed, each with its package, the one that is taken first."""
     title, _, robot = name.rpartition("/")
     stem, side = _side(robot)
@@ -144,7 +144,7 @@ def places_of(name: str) -> tuple[str, ...]:
     return tuple(sorted(places, key=lambda place: place != f"{title}/{robot}"))
 
 
-def pair_of(name: str) -> tuple[str, ...]:
+def arm_names(name: str) -> tuple[str, ...]:
     """Names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}
     return tuple(f"{name}_{side}_arm" for side in sorted(SIDES)) if name.rpartition("/")[2] in robots else ()
@@ -158,33 +158,33 @@ def _side(name: str) -> tuple[str, str | None]:
     return name, None
 
 
-def _is_catalogued(name: str) -> bool:
+def _in_catalog(name: str) -> bool:
     """Whether robot_descriptions is installed and has a robot of that name."""
-    return bool(importlib.util.find_spec(CATALOGUE) and importlib.util.find_spec(f"{CATALOGUE}.{name}"))
+    return bool(importlib.util.find_spec(CATALOG) and importlib.util.find_spec(f"{CATALOG}.{name}"))
 
 
-def _from_catalogue(name: str) -> Named:
+def _from_catalog(name: str) -> RobotFile:
     """A robot of the package robot_descriptions, which fetches it on first use."""
-    if importlib.util.find_spec(CATALOGUE) is None:
+    if importlib.util.find_spec(CATALOG) is None:
         raise MissingPackageError(
-            f"robot {name!r}: names with '_description' need the package {CATALOGUE}: pip install {CATALOGUE}"
+            f"robot {name!r}: names with '_description' need the package {CATALOG}: pip install {CATALOG}"
         )
-    if not _is_catalogued(name):
-        catalogue = importlib.import_module(f"{CATALOGUE}._descriptions")
-        raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {CATALOGUE}")
+    if not _in_catalog(name):
+        catalogue = importlib.import_module(f"{CATALOG}._descriptions")
+        raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
     try:
-        module = importlib.import_module(f"{CATALOGUE}.{name}")
+        module = importlib.import_module(f"{CATALOG}.{name}")
     except Exception as error:  # noqa: BLE001 - a download fails in many ways, all of them not ours
         raise UnknownNameError(
-            f"robot {name!r} could not be fetched by {CATALOGUE} (robot_descriptions pull {name} tries again): {error}"
+            f"robot {name!r} could not be fetched by {CATALOG} (robot_descriptions pull {name} tries again): {error}"
         ) from None
     file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
     if file is None and hasattr(module, "XACRO_PATH"):
         file = _expanded(name, module)
     if file is None:
-        raise UnknownNameError(f"robot {name!r} of {CATALOGUE} has neither a URDF nor a xacro file nor an MJCF")
+        raise UnknownNameError(f"robot {name!r} of {CATALOG} has neither a URDF nor a xacro file nor an MJCF")
     folders = [getattr(module, "REPOSITORY_PATH", None), *getattr(module, "XACRO_PACKAGE_PATHS", {}).values()]
-    return Named(Path(file), tuple(Path(folder) for folder in folders if folder is not None))
+    return RobotFile(Path(file), tuple(Path(folder) for folder in folders if folder is not None))
 
 
 def _expanded(name: str, module: ModuleType) -> str:
@@ -192,7 +192,7 @@ def _expanded(name: str, module: ModuleType) -> str:
     xacrodoc()
     try:
         with redirect_stderr(StringIO()):  # where xacro says what it finds old-fashioned
-            return str(importlib.import_module(f"{CATALOGUE}._xacro").get_urdf_path(module))
+            return str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
     except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
         reason = " ".join(str(error).split())
-        raise FileFormatError(f"robot {name!r}: {CATALOGUE} cannot expand its xacro file: {reason}") from None
+        raise FileFormatError(f"robot {name!r}: {CATALOG} cannot expand its xacro file: {reason}") from None

@@ -1,4 +1,4 @@
-"""Where pairs of arms come from: two limbs of one robot, or two robots that stand in one world."""
+"""Groups of two arms: two limbs of one robot, or two robots in one world."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup, two_bases
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import LEFT, RIGHT, as_pose, check_names, pose
 from maniport.arms.human import PERSONS
 from maniport.arms.loaders import load_arm, robot_limbs
 from maniport.arms.loaders.limbs import one_side
 from maniport.arms.restriction import check_lock, standing
+from maniport.arms.shared_joints import two_bases
 from maniport.errors import InvalidInputError, UnknownNameError, argument, typed, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers
 
@@ -29,7 +30,7 @@ def load_arms(
     lock: Mapping[str, float] | None = None,
     mesh_folders: Sequence[str | os.PathLike[str]] = (),
 ) -> ArmGroup:
-    """Load two arms as one body: two limbs of a robot, or two robots side by side. Left comes first everywhere.
+    """Load two limbs of a robot, or two robots, as one group, left before right.
 
     Errors are those of `maniport.load_arm`, and `InvalidInputError` where there are no two arms.
 
@@ -37,19 +38,18 @@ def load_arms(
     ----------
     robot : str or path, or two of them
         A robot with two arms, such as ``"talos"`` or ``"baxter"``, by name or from a file, see `maniport.load_arm`;
-        joints on the way to both tips, as those of a torso, are shared. With `bases`, or where two are given: two
-        robots.
+        joints of both chains, such as a torso's, are shared. Two names, or `bases`, mean two robots.
     frames : (str, str), optional
-        Names of the tips, left and right. By default those that `maniport.load_arm` takes, and of one robot the ends of
-        the two limbs that are called left and right.
+        Names of the end effectors, left and right; by default those of `maniport.load_arm`, and for one robot the ends
+        of the limbs named left and right.
     bases : two of array_like, optional
-        Where the bases of two robots stand in the world, in which everything is expressed: x, y, z [m] and perhaps the
-        yaw [rad], or a pose of shape (4, 4); x points forward, y to the left. By default in the origin.
+        Bases of two robots in the world frame, in which all results are expressed: x, y, z [m] and optionally the yaw
+        [rad], or a pose of shape (4, 4); x points forward, y to the left. By default both in the origin.
     joints : sequence of str, optional
-        Names of the joints that move, of both arms; the others are held as by `maniport.load_arm`.
+        Names of the joints that move, of both arms; the others are locked as by `maniport.load_arm`.
     lock : mapping of str to float, optional
-        Joints that are held, and where [rad] or [m]. Where both robots have a joint of a name it is that of both;
-        ``left_`` or ``right_`` before it names one.
+        Positions of locked joints [rad] or [m]. A name that both robots have locks both joints; the prefix ``left_``
+        or ``right_`` selects one.
     mesh_folders
         As for `maniport.load_arm`.
 
@@ -69,7 +69,7 @@ def load_arms(
     if one and None in tips:
         tips = _ends(robots[0], tips)
     arms = [load_arm(name, tip, mesh_folders=mesh_folders) for name, tip in zip(robots, tips, strict=True)]
-    held = _theirs(arms, joints, lock, one)
+    held = _joints_of_arms(arms, joints, lock, one)
     arms = [arm.restricted(joints=moving, lock=fixed) for arm, (moving, fixed) in zip(arms, held, strict=True)]
     if places is not None:
         arms = [Arm(standing(arm.chain, where)) for arm, where in zip(arms, places, strict=True)]
@@ -77,25 +77,25 @@ def load_arms(
 
 
 def _robots(robot: Any, bases: Any) -> tuple[tuple[Robot, Robot], bool]:
-    """The left and the right robot, and whether they are one."""
+    """The left and the right robot, and whether both are the same robot."""
     alone = isinstance(robot, (str, os.PathLike))
     robots: Any = (robot, robot) if alone else _two(robot, "robot", "names or paths")
     for name in robots:
         if isinstance(name, str) and name in PERSONS:
-            raise InvalidInputError(f"robot: {name!r} is a person; a pair of arms is a robot's, or two robots'")
+            raise InvalidInputError(f"robot: {name!r} is a person; load_arms loads robots")
     return robots, alone and bases is None
 
 
 def _two(value: Any, name: str, what: str) -> tuple[Any, Any]:
-    """Require two things, left and right."""
-    found = () if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else tuple(value)
-    if len(found) != 2:
+    """Require two values, left and right."""
+    values = () if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else tuple(value)
+    if len(values) != 2:
         raise InvalidInputError(f"{name} must be two, left and right: {what}; found {value!r}")
-    return found[0], found[1]
+    return values[0], values[1]
 
 
 def _ends(robot: Robot, tips: tuple[str | None, str | None]) -> tuple[str | None, str | None]:
-    """The tips of a robot's left and right limb, where they are not named."""
+    """End effectors of the left and right limb of a robot, where `tips` has None."""
     limbs = robot_limbs(robot)[0]
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     if len(longest) < 2:
@@ -121,7 +121,7 @@ def _bases(bases: Any) -> tuple[Array, Array]:
     """Poses of both bases in the world."""
     if bases is None:
         return np.eye(4), np.eye(4)
-    left, right = _two(bases, "bases", "x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4)")
+    left, right = _two(bases, "bases", "x, y, z [m] and optionally the yaw [rad], or a pose of shape (4, 4)")
     return _base(left, LEFT), _base(right, RIGHT)
 
 
@@ -132,25 +132,27 @@ def _base(value: Any, side: str) -> Array:
         return as_pose(array, name)
     if array.shape not in ((3,), (4,)):
         raise InvalidInputError(
-            f"{name} must be x, y, z [m] and perhaps the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
+            f"{name} must be x, y, z [m] and optionally the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
         )
     as_numbers(array[:3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
     x, y, z, yaw = (*array.tolist(), 0.0)[:4]
     return pose((x, y, z), (0.0, 0.0, yaw))
 
 
-def _theirs(arms: Sequence[Arm], joints: Any, lock: Any, one: bool) -> list[tuple[list[str] | None, dict[str, float]]]:
-    """Which joints of each arm move, and which are held where."""
+def _joints_of_arms(
+    arms: Sequence[Arm], joints: Any, lock: Any, one: bool
+) -> list[tuple[list[str] | None, dict[str, float]]]:
+    """Moving joints and positions of locked joints of each arm."""
     wanted = None if joints is None else check_names(joints, "joints")
     held = check_lock(lock, None)
-    titles = [  # what each arm's joints may be called
+    titles = [  # names by which the joints of each arm may be selected
         {title: name for name in arm.joint_names for title in ((name,) if one else (name, f"{side}_{name}"))}
         for side, arm in zip(_ORDER, arms, strict=True)
     ]
     for name in (*(wanted or ()), *held):
         if name not in titles[0] | titles[1]:
             raise unknown_name("joint", name, titles[0] | titles[1], f"on the arms of {arms[0].name!r}")
-    found = []
+    result = []
     for side, own in zip(_ORDER, titles, strict=True):
         fixed: dict[str, float] = {}
         for title in (title for title in own if title in held):
@@ -163,5 +165,5 @@ def _theirs(arms: Sequence[Arm], joints: Any, lock: Any, one: bool) -> list[tupl
                 f"joints: none of {', '.join(wanted)} moves the {side} arm, which has {', '.join(own)}"
             )
         moving = None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own))
-        found.append((moving, fixed))
-    return found
+        result.append((moving, fixed))
+    return result

@@ -1,4 +1,4 @@
-"""URDF: checks, joints that mimic others, and what stands under <visual> or, instead, under <collision>."""
+"""URDF: checks, mimic joints, and shapes from <visual> or, as a substitute, <collision>."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ from maniport.arms.chain import Mesh, Shape, pose
 from maniport.arms.loaders.model import Follower, RobotXML
 from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
 from maniport.arms.meshes.mesh_files import scaled
-from maniport.arms.meshes.mesh_places import Places
+from maniport.arms.meshes.mesh_paths import MeshPaths
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import NESTING
 
@@ -26,11 +26,11 @@ class Urdf(RobotXML):
     name, tag, bounded = "URDF", "robot", ("link", "joint")
 
     def build(self) -> pin.Model:
-        """Let Pinocchio read the kinematics."""
+        """Read the kinematics with Pinocchio."""
         return pin.buildModelFromXML(self.text)
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
-        """Joints with <mimic>."""
+        """Yield the joints with <mimic>."""
         for joint in self.root.findall("joint"):
             mimic = joint.find("mimic")
             if mimic is not None:
@@ -38,13 +38,13 @@ class Urdf(RobotXML):
                 yield joint.get("name", ""), Follower(mimic.get("joint", ""), factor, offset)
 
     def fault(self) -> str:
-        """The first inconsistency in words, or nothing."""
+        """Describe the first inconsistency; empty without one."""
         if any("xacro" in element.tag for element in self.root.iter()):
             return "this is a xacro file; let its name end in .xacro"
         if self.root.get("name") is None:
             return "the <robot> has no name"
         if self.root.find("link") is None:
-            return "holds no link"
+            return "has no link"
         links = Counter(link.get("name", "") for link in self.root.findall("link"))
         joints = Counter(joint.get("name", "") for joint in self.root.findall("joint"))
         for what, names in (("link", links), ("joint", joints)):
@@ -70,23 +70,25 @@ class Urdf(RobotXML):
                     below.setdefault(above, []).append(link)
                 above = link
             if kind in ("revolute", "prismatic") and joint.find("limit") is None:
-                return f"joint {name!r} is {kind} and has no <limit>; a joint without limits has type 'continuous'"
+                return (
+                    f"joint {name!r} is {kind} and has no <limit>; use the type 'continuous' for joints without limits"
+                )
         roots = [link for link in links if link not in children]
         if len(roots) != 1:
             return f"must have one root link; found {len(roots)}{': ' if roots else ''}{', '.join(map(repr, roots))}"
         return _fault_of_tree(roots[0], below, len(links))
 
-    def shapes(self, links: Collection[str], places: Places) -> Iterator[Shape]:
-        """The shapes under <visual>, or those under <collision> of links without <visual>, or with a missing mesh."""
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
+        """Yield shapes from <visual>, or from <collision> of links without <visual> or with a missing mesh."""
         drawn = [link for link in self.root.findall("link") if link.get("name") in links]
-        find = cache(places.find)
+        find = cache(paths.find)
         kinds = {link: "visual" if all(map(find, _mesh_names(link, "visual"))) else "collision" for link in drawn}
         for link, kind in kinds.items():
             if kind == "collision" and not (link.findall(kind) and all(map(find, _mesh_names(link, kind)))):
-                raise _missing(places, find, link, drawn)
+                raise _missing(paths, find, link, drawn)
         for link, kind in kinds.items():
             for part in link.findall(kind) or link.findall("collision"):
-                points, triangles = _urdf_mesh(places, find, link, part)
+                points, triangles = _urdf_mesh(paths, find, link, part)
                 origin = part.find("origin")
                 if origin is not None:
                     xyz, rpy = (_numbers(self.path, _name(link), origin, n, 3, "0 0 0") for n in ("xyz", "rpy"))
@@ -96,14 +98,14 @@ class Urdf(RobotXML):
 
 
 def _fault_of_tree(root: str, below: Mapping[str | None, Sequence[str | None]], count: int) -> str:
-    """Links in a circle, or more in a row than native readers bear, which go down the tree with their stack."""
+    """Describe links in a cycle, or deeper chains than the recursive native readers can process."""
     level: list[str | None] = [root]
-    depth = found = 0
+    depth = count_reached = 0
     while level:
-        depth, found = depth + 1, found + len(level)
+        depth, count_reached = depth + 1, count_reached + len(level)
         level = [child for link in level for child in below.get(link, ())]
-    if found < count:
-        return "has links that joints hang on one another in a circle"
+    if count_reached < count:
+        return "has links in a cycle"
     return f"has {depth} links in a row; at most {NESTING} are read" if depth > NESTING else ""
 
 
@@ -116,29 +118,29 @@ def _mesh_names(link: Element, part: str) -> list[str]:
     return [name for mesh in link.iterfind(f"{part}/geometry/mesh") if (name := mesh.get("filename", ""))]
 
 
-def _missing(places: Places, find: _Find, link: Element, drawn: Sequence[Element]) -> FileFormatError:
+def _missing(paths: MeshPaths, find: _Find, link: Element, drawn: Sequence[Element]) -> FileFormatError:
     """The error that names the first missing mesh of a link, and counts those of all links that are drawn."""
-    names = dict.fromkeys(name for each in drawn for name in _mesh_names(each, "visual"))
+    names = dict.fromkeys(name for owner in drawn for name in _mesh_names(owner, "visual"))
     first = next(name for name in _mesh_names(link, "visual") if find(name) is None)
     return FileFormatError(
-        f"{places.path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes are); "
-        f"looked {places.rule(first)}"
+        f"{paths.path}: the mesh {first!r} is missing ({[*map(find, names)].count(None)} of {len(names)} meshes are); "
+        f"looked {paths.rule(first)}"
     )
 
 
-def _urdf_mesh(places: Places, find: _Find, owner: Element, part: Element) -> Mesh:
+def _urdf_mesh(paths: MeshPaths, find: _Find, owner: Element, part: Element) -> Mesh:
     """The mesh of one <visual> or <collision> of a link in its own frame; its file is there."""
-    path, link = places.path, _name(owner)
+    path, link = paths.path, _name(owner)
     geometry = part.find("geometry")
     kind = geometry[0] if geometry is not None and len(geometry) else None
     if kind is None:
-        raise FileFormatError(f"{path}: a <{part.tag}> of link {link!r} holds no <geometry>")
+        raise FileFormatError(f"{path}: a <{part.tag}> of link {link!r} has no <geometry>")
     if kind.tag == "mesh":
         name = kind.get("filename", "")
         file = find(name) if name else None
         if file is None:
             raise FileFormatError(f"{path}: a <mesh> of link {link!r} names no file")
-        return scaled(places.mesh(file), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
+        return scaled(paths.mesh(file), np.array(_numbers(path, link, kind, "scale", 3, "1 1 1")))
     if kind.tag == "box":
         return box(_numbers(path, link, kind, "size", 3))
     if kind.tag not in ("sphere", "cylinder", "capsule"):
@@ -153,13 +155,13 @@ def _urdf_mesh(places: Places, find: _Find, owner: Element, part: Element) -> Me
 
 
 def _rounded(link: Element, part: Element) -> bool:
-    """Whether a cylinder has round ends: where <collision_checking> names it as a capsule, as Pinocchio reads it."""
+    """Whether <collision_checking> declares a cylinder as a capsule, as Pinocchio reads it."""
     names = [capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")]
     return part.tag == "collision" and part.get("name") in names
 
 
 def _numbers(path: Path, link: str, element: Element, name: str, count: int, default: str | None = None) -> list[float]:
-    """Finite numbers of an attribute, not negative where there is no default, that is, for sizes."""
+    """Finite numbers of an attribute; sizes, which have no default, must not be negative."""
     text = element.get(name, default)
     try:
         numbers = [float(word) for word in (text or "").split()]

@@ -37,7 +37,7 @@ class Surface:
         return f"Surface(joint {self.joint}, {len(self.points)} points, {len(self.triangles)} triangles)"
 
 
-class Look:
+class Geometry:
     """The look of the arm that a chain describes; positions are those of the chain's joints, shape (n, joints).
 
     What is read of files is remembered.

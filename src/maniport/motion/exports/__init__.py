@@ -101,9 +101,7 @@ def export_motion(
     if isinstance(motion, RobotMotion):
         motion = motion.arms[0] if len(motion.arms) == 1 else motion.trajectory
     if not isinstance(motion, Trajectory):
-        raise InvalidInputError(
-            f"motion must be a motion, such as result.motion; found {type(motion).__name__}"
-        )
+        raise InvalidInputError(f"motion must be a motion, such as result.motion; found {type(motion).__name__}")
     if found.robot == NEEDED and not isinstance(motion, ArmMotion):
         raise InvalidInputError(
             f"motion must be of one arm for the format {format!r}, such as motion.arms[0]; found {motion!r}"

@@ -1,62 +1,68 @@
-"""An arm follows a profile of ellipsoids, and a path where there is one, step by step.
+"""An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
-In each control step Pink's inverse kinematics weighs a `ManipulabilityEllipsoidTask`, a `PositionTask`, a weak pull to
-the starting posture and the user's tasks, within limits of position, velocity and acceleration. The position has
-priority by its cost.
-"""
-
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import ThreadpoolController
 
-from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.arm_motion import ArmMotion
+from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.effort import QUICK
-from maniport.motion.follow.follower import Control, Follower
+from maniport.motion.follow.control import Control
+from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.plan.plan_motion import plan_motion
+from maniport.motion.plan.plan_motion import of_each, plan_motion
 from maniport.motion.plan.planner import ArmPlanner, Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.schedule import Schedule
+from maniport.motion.problem import as_costs
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.schedule import Schedule, as_limits, speed_limits
 from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.defaults import DAMPING
-from maniport.util.progress import Progress, Step, between
+from maniport.util.progress import Part, Progress, Step, between, nobody
 from maniport.util.validation import Array, as_generator
 
 
 def track(
-    arm: Arm,
-    profile: ArrayLike,
+    arm: Arm | ArmGroup,
+    profile: ArrayLike | Sequence[ArrayLike],
     *,
     time: ArrayLike,
-    path: ArrayLike | None = None,
+    path: ArrayLike | Sequence[ArrayLike] | None = None,
     start: ArrayLike | None = None,
     reference: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
-    weights: ArrayLike | None = None,
-    rotations: ArrayLike | None = None,
+    weights: ArrayLike | Sequence[ArrayLike] | None = None,
+    rotations: ArrayLike | Sequence[ArrayLike] | None = None,
+    collisions: Collisions | bool | None = None,
     bank: SeedBank | None = None,
     random_state: Any = 0,
     progress: Progress | None = None,
     **control: Any,
-) -> ArmMotion:
-    """Move an arm so that its velocity ellipsoids follow target ones, and its end effector a target path.
+) -> RobotMotion:
+    """Move arms so that their ellipsoids follow target ones, and their end effectors target paths.
 
     A profile or path that the arm cannot follow is no error: the result says where and by how much. Where the quadratic
     program of a step has no solution, the arm is brought to rest and tries again.
 
     Parameters
     ----------
-    arm : Arm
+    arm : Arm or ArmGroup
         With at least three joints, and a joint for each degree of freedom.
     profile : array_like, shape (n, d, d)
-        Target velocity ellipsoids in the arm's base frame, without damping, n ≥ 2.
+        Target ellipsoids in the base frame, without damping, n ≥ 2. For a group, here and in `path`,
+        `weights` and `rotations`, a sequence with one for each arm.
     time : array_like, shape (n,)
         Increasing [s].
     path : array_like, shape (n, 3), optional
@@ -66,80 +72,214 @@ def track(
     reference : array_like, shape (n, dof), optional
         Joint positions to stay near, such as a plan's, where path and ellipsoids leave freedom [rad or m].
     spec : EllipsoidSpec
-        Which ellipsoids, of velocity.
+        Which ellipsoids.
     damping : float or Regularization
         Added to the eigenvalues of all ellipsoids before they are compared; above zero, since arms pass singular
         configurations. A number is relative to the arm's mean eigenvalue: `maniport.motion.objective.as_damping`.
     weights : array_like, shape (n, m, m), optional
-        Weights of the directions of the ellipsoids, see `ManipulabilityEllipsoidTask`; m = d (d + 1) / 2.
+        Weights of the directions of the ellipsoids, see `maniport.learning.tracking_weights`; m = d (d + 1) / 2.
     rotations : array_like, shape (n, 3, 3), optional
-        Target orientations of the end effector in the base frame; see `keep` and `orientation_weight`.
+        Target orientations of the end effector in the base frame; see `orientation_axes` and `orientation_weight`.
+    collisions : Collisions or bool, optional
+        Collision model; True: of the arm with itself, and with the other arms of the group.
     bank : SeedBank, optional
-        Seed configurations to find the start with. Default: 16 384 new samples (0.1 s).
+        Seed configurations of the planned start of a single arm. Default: 16 384 new samples (0.1 s).
     random_state, progress : optional
         Random seed; called with the name of a step and the fraction done.
     **control
-        rate, interpolation, velocity_limits, acceleration_limits, gain, lm_damping, position_cost, keep,
-        orientation_weight, tasks and limits; see `maniport.motion.Control`.
+        rate, interpolation, velocity_limits, acceleration_limits, lm_damping, position_cost, orientation_axes,
+        orientation_weight, costs and limits; see `maniport.motion.Control`.
+
+    Returns
+    -------
+    RobotMotion
+        With the errors of each arm, also where there is only one.
 
     Raises
     ------
     InvalidInputError
-        When an argument has a wrong shape or value, the start lies outside the limits, the arm has fewer than three
+        When an argument has a wrong shape or value, the start lies outside the limits, an arm has fewer than three
         joints or coupled ones, or the bank was made for another arm.
     NotSPDError
         When an ellipsoid is asymmetric or indefinite.
     """
-    settings = Control(**control)
-    require_trackable(arm, spec)
-    objective = Objective.of(arm, spec, damping, settings.position_cost, positive=True)
-    objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
-    asked = Schedule.checked(objective, profile, time, path, weights, rotations, reference)
-    begin = _as_start(arm, asked.postures[0] if start is None and asked.postures is not None else start)
-    follower = Follower((objective,), settings)
+    settings, group = Control(**control), as_group(arm)
+    for own in group.arms:
+        require_trackable(own, spec)
+    model = as_collisions(collisions, arm)
+    near = None if reference is None else group.require_within_limits(reference, "reference")
+    values: dict[str, Any] = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
+    if isinstance(arm, ArmGroup):
+        arguments = [of_each(value, name, len(group)) for name, value in values.items()]
+    else:
+        arguments = [(value,) for value in values.values()]
+    objectives, schedules = [], []
+    specs = group.specs(spec) if isinstance(arm, ArmGroup) else (spec,)
+    parts = zip(group.arms, specs, group.columns, zip(*arguments, strict=True), strict=True)
+    for own, own_spec, columns, (ellipsoids, positions, own_weights, axes) in parts:
+        objective = Objective.of(own, own_spec, damping, settings.position_cost, positive=True)
+        objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
+        own_near = None if near is None else near[..., columns]
+        schedules.append(Schedule.checked(objectives[-1], ellipsoids, time, positions, own_weights, axes, own_near))
+    begin = _as_start(group, near[0] if start is None and near is not None else start)
+    speeds = speed_limits(arm, settings.velocity_limits)
+    accelerations = as_limits(arm, settings.acceleration_limits, "acceleration_limits")
+    controller = Controller(
+        arm,
+        BrakingLimit(arm.lower, arm.upper, speeds, accelerations),
+        CollisionLimit(model) if model is not None and model.known else None,
+        as_costs(settings.costs, arm, schedules[0].time),
+        settings.limits,
+        settings.lm_damping,
+    )
     step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work
     if begin is None:
-        begin = _planned_start(asked, objective, settings, bank, random_state)
-    schedule = asked.sampled(objective, settings.rate, settings.interpolation)
-    joints, held = follower.follow(begin, (schedule,), between(step, planned, 1.0))
-    result = evaluated(objective, asked, schedule.time, joints, held, follower.velocity_limits)
+        begin = _planned_start(arm, schedules, objectives, spec, settings, bank, random_state)
+    sampled = [
+        own.sampled(objective, settings.rate, settings.interpolation)
+        for own, objective in zip(schedules, objectives, strict=True)
+    ]
+    joints, held = follow(controller, begin, sampled, objectives, between(step, planned, 1.0))
+    motions = tuple(
+        _evaluated(objective, own, sampled[0].time, joints[:, columns], held, speeds[columns])
+        for objective, own, columns in zip(objectives, schedules, group.columns, strict=True)
+    )
+    names = ("joint_positions", "control_positions", "control_velocities", "control_accelerations")
+    trajectory = Trajectory(
+        joint_names=group.joint_names,
+        joint_units=group.joint_units,
+        time=motions[0].time,
+        control_time=motions[0].control_time,
+        **{name: group.joined(*(getattr(motion, name) for motion in motions)) for name in names},
+    )
+    result = RobotMotion(group, trajectory, motions, clearance=Clearance.of(model, trajectory))
     step.end()
     return result
 
 
+def follow(
+    controller: Controller,
+    start: Array,
+    schedules: Sequence[Schedule],
+    objectives: Sequence[Objective],
+    progress: Part = nobody,
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Follow targets at evenly spaced times, from rest.
+
+    Parameters
+    ----------
+    controller : Controller
+    start : ndarray, shape (dof,)
+    schedules, objectives
+        Of each arm of the controller; their m times are the same.
+
+    Returns
+    -------
+    joints : ndarray, shape (m, dof)
+    held : ndarray, shape (m,)
+        Steps without a solution, in which the arm braked, bool.
+    """
+    times = schedules[0].time
+    dt = (times[-1] - times[0]) / (len(times) - 1)
+    targets = [own.targets(objective) for own, objective in zip(schedules, objectives, strict=True)]
+    has_reference = schedules[0].postures is not None
+    references = np.tile(start, (len(times), 1))
+    for own, columns in zip(schedules, controller.columns, strict=True):
+        if own.postures is not None:
+            references[:, columns] = own.postures
+    joints, held = np.empty((len(times), len(start))), np.zeros(len(times), bool)
+    joints[0], state = start, ControlState.at_rest(start)
+    # On matrices this small, threads of BLAS only wait for one another
+    with _threads().limit(limits=1, user_api="blas"):
+        for i in range(1, len(times)):
+            problem = ControlProblem(
+                tuple(own[i : i + 1] for own in targets),
+                tuple(None if own.positions is None else own.positions[i - 1] for own in schedules),
+                references[i],
+                0.3 if has_reference else 1e-2,  # a little for joints that no other cost determines
+                float(times[i]),
+            )
+            state = controller.step(problem, state, dt)
+            joints[i], held[i] = state.q, not state.solved
+            if i % 100 == 0:
+                progress(i / len(times))
+    return joints, held
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Return the controller of thread pools, whose search of all loaded libraries takes time."""
+    return ThreadpoolController()
+
+
 def _planned_start(
-    asked: Schedule, objective: Objective, settings: Control, bank: SeedBank | None, random_state: Any
+    arm: Arm | ArmGroup,
+    schedules: Sequence[Schedule],
+    objectives: Sequence[Objective],
+    spec: EllipsoidSpec,
+    settings: Control,
+    bank: SeedBank | None,
+    random_state: Any,
 ) -> Array:
     """First configuration of a motion that is planned through the same targets."""
-    limits = MotionLimits.of(objective.arm, joint_limit_margin=0.0)
-    random = as_generator(random_state)
-    bank = SeedBank.given_or_built(bank, objective.arm, objective.spec, random)
-    reachability_map = ReachabilityMap(objective.arm, objective.spec, random_state=random)
-    planner = Planner(limits, objective.spec, (ArmPlanner(limits, reachability_map, bank),))
+    limits, random = MotionLimits.of(arm, joint_limit_margin=0.0), as_generator(random_state)
+    if isinstance(arm, ArmGroup):
+        planner = Planner.of(limits, spec, False, random)
+    else:
+        bank = SeedBank.given_or_built(bank, arm, spec, random)
+        own = ArmPlanner(limits, ReachabilityMap(arm, spec, random_state=random), bank)
+        planner = Planner(limits, spec, (own,))
+    columns = [(own.ellipsoids, own.positions, own.weights, own.rotations) for own in schedules]
+    targets: list[Any] = [None if values[0] is None else values for values in zip(*columns, strict=True)]
+    if not isinstance(arm, ArmGroup):
+        targets = [None if values is None else values[0] for values in targets]
     plan = plan_motion(
-        objective.arm, asked.ellipsoids, time=asked.time, paths=asked.positions, spec=objective.spec,
-        damping=objective.damping, weights=asked.weights, rotations=asked.rotations, planner=planner, planning_effort=QUICK,
+        arm,
+        targets[0],
+        time=schedules[0].time,
+        paths=targets[1],
+        spec=spec,
+        damping=objectives[0].damping,
+        weights=targets[2],
+        rotations=targets[3],
+        planner=planner,
+        planning_effort=QUICK,
         position_tolerance=1e-3,
-        orientation_axes=settings.orientation_axes, orientation_weight=settings.orientation_weight, random_state=random,
-    )  # fmt: skip
+        orientation_axes=settings.orientation_axes,
+        orientation_weight=settings.orientation_weight,
+        random_state=random,
+    )
     return np.asarray(plan.trajectory.joint_positions[0])
 
 
-def evaluated(
-    objective: Objective, asked: Schedule, time: Array, joints: Array, held: NDArray[np.bool_], velocity_limits: Array
+def _evaluated(
+    objective: Objective,
+    schedule: Schedule,
+    time: Array,
+    joints: Array,
+    held: NDArray[np.bool_],
+    velocity_limits: Array,
 ) -> ArmMotion:
     """Compare joint positions (m, dof) at control times (m,) with their targets."""
     result = ArmMotion.of_motion(
-        objective.arm, asked.time, asked.ellipsoids, time, joints, spec=objective.spec,
-        damping=objective.damping, path=asked.positions, velocity_limits=velocity_limits, held=held,
-    )  # fmt: skip
-    return replace(result, orientation_error=asked.targets(objective).axis_angles(result.joint_positions))
+        objective.arm,
+        schedule.time,
+        schedule.ellipsoids,
+        time,
+        joints,
+        spec=objective.spec,
+        damping=objective.damping,
+        path=schedule.positions,
+        velocity_limits=velocity_limits,
+        held=held,
+    )
+    return replace(result, orientation_error=schedule.targets(objective).axis_angles(result.joint_positions))
 
 
-def _as_start(arm: Arm, start: ArrayLike | None) -> Array | None:
+def _as_start(group: ArmGroup, start: ArrayLike | None) -> Array | None:
     if start is None:
         return None
-    q = arm.require_within_limits(start, "start")
+    q = group.require_within_limits(start, "start")
     if q.ndim != 1:
-        raise InvalidInputError(f"start must be one configuration, shape ({arm.dof},); found shape {q.shape}")
-    return np.clip(q, arm.lower, arm.upper)
+        raise InvalidInputError(f"start must be one configuration, shape ({group.dof},); found shape {q.shape}")
+    return np.clip(q, group.lower, group.upper)

@@ -159,12 +159,7 @@ def place_paths(
     Returns
     -------
     tuple of Placement
-        One for each arm, with the same scale, turn and offset.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        As `place_path`; also when there are not as many of each as there are arms.
+        One for each arm, with the same scale, turn and offset; errors are those of `place_path`.
     """
     generator, budget, count = as_generator(random_state), as_effort(planning_effort), len(arms)
     chosen = as_count(rank, "rank") - 1

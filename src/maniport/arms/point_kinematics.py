@@ -15,7 +15,7 @@ from maniport.util.validation import Array
 Attachment = tuple[int, Array]  # After how many joints of the chain, and a vector (3,) in the frame of the last of them
 
 
-class Attached:
+class PointKinematics:
     """Points and directions that move with a chain."""
 
     def __init__(self, chain: Chain, points: Sequence[str], directions: Sequence[Attachment] = ()):

@@ -20,7 +20,7 @@ _PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class Places:
+class MeshPaths:
     """Where the meshes of one robot may be."""
 
     path: Path  # the robot's file

@@ -1,0 +1,291 @@
+"""Robots from files: URDF, xacro, catalogs, formats of users, and errors of faulty files."""
+
+import sys
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from maniport.arms import PERSONS, READERS, Arm, load_arm, myoarm, rhuman
+from maniport.arms.chain import Shape
+from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
+
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+def tree(*joints: str, links: tuple[str, ...] = ()) -> str:
+    """A URDF from joints written as ``name:parent>child[:type]``."""
+    names, body = dict.fromkeys(links), ""
+    for joint in joints:
+        name, ends, kind = [*joint.split(":"), "revolute"][:3]
+        parent, child = ends.split(">")
+        names |= {parent: None, child: None}
+        body += f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        body += f'<origin xyz="0 0 0.1" rpy="0.2 0 0"/><axis xyz="0 1 0"/>{LIMIT}</joint>'
+    return f'<robot name="r">{"".join(f"<link name={n!r}/>" for n in names)}{body}</robot>'.replace("'", '"')
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a robot file and give its path."""
+
+    def write(text: str, name: str = "robot.urdf"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_urdf_joints_become_coordinates(urdf):
+    """Continuous joints and joints without limits span one turn, mimic and fixed joints are no coordinates."""
+    arm = load_arm(urdf)
+    assert arm.name == "crane"
+    assert arm.joint_names == ("turn", "raise", "travel", "spin")
+    assert arm.frame == "hook"
+    np.testing.assert_allclose(arm.lower, [-np.pi, -1, 0.1, -np.pi])
+    np.testing.assert_allclose(arm.upper, [np.pi, 1.5, 0.6, np.pi])
+    np.testing.assert_array_equal(arm.velocity_limits, [np.inf, 2, 0.5, np.inf])
+
+
+def test_mjcf_equals_mujoco(mjcf):
+    """Two hinges on one body, a slide, a coupled joint and rest angles: poses and limits agree with MuJoCo."""
+    model = mujoco.MjModel.from_xml_path(str(mjcf))
+    data = mujoco.MjData(model)
+    arm = load_arm(mjcf, frame="tool")
+    assert arm.joint_names == ("yaw", "pitch", "roll", "push")
+    np.testing.assert_allclose(np.stack([arm.lower, arm.upper], axis=1), model.jnt_range[:4], atol=1e-12)
+    for q in arm.sample(20, random_state=0):
+        data.qpos[:] = [*q, model.qpos0[4] + 0.1 + 0.5 * (q[2] - model.qpos0[2])]
+        mujoco.mj_kinematics(model, data)
+        pose = arm.forward(q)
+        np.testing.assert_allclose(pose[:3, 3], data.site("tool").xpos, atol=1e-12)
+        np.testing.assert_allclose(pose[:3, :3], data.site("tool").xmat.reshape(3, 3), atol=1e-12)
+
+
+def test_fingers_are_left_out(write):
+    """Where the longest chains are fingers, the tip is the body that carries them."""
+    text = tree("a:base>one", "b:one>two", "w:two>hand:fixed", "f1:hand>left:prismatic", "f2:hand>right:prismatic")
+    arm = load_arm(write(text))
+    assert (arm.frame, arm.joint_names) == ("hand", ("a", "b"))
+
+
+def test_two_arms_are_ambiguous(write):
+    """A robot with two arms gets an error with the candidates, the hands and not the fingers."""
+    arm = (
+        "{s}1:base>{s}one",
+        "{s}2:{s}one>{s}two",
+        "{s}w:{s}two>{s}hand:fixed",
+        "{s}f:{s}hand>{s}f1",
+        "{s}g:{s}hand>{s}f2",
+    )
+    path = write(tree(*(joint.format(s=s) for s in ("left_", "right_") for joint in arm)))
+    with pytest.raises(InvalidInputError, match=r"several frames.*2 movable.*frame=.*'left_hand', 'right_hand'$"):
+        load_arm(path)
+    assert load_arm(path, frame="right_hand").joint_names == ("right_1", "right_2")
+
+
+def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
+    """A name from robot_descriptions is looked up in that package when it is installed."""
+    package = urdf.parent / "robot_descriptions"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "_descriptions.py").write_text("DESCRIPTIONS = {'crane_description': 0, 'ladder_description': 0}\n")
+    (package / "crane_description.py").write_text(f"URDF_PATH = {str(urdf)!r}\n")
+    (package / "offline_description.py").write_text("raise OSError('no network')\n")
+    monkeypatch.syspath_prepend(str(urdf.parent))
+    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
+        monkeypatch.delitem(sys.modules, name)  # the real package, where it is installed and was used before
+    before = set(sys.modules)
+    try:
+        assert load_arm("crane_description", frame="boom").joint_names == ("turn", "raise")
+        with pytest.raises(UnknownNameError, match=r"'cran_description' .*first: 'crane_description', "):
+            load_arm("cran_description")
+        with pytest.raises(UnknownNameError, match=r"'offline_description' could not be fetched.*no network"):
+            load_arm("offline_description")
+    finally:
+        for name in set(sys.modules) - before:
+            if name.startswith("robot_descriptions"):
+                del sys.modules[name]
+
+
+SEGMENTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="segment" params="n parent length">
+  <link name="link${n}"/><joint name="j${n}" type="revolute"><parent link="${parent}"/><child link="link${n}"/>
+  <origin xyz="0 0 ${length}"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</xacro:macro></robot>"""
+
+
+def test_xacro_is_its_urdf(write, capfd):
+    """Macros out of an included file, arguments and sums give the arm that one would write by hand, and no chatter."""
+    pytest.importorskip("xacrodoc")
+    write(SEGMENTS, "segments.xacro")
+    header = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:arg name="reach" default="0.1"/>'
+    text = (
+        f'{header}<xacro:include filename="segments.xacro"/><link name="base"/><xacro:segment n="1" parent="base" '
+        'length="$(arg reach)"/><xacro:segment n="2" parent="link1" length="${2 * 0.15}"/></robot>'
+    )
+    arm = load_arm(write(text, "arm.urdf.xacro"))
+    assert (arm.joint_names, arm.frame) == (("j1", "j2"), "link2")
+    np.testing.assert_allclose(arm.forward([0.0, 0.0])[:3, 3], [0, 0, 0.4], atol=1e-12)
+    with pytest.raises(FileFormatError, match=r"broken\.xacro: xacro cannot expand it: .*no\.xacro"):
+        load_arm(write(f'{header}<xacro:include filename="no.xacro"/></robot>', "broken.xacro"))
+    with pytest.raises(FileFormatError, match=r"there is no package 'nowhere' above its folder or in ROS_PACKAGE_PATH"):
+        load_arm(write(f'{header}<xacro:include filename="$(find nowhere)/a.xacro"/></robot>', "broken.xacro"))
+    load_arm(write(text.replace("<link", '<xacro:property name="len" value="1"/><link'), "shadow.xacro"))
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(FileFormatError, match=r"robot\.urdf: this is a xacro file; let its name end in \.xacro"):
+        load_arm(write(text))
+
+
+JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}</joint>'
+ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
+
+
+def test_unknown_robot_lists_the_nearest_first():
+    """A misspelt robot is answered with the robots there are."""
+    with pytest.raises(UnknownNameError, match=r"unknown robot 'pnada'.*nearest first: 'panda', "):
+        load_arm("pnada")
+    with pytest.raises(UnknownNameError, match="nearest first: 'myoarm', "):
+        load_arm("myo_arm")
+
+
+def test_unknown_frame_lists_the_nearest_first(urdf):
+    """A misspelt frame is answered with the frames there are, for embedded arms and files."""
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"):
+        load_arm("panda", frame="panda_hnd")
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"):
+        load_arm(urdf, frame="hok")
+    with pytest.raises(UnknownNameError, match=r"unknown frame 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
+        load_arm("myoarm").point_positions(np.zeros(7), ["shoulder", "ellbow"])
+
+
+def test_joints_that_cannot_be_used_are_named(urdf):
+    """Joints beyond the tip, joints that follow others, repeated names and bare strings are refused."""
+    with pytest.raises(InvalidInputError, match="'panda_joint7' does not move the frame 'panda_link3'"):
+        load_arm("panda", frame="panda_link3", joints=["panda_joint1", "panda_joint7"])
+    with pytest.raises(InvalidInputError, match=r"'level' in .* cannot move by itself, it follows 'raise'"):
+        load_arm(urdf, joints=["level"])
+    with pytest.raises(InvalidInputError, match="joints must name each once; found more than once: panda_joint1"):
+        load_arm("panda", joints=["panda_joint1", "panda_joint1"])
+    for wrong in ("panda_joint1", [], 5):
+        with pytest.raises(InvalidInputError, match="joints must be a sequence of names"):
+            load_arm("panda", joints=wrong)
+
+
+def jointed(kind, more=""):
+    """A URDF of two links with one joint of a kind."""
+    return ROBOT.format(JOINT.format(type=kind, more=more))
+
+
+def world(text, more=""):
+    """An MJCF with this in its world."""
+    return f"<mujoco><worldbody>{text}</worldbody>{more}</mujoco>"
+
+
+HINGE = '<body name="a"><geom size="1"/><joint name="i"/>{}</body>'
+INNER = '<body name="b"><geom size="1"/><joint name="j"/></body>'
+CURVE = '<equality><joint joint1="j" joint2="i" polycoef="0 1 2 0 0"/></equality>'
+CLOSED = '<limit lower="1" upper="-1" effort="1" velocity="1"/>'
+FAULTS = {
+    "the file is empty": "",
+    "neither a URDF .* nor an MJCF": "<sdf/>",
+    "has no link": '<robot name="r"/>',
+    "'j' has the limits 1 to -1": jointed("revolute", CLOSED),
+    "must have one root link; found 2: 'a', 'b'": ROBOT.format(""),
+    "has no movable joint": jointed("fixed"),
+    "type 'hinge'; allowed are revolute": jointed("hinge"),
+    "is revolute and has no <limit>": jointed("revolute"),
+    "names 'c' as child link": jointed("revolute", LIMIT).replace('child link="b"', 'child link="c"'),
+    "prismatic joint 'j' has no limits": jointed("prismatic", LIMIT.replace("1", "0")),
+    "follows 'k' which is no joint": jointed("revolute", LIMIT + '<mimic joint="k"/>'),
+    "of the class 'rough', which no <default>": world('<body childclass="rough"><joint/></body>'),
+    "has no body": world(""),
+    "several frames end a chain of 1 .* 'a', 'b'": world(HINGE.format("") + INNER),
+    "'j' follows 'i' nonlinearly": world(HINGE.format(INNER), CURVE),
+}
+
+
+@pytest.mark.parametrize("message", FAULTS)
+def test_unusable_files_are_named_with_their_fault(tmp_path, message):
+    """Each fault of a file gets an error of maniport that names the file and the fault."""
+    content = FAULTS[message]
+    path = tmp_path / ("r.xml" if content.startswith("<mujoco") else "r.urdf")
+    path.write_text(content)
+    with pytest.raises((FileFormatError, InvalidInputError), match=message) as caught:
+        load_arm(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("build", [myoarm, rhuman])
+@pytest.mark.parametrize("length", [0.0, -0.3, 29.0, np.nan, "long", [0.3, 0.3]])
+def test_implausible_segment_lengths_are_refused(build, length):
+    """A segment is longer than nothing and shorter than a metre; centimetres and nan are caught."""
+    with pytest.raises(InvalidInputError, match=r"forearm \[m\] must be"):
+        build(forearm=length)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
+        ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
+        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower of .joint2. must be below upper"),
+        ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
+        ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
+        ({"base": 2 * np.eye(3)}, "base must be a rotation"),
+        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be one number or 2 numbers above 0; found 0"),
+    ],
+)
+def test_wrong_tables_are_refused(arguments, message):
+    """Each wrong argument of a Denavit-Hartenberg arm is named."""
+    with pytest.raises(InvalidInputError, match=message):
+        Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
+
+
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+@pytest.mark.parametrize(("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")])
+def test_an_axis_of_no_length_and_a_place_out_of_the_world_are_refused(tmp_path, suffix, axis, place):
+    """They would make nan of every ellipsoid, or infinities."""
+    more = f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'
+    body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
+    file = tmp_path / f"robot.{suffix}"
+    urdf = ROBOT.format(JOINT.format(type="revolute", more=more))
+    file.write_text(
+        urdf if suffix == "urdf" else f'<mujoco><worldbody><body name="a">{body}</body></worldbody></mujoco>'
+    )
+    with pytest.raises(
+        ValueError, match=r"joint 'j' must (have an axis of finite length|be placed by)|<body> needs pos"
+    ):
+        load_arm(file, frame="b")
+
+
+def read_reach(path, frame, joints):
+    """A format of our own: the lengths of a planar arm's links, one a line, each drawn as one triangle."""
+    lengths = [float(line) for line in path.read_text().split()]
+    chain = Arm.from_dh(path.stem, [[0, 0, length, 0] for length in lengths], -3, 3).chain
+    corners = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])
+    shapes = lambda links: [Shape(link, (corners, np.array([[0, 1, 2]], dtype=np.int32))) for link in links]  # noqa: E731
+    return replace(chain, shapes=shapes)
+
+
+def test_a_robot_format_from_outside_is_one_entry(tmp_path, monkeypatch):
+    """`load_arm` takes it with frame, joints and surfaces, and names its suffix where a file has none of them."""
+    monkeypatch.setitem(READERS, ".reach", read_reach)
+    (tmp_path / "three.reach").write_text("0.3\n0.2\n0.1\n")
+    arm = load_arm(tmp_path / "three.reach")
+    assert arm.dof == 3
+    assert [surface.joint for surface in arm.surfaces()] == [0, 1, 2, 3]
+    assert load_arm(str(tmp_path / "three.reach"), frame="link2", joints=["joint2"]).joint_names == ("joint2",)
+    with pytest.raises(FileFormatError, match=r"there is no such file; there are 'three\.reach'"):
+        load_arm(tmp_path / "tree.reach")
+    with pytest.raises(UnknownNameError, match=r"must end in \.urdf, \.xml, \.mjcf.*, \.reach"):
+        load_arm("nobody")
+
+
+def test_a_person_from_outside_is_one_entry(monkeypatch):
+    """`load_arm` takes the model by its name, and an unknown name lists it."""
+    monkeypatch.setitem(PERSONS, "giant", lambda *lengths, **named: rhuman(0.5, 0.45, 0.09))
+    assert load_arm("giant").skeleton(np.zeros(7)).shape == load_arm("rhuman").skeleton(np.zeros(7)).shape
+    with pytest.raises(UnknownNameError, match="'giant'"):
+        load_arm("gigant")

@@ -1,0 +1,200 @@
+"""MJCF: included files, several trees, end-effector sites; hostile includes of MJCF and xacro."""
+
+import os
+import re
+
+import mujoco
+import numpy as np
+import pytest
+
+from maniport.arms import load_arm
+from maniport.arms.loaders import robot_limbs
+from maniport.errors import FileFormatError
+
+HEAD = '<mujoco model="arm"><compiler angle="degree"/>'
+MATERIAL = '<default><default class="fine"><joint range="-20 30"/></default></default>'
+ARM = (
+    '<body name="base" pos="0 0.2 -0.5" euler="0 0 90"><geom size="0.1"/><body name="mid" pos="1 0 0">'
+    '<geom size="0.1"/>'
+    '<body name="upper" pos="0 2 0" euler="10 0 20"><joint name="i" class="fine" axis="0 1 0"/><geom size="0.1"/>'
+    '<body name="lower" pos="0 0 1"><joint name="j" range="-10 90" axis="1 0 0"/><geom size="0.1"/>'
+    '<site name="tip" pos="0 0 1"/></body></body></body></body>'
+)
+TABLE = '<body name="table" pos="2 0 0"><freejoint/><geom size="0.1"/></body>'
+WHOLE = f"{HEAD}{MATERIAL}<worldbody>{ARM}</worldbody></mujoco>"
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write files by their names and give the path of the first."""
+
+    def write(**texts: str):
+        for name, text in texts.items():
+            path = tmp_path / f"{name.replace('__', '/')}.xml"
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text)
+        return tmp_path / f"{next(iter(texts))}.xml"
+
+    return write
+
+
+def test_a_first_body_that_cannot_move_and_further_trees_are_mujocos(write):
+    """Where the base stands counts, and a floating thing before the arm hides nothing of it: poses are MuJoCo's."""
+    path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{ARM}</worldbody></mujoco>")
+    arm, model = load_arm(path, frame="tip"), mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for q in arm.sample(4, random_state=0):
+        data.joint("i").qpos, data.joint("j").qpos = q
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(arm.forward(q)[:3, 3], data.site("tip").xpos, atol=1e-12)
+        np.testing.assert_allclose(arm.forward(q)[:3, :3], data.site("tip").xmat.reshape(3, 3), atol=1e-12)
+    assert load_arm(path).dof == 2
+
+
+def test_what_has_no_name_is_mujocos(write):
+    """Bodies and joints without names move as MuJoCo moves them, within their ranges; a name that is taken stays."""
+    bare = re.sub(r' name="(base|mid|upper|i|j)"', "", ARM).replace('name="lower"', 'name="world_body2"')
+    path = write(robot=f"{HEAD}{MATERIAL}<worldbody>{TABLE}{bare}</worldbody></mujoco>")
+    arm, model = load_arm(path, frame="tip"), mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    np.testing.assert_allclose(np.stack([arm.lower, arm.upper], axis=1), model.jnt_range[1:])
+    for q in arm.sample(4, random_state=0):
+        data.qpos[7:] = q
+        mujoco.mj_kinematics(model, data)
+        np.testing.assert_allclose(arm.forward(q)[:3, 3], data.site("tip").xpos, atol=1e-12)
+    assert len(set(arm.joint_names)) == 2
+    assert len(arm.surfaces()) == 3
+
+
+def test_included_files_are_as_if_written_in_their_place(write):
+    """Classes, bodies and compilers out of other files, and files within those, give the same arm and shapes."""
+    whole = load_arm(write(whole=WHOLE), frame="tip")
+    parts = write(
+        main='<mujoco model="arm"><include file="parts/head.xml"/><worldbody><include file="parts/arm.xml"/>'
+        "</worldbody></mujoco>",
+        parts__head='<mujoco><compiler angle="degree"/><include file="parts/classes.xml"/></mujoco>',
+        parts__classes=f"<mujocoinclude>{MATERIAL}</mujocoinclude>",
+        parts__arm=f"<mujocoinclude>{ARM}</mujocoinclude>",
+    )
+    split = load_arm(parts, frame="tip")
+    q = whole.sample(4, random_state=0)
+    np.testing.assert_array_equal(split.jacobian(q), whole.jacobian(q))
+    np.testing.assert_array_equal([split.lower, split.upper], [whole.lower, whole.upper])
+    assert [s.joint for s in split.surfaces()] == [s.joint for s in whole.surfaces()] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("include", "message"),
+    [
+        ("../secret.xml", r"includes '\.\./secret\.xml', which lies outside of its folder"),
+        ("/etc/passwd", r"includes '/etc/passwd', which lies outside"),
+        ("main.xml", r"includes 'main\.xml' more than once, or in a cycle"),
+        ("arm.xnl", r"suffix '\.xnl' is not known"),
+        ("", "an <include> names no file"),
+        ("other.xml", r"other\.xml: there is no such file"),
+    ],
+)
+def test_includes_that_may_not_be_are_named(write, include, message):
+    """Files outside of the model's folder, missing ones and circles are refused before they are read."""
+    path = write(main=f'<mujoco><worldbody>{ARM}<include file="{include}"/></worldbody></mujoco>')
+    (path.parent / "arm.xnl").write_text("<mujoco/>")
+    with pytest.raises(FileFormatError, match=message):
+        load_arm(path)
+
+
+FINGERS = (
+    '<body name="right_finger" pos="0 .02 .05"><geom size=".01"/><joint type="slide" name="right"/></body>'
+    '<body name="left_finger" pos="0 -.02 .05"><geom size=".01"/><joint type="slide" name="left"/></body>'
+)
+FLANGE, PINCH = '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>', '<site name="{}" pos="0 0 .107"/>'
+
+
+def mjcf(*ends, lamp=""):
+    """Write arms with three hinges that end in a body of this content."""
+    arms = "".join(
+        f'<body name="base{i}" pos="{i} 0 0"><geom size=".1"/>{lamp}<body name="one{i}"><joint name="a{i}"/>'
+        f'<geom size=".1"/><body name="two{i}" pos="0 .1 .3"><geom size=".1"/><joint name="b{i}" axis="0 1 0"/>'
+        f'<body name="wrist{i}" pos="0 0 .3"><geom size=".1"/><joint name="c{i}" axis="1 0 0"/>{end}</body></body>'
+        "</body></body>"
+        for i, end in enumerate(ends)
+    )
+    return f'<mujoco model="arm"><default><joint range="-90 90"/></default><worldbody>{arms}</worldbody></mujoco>'
+
+
+@pytest.mark.parametrize(
+    ("end", "expected"),
+    [
+        (FLANGE.format(""), "attachment_site"),
+        (FLANGE.format("arm_"), "arm_attachment_site"),
+        (FLANGE.format("arm/"), "arm/attachment_site"),
+        (f'<body name="flange">{FLANGE.format("")}</body>', "attachment_site"),
+        (PINCH.format("pinch_site"), "pinch_site"),
+        (f'<body name="hand">{FLANGE.format("")}{PINCH.format("pinch_site")}{FINGERS}</body>', "pinch_site"),
+        (f'<body name="hand">{PINCH.format("2f85/pinch")}{FINGERS}</body>', "2f85/pinch"),
+        (f'{FLANGE.format("")}<body name="hand">{FINGERS}</body>', "attachment_site"),
+        (f'<body name="hand">{FINGERS}</body>', "hand"),
+        (f'<body name="hand">{PINCH.format("camera")}</body>', "hand"),
+        (PINCH.format("a_pinch_site_of_nothing"), "wrist0"),
+    ],
+)
+def test_the_site_is_the_end_effector(tmp_path, end, expected):
+    """It is chosen by its name, at the pose that MuJoCo computes, and the joints are the arm's."""
+    path = tmp_path / "arm.xml"
+    path.write_text(mjcf(end, lamp='<site name="pinch"/>'))
+    arm = load_arm(path)
+    assert (arm.frame, arm.joint_names) == (expected, ("a0", "b0", "c0"))
+    assert robot_limbs(str(path))[1].tip == expected
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    q = [0.3, -0.5, 0.7]
+    data.qpos[:3] = q
+    mujoco.mj_kinematics(model, data)
+    place = data.site(expected) if expected.endswith(("site", "pinch")) else data.body(expected)
+    np.testing.assert_allclose(arm.forward(q)[:3, 3], place.xpos, atol=1e-9)
+    np.testing.assert_allclose(arm.forward(q)[:3, :3], place.xmat.reshape(3, 3), atol=1e-9)
+
+
+ROBOT_XML = '<mujoco><worldbody><body name="a"><joint name="j"/>{}</body></worldbody></mujoco>'
+
+
+def part(folder, name, content):
+    """A file to be included."""
+    (folder / name).write_text(f"<mujocoinclude>{content}</mujocoinclude>")
+    return f'<include file="{name}"/>'
+
+
+def test_bodies_in_bodies_count_over_all_files(tmp_path):
+    """A row of files that are each flat enough is refused as one that is as deep as all of them."""
+    inner = ""
+    for k in range(40):
+        inner = part(tmp_path, f"{k}.xml", "<body>" * 100 + inner + "</body>" * 100)
+    (tmp_path / "a.xml").write_text(ROBOT_XML.format(inner))
+    with pytest.raises(FileFormatError, match="levels of elements within elements, with the files that it includes"):
+        load_arm(tmp_path / "a.xml")
+
+
+XACRO = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><link name="base"/>{}</robot>'
+DOUBLING = "".join(
+    f'<xacro:macro name="m{k}" params=""><xacro:m{k + 1}/><xacro:m{k + 1}/></xacro:macro>' for k in range(40)
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ('<xacro:include filename="/dev/zero"/>', "/dev/zero: this is a pipe, a socket or a device"),
+        ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
+        ("<link name=\"${load_yaml('/dev/zero')}\"/>", "/dev/zero: this is a pipe, a socket or a device"),
+        (DOUBLING + '<xacro:macro name="m40" params=""/><xacro:m0/>', "it takes more than 2 s"),
+        ("<link name=\"${'x' * 10**10}\"/>", r"when evaluating expression ''x' \* 10\*\*10'"),
+    ],
+    ids=["device", "pipe", "settings", "doubling macros", "memory"],
+)
+def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, told):
+    """Macros that double, a name of 10 GB, devices and pipes among included files and settings end with a message."""
+    pytest.importorskip("xacrodoc")
+    monkeypatch.setattr("maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in told else 30.0)
+    os.mkfifo(tmp_path / "pipe.xacro")
+    (tmp_path / "a.xacro").write_text(XACRO.format(content))
+    with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{told}"):
+        load_arm(tmp_path / "a.xacro")

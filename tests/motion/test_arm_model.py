@@ -1,0 +1,37 @@
+"""The Pinocchio model of an arm or a group has its kinematics, names and limits."""
+
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import maniport as mp
+from maniport.arms import as_group
+from maniport.motion import robot_model
+from maniport.motion.arm_model import tip_frames
+from real_robots import NEEDS_ROBOTS
+
+
+@pytest.mark.parametrize("robot", ["panda", "few", "pandas", pytest.param("talos", marks=NEEDS_ROBOTS)])
+def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
+    """Poses and Jacobians of all end effectors are the group's, column by column; shared joints are there once."""
+    if robot == "talos":
+        arms = mp.load_arms("talos")
+    elif robot == "pandas":
+        arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.1, -0.3, 0.0, 0.2)])
+    else:
+        names = [f"panda_joint{i}" for i in (1, 2, 4, 6)]
+        arms = panda if robot == "panda" else panda.restricted(joints=names)
+    model, group = robot_model(arms), as_group(arms)
+    assert tuple(model.names)[1:] == arms.joint_names
+    assert_array_equal(model.lowerPositionLimit, arms.lower)
+    assert_array_equal(model.upperPositionLimit, arms.upper)
+    assert_array_equal(model.velocityLimit, arms.velocity_limits)
+    data = model.createData()
+    for q in arms.sample(4, 0):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        for name, pose, jacobian in zip(tip_frames(arms), group.forward(q), group.jacobian(q), strict=True):
+            index = model.getFrameId(name)
+            assert_allclose(data.oMf[index].homogeneous, pose, atol=1e-12)
+            computed = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)
+            assert_allclose(computed, jacobian, atol=1e-12)

@@ -1,0 +1,127 @@
+"""Hard limits of a control step: braking and collisions."""
+
+import numpy as np
+import pytest
+
+from maniport.arms import load_arm
+from maniport.arms.collisions import Collisions
+from maniport.errors import InvalidInputError
+from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState, track
+from maniport.motion.objective import Linearization
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_braking_limits_never_contradict_one_another(panda, seed):
+    """Whatever velocity is desired and whatever steps last, position, velocity and acceleration limits are kept."""
+    rng = np.random.default_rng(seed)
+    accelerations = rng.uniform(1, 20, 7) if seed < 2 else np.full(7, np.inf)
+    limit = BrakingLimit(panda.lower, panda.upper, panda.velocity_limits, accelerations)
+    q, velocity, last_dt = panda.sample(1, seed)[0], np.zeros(7), 0.01
+    for i in range(2000):
+        if i % 200 == 0:
+            desired = 10.0 * rng.choice([-1.0, 1.0], 7)
+        dt = 0.01 if i < 1000 else rng.uniform(0.001, 0.03)
+        bounds = limit.bounds(q, velocity, last_dt, dt)
+        assert np.all(bounds[0] <= bounds[1])
+        next_velocity, configurations = limit.move(q, desired, bounds, dt)
+        change = 0.5 * accelerations * (dt + last_dt)
+        assert np.all(np.abs(next_velocity - velocity) <= change * (1 + 1e-9) + 1e-9)
+        assert np.all(np.abs(next_velocity) <= panda.velocity_limits * (1 + 1e-12))
+        assert np.all((configurations >= panda.lower - 1e-9) & (configurations <= panda.upper + 1e-9))
+        q, velocity, last_dt = configurations[0], next_velocity, dt
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """The Panda with its hand."""
+    return load_arm("panda", frame="panda_hand_tcp")
+
+
+@pytest.fixture(scope="module")
+def collisions(arm):
+    """On a table."""
+    return Collisions.of(arm, table=0.0)
+
+
+def _clearance(collisions, q):
+    """Smallest distances at configurations (n, dof), of links with at most two coordinates between four times that."""
+    rows, distance, _ = collisions.watch(1.0).gradient(q)
+    clearance = np.full(len(q), np.inf)
+    np.minimum.at(clearance, rows, distance)
+    return clearance
+
+
+def _moved(arm, limit, start, goal, acceleration=10.0):
+    """Configurations on the motion from one configuration towards another."""
+
+    class Posture:
+        def residual(self, q, time):
+            return q - goal
+
+        def jacobian(self, q, time):
+            return np.eye(7)[None]
+
+    braking = BrakingLimit(arm.lower, arm.upper, 0.5 * arm.velocity_limits, np.full(7, acceleration))
+    controller = Controller(arm, braking, limit, costs=[Posture()])
+    state, path = ControlState.at_rest(start), []
+    no_targets = _NoTargets()
+    for _ in range(150):
+        problem = ControlProblem((no_targets,), (None,), start, 1e-3)
+        state = controller.step(problem, state, 0.02)
+        path.append(state.q)
+    return np.array(path)
+
+
+class _NoTargets:
+    """Targets of an arm without a cost."""
+
+    def linearize(self, q):
+        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), None)
+
+
+def test_configurations_that_collide_are_not_reached(arm, collisions):
+    """On the way to configurations that collide the arm stops at the margin; without the limit it goes there."""
+    q = arm.sample(256, 0)
+    clearance = _clearance(collisions, q)
+    starts, goals = q[clearance > 0.03][:2], q[clearance < -0.02][:2]
+    for start, goal in zip(starts, goals, strict=True):
+        path = _moved(arm, CollisionLimit(collisions), start, goal)
+        assert _clearance(collisions, path).min() > 0.015
+        assert not collisions.collides(path).any()
+        assert _clearance(collisions, _moved(arm, None, start, goal)).min() < 0.0
+
+
+def test_pairs_within_the_margin_move_apart(arm, collisions):
+    """From within the margin the clearance grows up to it, against the cost."""
+    q = arm.sample(512, 1)
+    clearance = _clearance(collisions, q)
+    for start in q[(clearance > 0.002) & (clearance < 0.015)][:2]:
+        path = _clearance(collisions, _moved(arm, CollisionLimit(collisions), start, start, np.inf))
+        assert path[-1] > 0.019
+        assert np.all(np.diff(path) > -1e-4)
+
+
+def test_tracking_keeps_clear_of_collisions(arm, collisions):
+    """With a collision model the whole motion is free, where without it it collides."""
+    q = arm.sample(256, 0)
+    clearance = _clearance(collisions, q)
+    start, goal = q[clearance > 0.03][0], q[clearance < -0.02][0]
+    way = np.linspace(start, goal, 12)
+    options = {"time": np.linspace(0, 4, 12), "path": arm.forward(way)[:, :3, 3], "start": start, "rate": 50.0}
+    motions = [track(arm, arm.ellipsoids(way), collisions=model, **options) for model in (None, collisions)]
+    clearances = [_clearance(collisions, motion.trajectory.control_positions) for motion in motions]
+    assert clearances[0].min() < 0.0
+    assert clearances[1].min() > 0.01
+    assert motions[1].clearance.share == 0.0
+
+
+def test_wrong_arguments_are_errors(arm, collisions):
+    """Ranges are checked, and an arm without collision geometry has no such limit."""
+    assert "margin=0.02" in repr(CollisionLimit(collisions))
+    with pytest.raises(InvalidInputError, match="no collision geometry"):
+        CollisionLimit(Collisions.of(load_arm("myoarm")))
+    with pytest.raises(InvalidInputError, match="collisions must be"):
+        CollisionLimit(arm)
+    for wrong in ({"margin": 0.1}, {"time_constant": 0.0}, {"separation_share": 2.0}):
+        with pytest.raises(InvalidInputError):
+            CollisionLimit(collisions, **wrong)
