@@ -105,12 +105,12 @@ def told(name: str, fits: HumanMotion, arms: ArmGroup, planning_effort: str, tip
     clearance, use = both.clearance, both.limit_use
     lines += [] if both.relative_error is None else [f"  way    from tip to tip {beside(both.relative_error)}"]
     lines += [
-        f"  pair   {'refined together' if both.coupled else 'each as alone'}; pointwise_ratio {both.pointwise_ratio:.3f}; "
+        f"  pair   {'refined together' if both.coupled else 'each as alone'}; ratio {both.pointwise_ratio:.3f}; "
         f"{both.trajectory.time[-1]:.1f} s, alone {', '.join(f'{m.time[-1]:.1f}' for m in single)} s, the person "
         f"{np.ptp(task.time):.1f} s",
         f"  limits {', '.join(f'{what} {share:.3f} ({joint})' for what, (joint, share, _) in use.largest.items())}",
-        f"  clearance   {1e3 * clearance.distance:.1f} mm between {clearance.pair[0]} and {clearance.pair[1]}, {clearance.share:.2%} of steps "
-        f"collide{'' if clearance.known else '; not known: ' + clearance.why}",
+        f"  clearance   {1e3 * clearance.distance:.1f} mm between {clearance.pair[0]} and {clearance.pair[1]}, "
+        f"{clearance.share:.2%} of steps collide{'' if clearance.known else '; not known: ' + clearance.why}",
         f"  time   plan {two:.1f} s, one arm {one:.1f} s: {two / one:.2f} times; place {task.placing:.1f} s",
     ]
     return lines

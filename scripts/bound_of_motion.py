@@ -2,10 +2,10 @@
 
     python scripts/bound_of_motion.py "freeform" "xArm7"
 
-The pointwise optimum takes each point by itself; its postures at neighboring points may lie on different branches. Here the
-least root mean square of d is sought of what goes from point to point no faster than the joints may, in the time that
-the planned motion takes, its tip on the path: a shortest path through many nodes, the postures of the pointwise optimum and of
-the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
+The pointwise optimum takes each point by itself; its configurations at neighboring points may lie on different
+branches. This script searches the least root mean square of d of motions within the velocity limits, in the duration of
+the planned motion, with the end effector on the path: a shortest path through many nodes, with the configurations of the
+pointwise optimum and of the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
 nor what lies between the points, and another column allows 1.5 times the speed. The result is no bound: a shortest
 path through so many nodes may miss better ones, which half as many nodes estimate, and a position error gains, too.
 "none": nothing was found that is so quick with its tip in place, as where a recording leaps. Cases are those of the

@@ -17,9 +17,9 @@ from maniport.arms import load_arm
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
 from maniport.report.metrics import facts_of
-from maniport.report.values import Report
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import COLUMNS, evaluation_section
+from maniport.report.values import Report
 from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study
 from maniport.transfer import METHODS
 from maniport.util.defaults import AUTO, DAMPING, ROBOT

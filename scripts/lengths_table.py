@@ -95,7 +95,7 @@ class Case:
     motions: tuple[Motion, ...]
 
 
-HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "rank correlation", "longest axis [deg]",
+HEADS = ("fit [s]", "gap, motions", "95 %", "gap, held out", "95 %", "step/own", "rank corr.", "longest axis [deg]",
          "identity", "singular", "folded", "inverse", "reversing", "own slope <= 0", "axis moved > 10")  # fmt: skip
 WORST = (max, max, max, max, max, max, min, max, max, min, max, max, max, max, max)
 

@@ -63,7 +63,8 @@ def check(now: dict[str, float]) -> None:
 
 def three_rows(result: mp.TransferResult) -> None:
     """Draw the ellipsoids of the person, those that are asked for and those that the robot makes."""
-    rows = {"person": result.arm.demonstrated_profile, "target": result.arm.target_profile, "achieved": in_place(result)}
+    arm = result.arm
+    rows = {"person": arm.demonstrated_profile, "target": arm.target_profile, "achieved": in_place(result)}
     roles = {"person": PERSON.name, "target": TARGET.name, "achieved": ACHIEVED.name}
     figure = figures.ellipsoids(result.time, rows, roles=roles)
     figures.save(figure, DOCS / "demo_ellipsoids.png")

@@ -27,7 +27,7 @@ def second():
 
 @pytest.fixture(scope="session")
 def small_result(second):
-    """The main job on a small scale, the robot's motion at half the speed_scale included; computed once, never changed."""
+    """Result of a small transfer with a motion at half the speed; computed once."""
     from maniport.pipeline import transfer_recording
 
     return transfer_recording(second, speed_scale=0.5, planning_effort="quick", **SMALL)

@@ -10,7 +10,6 @@ import re
 import shlex
 import sys
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from unittest import mock
 
@@ -60,8 +59,11 @@ def short_work():
         named = "parallel-transport" if method == AUTO else method
         return transfer_recording(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
 
+    def small(*arguments, **job):
+        return checked(*arguments, **{**job, **SMALL})
+
     with (
-        mock.patch("maniport.batch.inputs.checked", partial(checked, **SMALL)),
+        mock.patch("maniport.batch.inputs.checked", small),
         mock.patch("maniport.batch.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),
         mock.patch.object(maniport, "transfer_recording", quick, create=True),

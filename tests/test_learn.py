@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import maniport as mp
-from maniport.arms import VELOCITY, EllipsoidSpec
+from maniport.arms import VELOCITY
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
 from maniport.mocap import shipped_recording, synthetic_recording

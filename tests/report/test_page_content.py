@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import maniport as mp
 from maniport.pipeline import transfer_recording
 from maniport.report import facts_of
 from maniport.report.page import as_html

@@ -1,6 +1,6 @@
 """Draw the picture of `docs/start/tip_and_mounting.md`: one target ellipsoid at a robot that is mounted in two ways.
 
-python scripts/make_mounting_picture.py [PICTURE]
+python scripts/make_base_rotation_picture.py [PICTURE]
 """
 
 import sys
@@ -20,7 +20,7 @@ REACHING = np.radians([60.0, 40.0, 0.0, 70.0, 0.0, 0.0, 0.0])
 
 
 def main(picture: Path) -> None:
-    """Draw person and robots in the frame of the person's trunk; the robot's base is turned back by the base_rotation."""
+    """Draw person and robots in the frame of the person's trunk, with the robot's base rotated back."""
     person, robot = mp.load_arm("myoarm"), mp.load_arm("panda")
     target = person.manipulability(REACHING)[None]
     lines = {"person": person.skeleton(REACHING)[None]}
