@@ -29,7 +29,7 @@ from maniport.motion import (
     RobotMotion,
     SeedBank,
     feasibility_gap,
-    place_paths,
+    place_path,
     plan_motion,
     track,
 )
@@ -183,16 +183,16 @@ def place(
     """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
     assert targets.paths is not None
     rows, each = placement_rows(len(targets.time)), planner.arms
-    return place_paths(
+    return place_path(
         [path[rows] for path in targets.paths],
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in each],
         time=targets.time[rows],
-        wholes=targets.paths if whole else None,
+        whole=targets.paths if whole else None,
         turn=targets.turn,
         workspace=settings.plan.workspace,
-        reachability_maps=[own.reachability_map for own in each],
-        banks=[own.bank for own in each],
+        reachability_map=[own.reachability_map for own in each],
+        bank=[own.bank for own in each],
         planning_effort=settings.plan.planning_effort,
         spec=targets.spec,
         damping=targets.damping,

@@ -12,7 +12,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
-from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path, place_paths
+from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
 from maniport.motion.follow.tracker import follow
 from maniport.motion.limits import BrakingLimit
@@ -223,10 +223,8 @@ class ViewState:
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
         turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
         damping = banks[0].damping
-        if isinstance(self.robot, ArmGroup):
-            places = place_paths(hands, targets, self.robot.arms, turn=turn, yaw=0.0, damping=damping, banks=banks)
-        else:
-            places = (place_path(hands[0], targets[0], self.robot, turn=turn, yaw=0.0, damping=damping, bank=banks[0]),)
+        arms = as_group(self.robot).arms
+        places = place_path(hands, targets, arms, turn=turn, yaw=0.0, damping=damping, bank=banks)
         for side, place in zip(self.sides, places, strict=True):
             side.place = place
 

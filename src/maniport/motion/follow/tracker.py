@@ -20,12 +20,12 @@ from maniport.motion.follow.control import Control
 from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.plan.plan_motion import of_each, plan_motion
+from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import ArmPlanner, Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.problem import as_costs
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule, as_limits, speed_limits
+from maniport.motion.schedule import Schedule, as_limits, of_each, speed_limits
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.defaults import DAMPING

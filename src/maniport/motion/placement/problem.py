@@ -5,7 +5,7 @@ path's center [m]. The path is turned about the vertical by the yaw; the base le
 that the vertical turns by the inverse in its frame.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -179,16 +179,10 @@ class PlacementGroup:
         ]
         return np.asarray(np.mean(reached, axis=0))
 
-
-def with_paths(group: PlacementGroup, paths: tuple[Array, ...]) -> PlacementGroup:
-    """The same with other paths (m, 3) around their center; their ellipsoids and times mean nothing."""
-    problems = (
-        replace(
-            problem,
-            path=path,
-            profile=np.tile(np.eye(problem.objective.spec.size), (len(path), 1, 1)),
-            time=np.arange(len(path), dtype=float),
-        )
-        for problem, path in zip(group.problems, paths, strict=True)
-    )
-    return replace(group, problems=tuple(problems))
+    def with_paths(self, paths: Sequence[Array]) -> "PlacementGroup":
+        """The same with other paths (m, 3) around their center; their ellipsoids and times mean nothing."""
+        problems = []
+        for problem, path in zip(self.problems, paths, strict=True):
+            profile = np.tile(np.eye(problem.objective.spec.size), (len(path), 1, 1))
+            problems.append(replace(problem, path=path, profile=profile, time=np.arange(len(path), dtype=float)))
+        return replace(self, problems=tuple(problems))
