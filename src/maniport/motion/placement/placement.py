@@ -12,7 +12,7 @@ from maniport.motion.effort import FULL, as_effort
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.placement.arguments import as_workspace, given_place, problems_of, require_reach, table_height
 from maniport.motion.placement.placed_path import Place, Placement
-from maniport.motion.placement.placement_search import best_placements
+from maniport.motion.placement.placement_search import WEIGHT, best_placements
 from maniport.motion.placement.problem import (
     HEADING,
     OFFSET,
@@ -24,12 +24,14 @@ from maniport.motion.placement.problem import (
     base_rotations,
     wrapped,
 )
+from maniport.motion.plan.planner import interpolated
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search.pointwise import pointwise_best
+from maniport.motion.search.pointwise import PointwiseBest, pointwise_best
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.util.defaults import DAMPING
-from maniport.util.progress import Part, Progress, Step, between, pieces
+from maniport.util.progress import Progress, Step, between, pieces
+from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_generator, as_metres
 
 
@@ -137,7 +139,7 @@ def place_path(  # type: ignore[misc]
     paths, profiles, wholes, models, maps, banks = (
         of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
     )
-    objectives = [Objective.of(own, spec, damping) for own in arms]
+    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
     given = given_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
@@ -162,8 +164,10 @@ def place_path(  # type: ignore[misc]
     best, placed, parts = found[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
     for i, (problem, own, part) in enumerate(zip(problems, banks, parts, strict=True)):
         candidates = tuple(_named(other.place, other.distance[i]) for other in found)
-        placement = best.place, center, rotation, candidates
-        placed.append(_placed_path(problem, best.q[i], placement, own, budget.pointwise_starts, part))
+        known = interpolated(evenly_spaced(len(problem.path), len(best.q[i])), best.q[i], np.arange(len(problem.path)))
+        targets = problem.targets(best.place)
+        optimum = pointwise_best(targets, own.starts_for(targets, budget.pointwise_starts), known, part)
+        placed.append(_placed_path(problem, best.place, optimum, center, rotation, candidates))
     medians = ", ".join(f"{np.median(own.distance):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed) if several else placed[0]
@@ -171,21 +175,15 @@ def place_path(  # type: ignore[misc]
 
 def _placed_path(
     problem: PlacementProblem,
-    q: Array,
-    placement: tuple[Array, Array, Array, tuple[Place, ...]],
-    bank: SeedBank,
-    starts: int,
-    progress: Part,
+    place: Array,
+    best: PointwiseBest,
+    center: Array,
+    rotation: Array,
+    candidates: tuple[Place, ...],
 ) -> Placement:
-    """Search the pointwise optimum at a placement, also from a trajectory (m, dof) through some waypoints."""
-    place, center, rotation, candidates = placement
     positions, profile = (values[0] for values in problem.placed(place[None]))
-    rows = problem.rows(len(q))
-    known = np.stack([np.interp(np.arange(len(positions)), rows, column) for column in q.T], axis=1)
-    best = pointwise_best(problem.targets(place), bank, known, starts, progress)
-    error = best.position_error
+    named, error = _named(place, best.distance), best.position_error
     assert error is not None
-    named = _named(place, best.distance)
     return Placement(
         path=positions,
         profile=profile,
