@@ -16,7 +16,7 @@ import maniport as mp
 from maniport.arms import load_arm
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
-from maniport.report.metrics import facts_of
+from maniport.report.metrics import report_of
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import COLUMNS, evaluation_section
 from maniport.report.values import Report
@@ -82,7 +82,7 @@ def main() -> None:
         results = study(given.methods, given.motions, given.seed, given.jobs, progress=tell)
     given.output.write_text(study_page(results), encoding="utf-8")
     if given.json is not None:
-        table = {f"{motion}, {method}": as_numbers(facts_of(one)) for (motion, method), (_, one) in results.items()}
+        table = {f"{motion}, {method}": as_numbers(report_of(one)) for (motion, method), (_, one) in results.items()}
         given.json.write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
     print(f"wrote {given.output}")
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.report.page import Line, Panel, write_page
 from maniport.report.page.animation import animation_of
 
@@ -17,4 +17,4 @@ def write_page_with_speed(path, result):
     panel = Panel("Speed of the tip", "m/s", (Line("", speed),), "At the robot's speed_scale.")
     shown = animation_of(result)
     shown = replace(shown, panels={**shown.panels, "Speed": (panel,)})
-    write_page(path, facts_of(result), {"motion": [shown]})
+    write_page(path, report_of(result), {"motion": [shown]})
