@@ -16,7 +16,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.report import figures
-from maniport.report.renderings import write_facts
+from maniport.report.renderings import write_report
 
 WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # up, as the table has it, points out of the wall
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
@@ -62,7 +62,7 @@ def main(folder):
     evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0, draws=0)
     summary = evaluation.summary
     print(f"take {summary.recommended}: {summary.measure} {summary.best_value:.3f}, identity {summary.identity:.3f}")
-    write_facts(folder / "evaluation.md", mp.report.facts_of(evaluation))
+    write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
     # A file for later; the map is exact there and back.
     chosen.save(folder / "adapter.npz")

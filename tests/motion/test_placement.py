@@ -14,7 +14,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion import SeedBank
 from maniport.motion.placement.placement import place_path
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 
@@ -125,7 +125,7 @@ def test_far_path_is_reported(panda, known, motion):
     placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), **known)
     assert_array_equal(placed.reachable, np.arange(12) < 5)
     assert placed.position_error[5:].min() > 1.0
-    assert "7 of 12" in " ".join(facts_of(placed).warnings)
+    assert "7 of 12" in " ".join(report_of(placed).warnings)
     assert "7 out of reach" in repr(placed)
     assert np.all(panda.within_limits(placed.joint_positions))
     assert np.all(np.isfinite(placed.distance))

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from pages import written
 
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.report.figures import _decoded
 from maniport.report.page import as_html
 from maniport.report.page.animation import animation_of
@@ -34,7 +34,7 @@ def test_every_arm_is_drawn(shown, several):
     joints = [panel.title for panel in animation.panels["Joints of robot"]]
     assert len(joints) == len(set(joints)) == 7 * count
     assert (animation.map is None) == (count > 1)
-    page = as_html(facts_of(several(count)), {facts_of(several(count)).sections[0].key: [animation]})
+    page = as_html(report_of(several(count)), {report_of(several(count)).sections[0].key: [animation]})
     assert len(page.encode()) < 6_000_000
 
 

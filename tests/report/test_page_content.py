@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maniport.pipeline import transfer_recording
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.report.page import as_html
 from maniport.report.page.animation import animation_of, regularized
 from sizes import SMALL
@@ -18,7 +18,7 @@ def shown(result):
 
 def page_of(result):
     """Return the page of a result as text."""
-    return as_html(facts_of(result), {"motion": [animation_of(result)]})
+    return as_html(report_of(result), {"motion": [animation_of(result)]})
 
 
 def test_transfer_has_stages_of_person_and_robot(result, shown):
@@ -72,9 +72,7 @@ def test_the_map_has_one_frame(result, shown):
 @pytest.mark.parametrize("options", [{"part": "full"}, {"kind": "force"}])
 def test_unmoved_robot_and_other_ellipsoids_are_drawn(second, options):
     """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
-    result = transfer_recording(
-        second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL
-    )
+    result = transfer_recording(second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL)
     shown = animation_of(result)
     assert [stage.name for stage in shown.stages] == ["Person"]
     assert ("Ellipsoids" in shown.panels) == (options.get("part") != "full")

@@ -11,7 +11,7 @@ import pytest
 
 import maniport as mp
 from maniport.evaluation import RMSE
-from maniport.report import as_html, as_markdown, as_numbers, facts_of
+from maniport.report import as_html, as_markdown, as_numbers, report_of
 from maniport.report.console import Console
 from maniport.report.metrics import statistics
 from maniport.report.page import as_html as as_page
@@ -32,7 +32,7 @@ def warned(result, changed):
 
 def test_warnings_are_the_same_everywhere(warned):
     """Terminal, Markdown, JSON, notebook and page have the same warnings in the same order, the motion first."""
-    facts, screen = facts_of(warned), Console()
+    facts, screen = report_of(warned), Console()
     screen._out.file = io.StringIO()
     screen.tell(facts)
     words = "waypoints are missed", "infeasible", "does not determine", "Mind <the>"
@@ -49,7 +49,7 @@ def test_warnings_are_the_same_everywhere(warned):
 
 def test_numbers_of_a_run(result):
     """JSON has maxima with their times and units in the names; nothing in it is infinite."""
-    report, motion = facts_of(result), result.arm.motion
+    report, motion = report_of(result), result.arm.motion
     numbers = as_numbers(report)
     assert numbers["motion"]["distance"]["max"] == motion.distance.max()
     assert numbers["motion"]["distance"]["max_at_s"] == result.time[np.argmax(motion.distance)]
@@ -64,7 +64,7 @@ def test_a_large_position_error_is_a_warning(alone, changed):
     for factor, warned in ((3.1, True), (2.9, False)):
         error = np.zeros(len(alone.arm.motion.time))
         error[3] = factor * alone.arm.motion.position_tolerance
-        assert ("position-error" in facts_of(changed(alone, position_error=error)).warning_keys) == warned
+        assert ("position-error" in report_of(changed(alone, position_error=error)).warning_keys) == warned
 
 
 def test_results_are_data_and_are_described_in_a_folder(small_result, alone, tmp_path):
@@ -111,7 +111,7 @@ def test_paper_stands_beside_what_came_out():
     """A row for the paper and for each setting and form of the error, a column for each evaluation set."""
     both = (outcome(PAPER, (0.125, 0.375), 0), outcome("ours", (1e-6,), 1))
     experiment = Experiment("toy", "Table I", ("How.",), both, {"width": 2.0})
-    facts = facts_of(Reproduction((experiment,), 3, 12.0))
+    facts = report_of(Reproduction((experiment,), 3, 12.0))
     table = facts.sections[0].tables[0]
     assert table.columns[-3:] == ("numbers of", "E", "F")
     rows = {"paper": "0.500", f"{PAPER} ÷ c": "0.250 ± 0.125", f"{PAPER} ÷ c²": "1.000 ± 0.000"}

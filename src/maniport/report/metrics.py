@@ -1,6 +1,6 @@
 """Registries of metrics, warnings and reports.
 
-`facts_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
+`report_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
 (`maniport.report.page`) and the table of a batch render the same report.
 """
 
@@ -91,7 +91,7 @@ def as_metric(key: str, value: Any, time: ArrayLike | None = None) -> Metric:
     return statistics(one.label, key, value, time, one.unit, one.description, main=one.main)
 
 
-def facts_of(thing: Any) -> Report:
+def report_of(thing: Any) -> Report:
     """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
 
     Parameters

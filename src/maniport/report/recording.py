@@ -35,7 +35,7 @@ RECORDING, FIT = "recording", "human-model"
 
 
 @describe.register
-def recording_facts(
+def recording_report(
     recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO, command: str = ""
 ) -> Report:
     """Describe a recording and the roles of its points."""

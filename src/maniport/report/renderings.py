@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.metrics import facts_of, sentence
+from maniport.report.metrics import report_of, sentence
 from maniport.report.values import INFO, WARNING, Metric, Report, Section, Table
 from maniport.util.atomic_io import written_whole
 
@@ -136,7 +136,7 @@ def _columns(metrics: Sequence[Metric]) -> list[str]:
     return lines
 
 
-def write_facts(path: str | os.PathLike[str], report: Report) -> None:
+def write_report(path: str | os.PathLike[str], report: Report) -> None:
     """Write a report to a ``.json`` file, or as Markdown, whole or not at all."""
     text = as_markdown(report)
     if Path(path).suffix == ".json":
@@ -167,7 +167,7 @@ def as_html(thing: Any) -> str:
     -------
     str
     """
-    report = thing if isinstance(thing, Report) else facts_of(thing)
+    report = thing if isinstance(thing, Report) else report_of(thing)
     parts = [f"<b>{escape(type(thing).__name__)}</b> {escape(report.title)}"]
     parts += [f"<div>{escape(report.lead)}</div>"] if report.lead else []
     if (summary := report.summary) is not None:

@@ -105,7 +105,7 @@ def unchecked_links(links: Sequence[str]) -> list[Metric]:
     return [warning("unchecked-links", text)] if links else []
 
 
-def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
+def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     """Describe the file of a robot: the chosen chain, if there is one, and the other end effectors."""
     others = [limb for limb in limbs if arm is None or limb.tip != arm.frame]
     rows = tuple((limb.tip, str(len(limb.joints)), " … ".join(dict.fromkeys((limb.joints[0], limb.joints[-1]))),

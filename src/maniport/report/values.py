@@ -103,7 +103,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is reported of a result, see `facts_of`."""
+    """Everything that is reported of a result, see `report_of`."""
 
     title: str
     lead: str = ""
