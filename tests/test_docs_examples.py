@@ -10,7 +10,6 @@ import re
 import shlex
 import sys
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from unittest import mock
 
@@ -21,7 +20,7 @@ import maniport
 import ros_stand_in
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
-from maniport.pipeline.transfer import checked
+from maniport.pipeline.transfer import settings_of
 from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL
@@ -63,7 +62,7 @@ def short_work():
         return transfer_recording(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
 
     with (
-        mock.patch("maniport.batch.inputs.checked", partial(checked, **SMALL)),
+        mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
         mock.patch("maniport.batch.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),
         mock.patch.object(maniport, "transfer_recording", quick, create=True),
