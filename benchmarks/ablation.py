@@ -103,7 +103,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     continue
                 with changed(variant):
                     begin = time.process_time()
-                    options |= {"planning_effort": "ablation", "random_state": seed}
+                    options |= {"planning_effort": "ablation", "seed": seed}
                     result = follow_profile(arm, [target], clock, [path], **options)
                     seconds = time.process_time() - begin
                 motion = result.motion

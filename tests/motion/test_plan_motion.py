@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from maniport import motion
 from maniport.arms import Arm, EllipsoidSpec
-from maniport.errors import InvalidInputError, NotSPDError
+from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
@@ -225,17 +225,17 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
 
 
 def test_options_of_the_tracker_make_it_follow(panda, planner, wanted):
-    """An option that the tracker alone has lets it follow the plan; with others the plan is the motion."""
+    """With options of the controller it follows the plan; without, the plan is the motion."""
     targets = part_of(wanted)
     options = {"profiles": [targets["profile"]], "time": targets["time"], "paths": [targets["path"]], "place": False}
     options |= {"planner": planner, "planning_effort": "quick"}
     plain = follow_profile(panda, **options, position_tolerance=0.01)
-    tracked = follow_profile(panda, **options, gain=0.5, position_tolerance=0.01)
+    tracked = follow_profile(panda, **options, tracking={"lm_damping": 1.0}, position_tolerance=0.01)
     assert_array_equal(tracked.arm.motion.time, plain.arm.motion.time)
     assert not np.array_equal(tracked.arm.motion.joint_positions, plain.arm.motion.joint_positions)
     assert tracked.arm.motion.pointwise_best is not None
-    with pytest.raises(TypeError, match="unexpected option 'sped'"):
-        follow_profile(panda, **options, sped=2.0)
+    with pytest.raises(UnknownNameError, match="sped"):
+        follow_profile(panda, **options, tracking={"sped": 2.0})
 
 
 @pytest.mark.parametrize(

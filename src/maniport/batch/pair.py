@@ -18,8 +18,9 @@ from maniport.batch.content import as_setting, digest
 from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
-from maniport.mocap import ArmFit, Recording, read_recording
+from maniport.mocap import ArmFit
 from maniport.pipeline import stages
+from maniport.pipeline.options import HumanOptions
 from maniport.pipeline.transfer import recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import report_of
@@ -43,7 +44,7 @@ class Order:
     """What is the same for all pairs."""
 
     output: Path
-    reading: Mapping[str, Any]  # Options of `read_part`
+    human: HumanOptions  # options of reading
     profile_rate: float  # Ellipsoids a second, at most [Hz]
     exports: Mapping[str, str]  # Files by formats
     pages: bool
@@ -76,9 +77,8 @@ def content_of(source: Source) -> str:
 
 def settings_of(order: Order, content: str, robot: Robot) -> dict[str, str]:
     """Return all that determines the result of a pair, as text by name: robot, recording, all settings, version."""
-    also = {f"reading.{name}": value for name, value in order.reading.items()}
-    also |= {"profile_rate": order.profile_rate, "exports": order.exports, "pages": order.pages}
-    return {**robot.settings, **{name: as_setting(value) for name, value in also.items()}, "recording": content}
+    own = {"profile_rate": as_setting(order.profile_rate), "pages": as_setting(order.pages), "recording": content}
+    return {**robot.settings, **own}
 
 
 def kept_row(order: Order, source: Source, robot: Robot, settings: Mapping[str, str]) -> dict[str, Any] | None:
@@ -140,7 +140,7 @@ def work(task: Task) -> list[dict[str, Any]]:
             begun = clock.process_time()
             try:
                 if not human:
-                    recording = read_part(task.source.path, **task.order.reading)
+                    recording = task.order.human.read(task.source.path)
                     if content_of(task.source) != task.content:
                         raise ManiportError(f"{task.source.path}: it was changed meanwhile; start again")
                     fitted, texts = recorded(partial(stages.fit_human, recording, robot.job))
@@ -156,19 +156,6 @@ def work(task: Task) -> list[dict[str, Any]]:
 def reason(error: Exception) -> str:
     """Why there is no result, for the table."""
     return str(error) if isinstance(error, ManiportError) else f"unexpected {type(error).__name__}: {error}"
-
-
-def read_part(
-    path: Path,
-    unit: str | None = None,
-    up: str | None = None,
-    rate: float | None = None,
-    start: float | None = None,
-    stop: float | None = None,
-) -> Recording:
-    """The part of a recording that is meant."""
-    recording = read_recording(path, unit, up, rate)
-    return recording if start is None and stop is None else recording.crop(start, stop)
 
 
 def _pair(

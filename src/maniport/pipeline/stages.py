@@ -217,6 +217,7 @@ def plan(
         "spec": targets.spec,
         "damping": targets.damping,
         "planner": planner,
+        "costs": settings.costs,
         "pointwise_bests": placed.pointwise_bests,
         "random_state": generator,
     }
@@ -229,7 +230,7 @@ def plan(
     if rotations is not None:
         free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
     motion = planned(rotations, settings.progress)
-    if settings.tracking:
+    if settings.tracking is not None:
         motion = _tracked(motion, planner, rotations, settings)
     return Moved(motion, free, placements if settings.tips == PLACED else None)
 
@@ -238,6 +239,7 @@ def _tracked(
     planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: MotionSettings
 ) -> RobotMotion:
     """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
+    assert settings.tracking is not None
     (plan,) = planned.arms
     (motion,) = track(
         planner.arms[0].limits.arm,
