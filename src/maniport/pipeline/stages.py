@@ -310,7 +310,7 @@ def evaluate(
         if evaluation is None and baselines:
             evaluation = compared_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
-                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0, draws=0,
+                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0,
                 random_state=settings.random_state, progress=settings.progress,
             )  # fmt: skip
         transfers.append(

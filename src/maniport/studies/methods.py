@@ -46,7 +46,7 @@ def compare_methods(
 ) -> Comparison:
     """Measure methods on the motions; where every row is asked for, transports of whole clouds come last."""
     further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(EVERY_ROW) else None
-    found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows, draws=0)
+    found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows)
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
 
 
