@@ -69,7 +69,8 @@ def main(folder):
     again = mp.load_adapter(folder / "adapter.npz")
     there = again.transform(profile)
     print(f"there and back from the file: off by {np.abs(again.inverse_transform(there) - profile).max():.1e}")
-    figures.save(figures.ellipsoid_views(profile, there, truth), folder / "adapted.png")
+    rows, numbers = {"teacher": profile, "adapted": there, "truth": truth}, np.arange(1, len(profile) + 1)
+    figures.save(figures.ellipsoids(numbers, rows, axis="number of the ellipsoid"), folder / "adapted.png")
     print(f"the adapter, the evaluation and a figure are in {folder}")
 
 

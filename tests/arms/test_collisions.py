@@ -12,7 +12,7 @@ from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_postures
 from maniport.motion.trajectory import Clearance
 from maniport.report.motion import collision_value
-from maniport.report.motion_warnings import collision_warnings
+from maniport.report.robot import collision_warnings
 from maniport.report.values import WARNING
 
 CUBE = 0.2
@@ -218,7 +218,7 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     time = np.linspace(0.0, 1.0, 5)
     motion = SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q)
     clearance = Clearance.of(collisions, motion)
-    (warned,) = collision_warnings(clearance, collisions)
+    (warned,) = collision_warnings(clearance, collisions.unchecked)
     assert warned.severity == WARNING
     assert warned.key == "missing-meshes"
     assert "250 mm" in collision_value(clearance, 1.0)[0]

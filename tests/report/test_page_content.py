@@ -1,12 +1,14 @@
 """Content of the pages of results: a transfer, and a robot's motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from maniport.pipeline import transfer_recording
 from maniport.report import report_of
 from maniport.report.page import as_html
-from maniport.report.page.animation import animation_of, regularized
+from maniport.report.page.animation import animation_of
 from sizes import SMALL
 
 
@@ -65,7 +67,7 @@ def test_the_map_has_one_frame(result, shown):
         atol=1e-9,
     )
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    rotated = regularized(result.arm, result.spec, quarter)[1]["person"]
+    rotated = animation_of(replace(result, base_rotation=quarter)).map.profiles[0].ellipsoids
     np.testing.assert_allclose(rotated, quarter @ chart.profiles[0].ellipsoids @ quarter.T, atol=1e-9)
 
 

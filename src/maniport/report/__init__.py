@@ -2,8 +2,6 @@
 
 from maniport.report.metrics import report_of
 from maniport.report.renderings import as_html, as_markdown, as_numbers
-from maniport.report.values import Metric, Report, Section, Summary, Table
+from maniport.report.values import Metric, Report
 
-__all__ = [
-    "Metric", "Report", "Section", "Summary", "Table", "as_html", "as_markdown", "as_numbers", "report_of",
-]  # fmt: skip
+__all__ = ["Metric", "Report", "as_html", "as_markdown", "as_numbers", "report_of"]
