@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from maniport.errors import InvalidInputError
-from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
+from maniport.motion.exports import FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
@@ -109,7 +109,7 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
 
 def _export(result: TransferResult | MotionResult, name: str, file: str, folder: Path) -> None:
     """Write the motion in another format: of the robot, or of each arm where the format takes one arm."""
-    if FORMATS[name].robot == NEEDED and len(result.arms) > 1:
+    if FORMATS[name].needs_robot and len(result.arms) > 1:
         for arm in result.arms:
             assert arm.motion is not None
             export_motion(folder / arm.name / file, arm.motion, name, arm.robot)
