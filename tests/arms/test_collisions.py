@@ -159,7 +159,7 @@ def test_the_fast_test_frees_no_posture_that_collides(panda, collisions):
 
 def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
     """Every corner of a link lies within the skin of one of its hulls; the hand's reaches to the tip."""
-    meshes = dict(panda.geometry.shapes())
+    meshes = dict(panda.geometry.shapes)
     hulls = [hull for hull in collisions._solids.hulls if hull.name in meshes]
     assert {hull.name for hull in hulls} == set(meshes) == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
     meshes["panda_hand"] = np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]), None

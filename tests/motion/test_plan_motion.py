@@ -215,7 +215,7 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
     lowest = {point.link: point for point in run.lowest_of_links}
     poses = panda.link_poses(planned.arms[0].control_positions)
     assert run.lowest == run.lowest_of_links[0]
-    for link, (points, _) in panda.geometry.shapes():
+    for link, (points, _) in panda.geometry.shapes:
         joint = panda.chain.frames[link].joint
         if joint:
             heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]
