@@ -1,9 +1,8 @@
-"""Fit the map from one body's ellipsoids to another's, and question it before a robot believes it.
+"""Identifiability of a fitted adapter.
 
-You learn what a fit can know. Teacher and student are the same Panda here, but the student hangs on a wall, so that the
-truth is known: everything is turned by 90°. The domains alone do not tell: from where the search starts
-no turn brings them clearly nearer, and even at the truth they leave the turn about the robot's base axis open, since
-the robot can do the same all around it. The adapter says so. Five known pairs settle it, or knowing the base_rotation.
+Teacher and student are the same Panda, but the student is mounted on a wall, so the true map is a rotation by 90°. The
+domains do not determine it: no rotation near the initial one is clearly better, and the rotation about the base axis of
+the robot leaves its domain unchanged. The adapter reports this. Five pairs or a known base_rotation determine the map.
 
     python 04_fit_and_question_an_adapter.py [FOLDER]
 """
