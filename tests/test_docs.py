@@ -123,7 +123,7 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     assert cells("README.md", "The demo: how long")[1:] == [duration, f"the person took {person}"]
     page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
     assert f"distance of {distance} from their targets" in page
-    assert f"the tip {error} mm beside its path, and the motion takes {duration} where the person took {person}" in page
+    assert f"position error is {error} mm, and the motion takes {duration} where the person took {person}" in page
     _, method, raw, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
     assert method == "length-field"
     row = cells("README.md", "Target ellipsoids of the ladder")

@@ -92,7 +92,7 @@ def doubling(n):
 LIST = '<input semantic="VERTEX" source="#v" offset="0"/>'
 HOSTILE = {
     "itself.dae": (dae(nodes='<node id="n"><instance_node url="#n"/></node>'),
-                   "has 20001 nodes, each counted as often as it is shown; at most 20000"),
+                   "has 20001 nodes, counted for each instance; at most 20000"),
     "doubling.dae": (dae(nodes='<node><instance_node url="#n0"/></node>', library=doubling(40)), "20001 nodes"),
     "deep.dae": (dae(nodes="<node>" * 30_000 + SHOWN + "</node>" * 30_000), "20001 nodes"),
     "corners.dae": (dae(f'<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>'),

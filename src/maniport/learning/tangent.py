@@ -7,8 +7,8 @@ them: V → Q V Qᵀ with Q = P₂^-½ E P₁^½ = P₂^-½ P₁^½ (P₁^-½ P�
 A tracking task has the error e = vec(log(M^-½ A M^-½)) with the present ellipsoid M and the target A. The covariance C
 of a profile is that of v = vec(log(A^-½ M A^-½)), the same tangent vector, up to sign, before transport from M to
 A. So vᵀ C⁻¹ v = eᵀ Ô C⁻¹ Ôᵀ e, where Ô acts on Mandel vectors as the orthogonal polar factor of M^-½ A^½ does
-(equation 27 of docs/method.md). It rotates by 0.7°, 2.6° and 6.0° at distances of 0.12, 0.47 and 1.1 (median of 500
-random pairs of 3×3).
+(equation 27 of docs/method/objective.md). It rotates by 0.7°, 2.6° and 6.0° at distances of 0.12, 0.47 and 1.1
+(median of 500 random pairs of 3×3).
 """
 
 import numpy as np

@@ -100,15 +100,33 @@ class Trajectory(NotebookDisplay):
 
 @dataclass(frozen=True)
 class Clearance:
-    """Collisions of a motion, and its smallest distance from one."""
+    """Collisions of a motion, and its smallest distance from one.
 
-    known: bool = False  # whether anything could be checked
-    why: str = "collision checking was not requested"  # reason where nothing was checked
-    share: float = 0.0  # share of the control steps that collide
-    distance: float = np.inf  # smallest distance at and around the closest waypoints [m]; negative in a collision
-    time: float = 0.0  # time of the smallest distance [s]
-    pair: tuple[str, str] = ("", "")  # names of the closest pair
-    stand_ins: tuple[str, ...] = ()  # links checked by their collision shapes, since visual ones are missing
+    Attributes
+    ----------
+    known : bool
+        Whether anything could be checked.
+    why : str
+        Reason where nothing was checked.
+    share : float
+        Share of the control steps that collide.
+    distance : float
+        Smallest distance at and around the closest waypoints [m]; negative in a collision.
+    time : float
+        Time of the smallest distance [s].
+    pair : tuple[str, str]
+        Names of the closest pair.
+    stand_ins : tuple[str, ...]
+        Links checked by their collision shapes, since visual ones are missing.
+    """
+
+    known: bool = False
+    why: str = "collision checking was not requested"
+    share: float = 0.0
+    distance: float = np.inf
+    time: float = 0.0
+    pair: tuple[str, str] = ("", "")
+    stand_ins: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, collisions: Collisions | None, motion: Trajectory) -> "Clearance":
