@@ -2,15 +2,15 @@
 
     python scripts/bound_of_motion.py "freeform" "xArm7"
 
-The pointwise optimum takes each point by itself; its configurations at neighboring points may lie on different
-branches. This script searches the least root mean square of d of motions within the velocity limits, in the duration of
-the planned motion, with the end effector on the path: a shortest path through many nodes, with the configurations of the
-pointwise optimum and of the plan among them, then again with more nodes around what was found. Limits of acceleration and jerk do not count,
-nor what lies between the points, and another column allows 1.5 times the speed. The result is no bound: a shortest
-path through so many nodes may miss better ones, which half as many nodes estimate, and a position error gains, too.
-"none": nothing was found that is so quick with its tip in place, as where a recording leaps. Cases are those of the
-benchmark groups `planning` and `tracking` whose names contain one of the words. A short motion takes half a minute of
-one core, a recording up to five.
+The pointwise optimum takes each waypoint by itself; its configurations at neighboring waypoints may lie on different
+branches. Here the least root mean square of d is searched among motions from waypoint to waypoint within the velocity
+limits, in the duration of the planned motion, with the end effector on the path: a shortest path through many nodes,
+with the configurations of the pointwise optimum and of the plan, then again with more nodes around the result. Limits
+of acceleration and jerk do not count, nor what lies between the points, and another column allows 1.5 times the speed.
+The result is no bound: a shortest path through so many nodes may miss better ones, which half as many nodes estimate,
+and a position error gains, too. "none": nothing was found that is so quick with its tip in place, as where a recording
+leaps. Cases are those of the benchmark groups `planning` and `tracking` whose names contain one of the words. A short
+motion takes half a minute of one core, a recording up to five.
 """
 
 import sys
@@ -100,7 +100,8 @@ def least(plan: ArmMotion, count: int) -> dict[object, float]:
     planner = Planner.of(plan.limits, VELOCITY, True, 0)
     objective = Objective(planner.limits.arm, VELOCITY, plan.damping, EXACT_WEIGHT)
     targets, time, known = objective.targets(plan.target, plan.path)[rows], plan.time[rows], plan.joint_positions[rows]
-    floor, random = pointwise_best(targets, planner.arms[0].bank.starts_for(targets, 32), known), np.random.default_rng(0)
+    starts, random = planner.arms[0].bank.starts_for(targets, 32), np.random.default_rng(0)
+    floor = pointwise_best(targets, starts, known)
     nodes = _free(planner, planner.arms[0].reachability_map.nodes(targets, count, random))
     for q in (floor.joint_positions, known):
         nodes = _merged(nodes, Roadmap(q, targets.cost(q), np.arange(len(q) + 1)))

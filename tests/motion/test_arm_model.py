@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from maniport.arms import as_group
 from maniport.motion import robot_model
-from maniport.motion.arm_model import tip_frames
+from maniport.motion.arm_model import model_prefixes
 from real_robots import NEEDS_ROBOTS
 
 
@@ -26,11 +26,12 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
     assert_array_equal(model.lowerPositionLimit, arms.lower)
     assert_array_equal(model.upperPositionLimit, arms.upper)
     assert_array_equal(model.velocityLimit, arms.velocity_limits)
+    frames = [prefix + arm.frame for prefix, arm in zip(model_prefixes(group), group.arms, strict=True)]
     data = model.createData()
     for q in arms.sample(4, 0):
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        for name, pose, jacobian in zip(tip_frames(arms), group.forward(q), group.jacobian(q), strict=True):
+        for name, pose, jacobian in zip(frames, group.forward(q), group.jacobian(q), strict=True):
             index = model.getFrameId(name)
             assert_allclose(data.oMf[index].homogeneous, pose, atol=1e-12)
             computed = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
-from maniport.arms.chain import PRISMATIC, Joint
+from maniport.arms.chain import PRISMATIC
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
@@ -64,11 +64,13 @@ def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -
     factors = _own_coordinates(arm)
     for joint, factor, offset in list(zip(chain.joints, factors, chain.offset, strict=True))[begun:]:
         parent, place = parents[-1]
-        place = place * pin.SE3(joint.placement) * _moved(joint, offset)
+        prismatic, shift = joint.kind == PRISMATIC, offset * joint.axis
+        offset_pose = pin.SE3(np.eye(3), shift) if prismatic else pin.SE3(pin.exp3(shift), np.zeros(3))
+        place = place * pin.SE3(joint.placement) * offset_pose
         if factor == 0.0:
             parents.append((parent, place))
             continue
-        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        kind = pin.JointModelPrismaticUnaligned if prismatic else pin.JointModelRevoluteUnaligned
         turn = kind(factor * joint.axis)
         parents.append((model.addJoint(parent, turn, place, prefix + joint.name), pin.SE3.Identity()))
     for name, frame in chain.frames.items():
@@ -83,12 +85,6 @@ def model_prefixes(group: ArmGroup) -> tuple[str, ...]:
     """Return the prefixes of each arm's joints and frames: none where all names are different."""
     same = any(group.prefixes) or len({arm.frame for arm in group.arms}) < len(group)
     return tuple(f"{name}_" * same for name in group.names)
-
-
-def tip_frames(arm: Arm | ArmGroup) -> tuple[str, ...]:
-    """Return the names of the end-effector frames in `robot_model`."""
-    group = as_group(arm)
-    return tuple(prefix + member.frame for prefix, member in zip(model_prefixes(group), group.arms, strict=True))
 
 
 def _own_coordinates(arm: Arm) -> Array:
@@ -118,22 +114,6 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
             f"ellipsoids needs at least {LEAST_JOINTS}, and {d * (d + 1) // 2} to follow all of their shape"
         )
     _own_coordinates(arm)
-
-
-def why_not_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> str:
-    """Say why an arm cannot follow such ellipsoids; empty when it can."""
-    try:
-        require_trackable(arm, spec)
-    except InvalidInputError as error:
-        return str(error)
-    return ""
-
-
-def _moved(joint: Joint, position: float) -> pin.SE3:
-    """Motion of a joint to a position [rad or m]."""
-    if joint.kind == PRISMATIC:
-        return pin.SE3(np.eye(3), position * joint.axis)
-    return pin.SE3(pin.exp3(position * joint.axis), np.zeros(3))
 
 
 def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:

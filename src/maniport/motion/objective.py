@@ -30,8 +30,6 @@ from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points,
 
 Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 
-DAMPING_SAMPLES = 4096
-
 SEARCH_WEIGHT = 50.0
 """Weight of the position error in searches of configurations [1/m]: soft, since a stiff weight makes local minima where
 the position is right and the ellipsoid is not."""
@@ -107,7 +105,7 @@ class Objective:
         """Check arguments; `damping` as in `as_damping`, relative to the arm's ellipsoids at 4096 samples."""
         if not callable(getattr(arm, "ellipsoids", None)):
             raise InvalidInputError(f"arm must be an arm, such as maniport.load_arm('panda'); found {arm!r}")
-        known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(DAMPING_SAMPLES, 0), spec), positive)
+        known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(4096, 0), spec), positive)
         return cls(arm, spec, known, position_weight)
 
     def keeping(self, keep: str, weight: float) -> "Objective":

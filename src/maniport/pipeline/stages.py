@@ -33,7 +33,7 @@ from maniport.motion import (
     plan_motion,
     track,
 )
-from maniport.motion.arm_model import why_not_trackable
+from maniport.motion.arm_model import require_trackable
 from maniport.motion.effort import as_effort
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.motion.trajectory import Clearance
@@ -118,8 +118,10 @@ def _planner(settings: Settings, generator: np.random.Generator) -> Planner | No
     if settings.motion is None:
         return None
     for arm, spec in zip(settings.arms, settings.specs, strict=True):
-        if reason := why_not_trackable(arm, spec):
-            warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
+        try:
+            require_trackable(arm, spec)
+        except InvalidInputError as error:
+            warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
             return None
     settings.progress("Sample robot", 0.0)
     planner = planner_of(settings.motion, settings.spec.velocity, generator)
