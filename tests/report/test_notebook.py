@@ -1,10 +1,10 @@
 """What a notebook and a prompt show of objects: small, escaped tables of facts, and short lines."""
 
 import warnings
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from pages import Page
 from sklearn.base import clone
 
 import maniport as mp
@@ -14,32 +14,6 @@ from maniport.transfer import Search
 from sizes import motion_alone
 
 TIME = np.linspace(0.0, 1.0, 11)
-
-
-class Reader(HTMLParser):
-    """Collects text, tags and attributes, and sees to it that every tag is closed."""
-
-    def __init__(self, html):
-        super().__init__()
-        self.open, self.tags, self.styles, self.text = [], set(), set(), []
-        self.feed(html)
-        self.close()
-        assert not self.open
-
-    def handle_starttag(self, tag, attrs):
-        """Note what opens."""
-        self.open.append(tag)
-        self.tags.add(tag)
-        assert {name for name, _ in attrs} <= {"style"}
-        self.styles |= {value for _, value in attrs}
-
-    def handle_endtag(self, tag):
-        """Compare with what is open."""
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        """Note a text."""
-        self.text.append(data)
 
 
 @pytest.fixture(scope="module")
@@ -72,12 +46,15 @@ def test_html_is_small_whole_and_colorless(objects):
     """Less than 12 kB, a run 28; tags closed, nothing loaded, no colors: readable on every ground."""
     for name, thing in objects.items():
         html = thing._repr_html_()
-        reader = Reader(html)
+        page = Page(html)
+        assert page.open == []
+        styles = [attributes.get("style", "") for _, attributes in page.elements]
+        assert all(set(attributes) <= {"style"} for _, attributes in page.elements)
         assert len(html) < (28_000 if name == "TransferResult" else 12_000)
-        assert reader.tags <= {"div", "b", "table", "thead", "tbody", "tr", "th", "td"}
-        assert not any("color" in style or "background" in style for style in reader.styles)
-        assert reader.text[0] == name
-        assert "nan" not in reader.text
+        assert {tag for tag, _ in page.elements} <= {"div", "b", "table", "thead", "tbody", "tr", "th", "td"}
+        assert not any("color" in style or "background" in style for style in styles)
+        assert page.text[0] == name
+        assert "nan" not in page.text
 
 
 def test_everything_is_escaped():

@@ -4,11 +4,10 @@ import base64
 import hashlib
 import json
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from pages import map_with, page_of
+from pages import Page, map_with, page_of
 from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
@@ -19,34 +18,6 @@ from maniport.report.values import Metric, Table
 
 NAMES = {"person": "person", "target": "target", "achieved": "achieved"}
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
-VOID = {"meta", "link", "img", "br", "input", "hr"}
-
-
-class Page(HTMLParser):
-    """Elements of a page, the texts of its scripts, and whether every element is closed."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.elements, self.scripts, self.styles = [], [], [], []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        """Keep an element."""
-        self.elements.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag):
-        """Require that it closes what was opened last."""
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        """Keep scripts and styles."""
-        if self.open[-1:] == ["script"]:
-            self.scripts.append((self.elements[-1][1], data))
-        if self.open[-1:] == ["style"]:
-            self.styles.append(data)
 
 
 @pytest.fixture(scope="module")
