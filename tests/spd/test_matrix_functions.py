@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
@@ -12,7 +10,6 @@ from maniport.errors import NotSPDError
 from maniport.spd.matrix_functions import logarithm
 
 sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
-seeds = given(seed=st.integers(0, 2**32 - 1))
 
 
 @sizes
