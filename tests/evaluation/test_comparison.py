@@ -10,7 +10,7 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
 from maniport.evaluation.baselines import IDENTITY, LOOKUP, ROWS, TRANSPORT
-from maniport.report import as_markdown, as_numbers, facts_of
+from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.rigid_adapter import RigidMap
 
 
@@ -60,7 +60,7 @@ def test_the_truth_is_recognized(evaluation):
 
 def test_the_report_has_plain_numbers_and_a_line_for_every_row(evaluation):
     """The numbers are ready for JSON, and the table is rectangular."""
-    facts = facts_of(evaluation)
+    facts = report_of(evaluation)
     table = json.loads(json.dumps(as_numbers(facts), allow_nan=False))["evaluation"]["rows"]
     assert table["icp"]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
     body = [line for line in as_markdown(facts).splitlines() if line.startswith("|")]
@@ -74,7 +74,7 @@ def test_the_adapter_stays_and_the_seed_decides(problem):
     adapter = ParallelTransport(damping=0.01).fit(teacher, student)
     before = adapter.transform(profile)
     first, again = (evaluate(adapter, teacher, student, profile, random_state=3) for _ in range(2))
-    assert as_numbers(facts_of(first)) == as_numbers(facts_of(again))
+    assert as_numbers(report_of(first)) == as_numbers(report_of(again))
     np.testing.assert_array_equal(adapter.transform(profile), before)
 
 

@@ -51,7 +51,7 @@ def compare_methods(
 
 
 @describe.register
-def comparison_facts(comparison: Comparison) -> Report:
+def comparison_report(comparison: Comparison) -> Report:
     """Tell of all methods, in short and motion by motion."""
     tables = (
         replace(evaluation_section(one, explained=not index), title=motion, key=motion, metrics=())
