@@ -19,7 +19,7 @@ METRIC_ARGUMENTS = {
     "geodesic": ("a", "b", "t"),
 }
 UNARY = {
-    "points": ["logm", "power", "sqrtm", "invsqrtm", "axes", "lengths", "volume", "condition", "mean", "dispersion"],
+    "points": ["logm", "powm", "sqrtm", "invsqrtm", "axes", "lengths", "volume", "condition", "mean", "dispersion"],
     "symmetric": ["expm", "to_vector"],
 }
 TANGENTS = {"tangent", "first", "second", "symmetric"}
@@ -51,7 +51,7 @@ def cases():
             kinds = dict(BAD) if name in TANGENTS else BAD | NOT_SPD
             if function in ("axes", "lengths", "volume"):  # these take singular ellipsoids
                 del kinds["singular"]
-            good = {"exponent": 2.0} if function == "power" else {}
+            good = {"exponent": 2.0} if function == "powm" else {}
             for kind, (value, message) in kinds.items():
                 yield pytest.param(getattr(spd, function), good, name, value, message, id=f"{function}-{kind}")
 
@@ -143,4 +143,4 @@ def test_exponents_must_be_numbers():
     """A power takes one finite number."""
     for value in (np.nan, "two", [1.0, 2.0], None):
         with pytest.raises(InvalidInputError, match=r"^exponent must be"):
-            spd.power(EYE, value)
+            spd.powm(EYE, value)
