@@ -9,9 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.spd.ellipsoid import axis_over_time, line_angles
 
-sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
-seeds = given(seed=st.integers(0, 2**32 - 1))
-
 
 def test_singular_ellipsoids_have_axes_of_length_zero():
     """A flat ellipsoid has a zero axis and no volume, but its condition number is refused."""

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
@@ -12,7 +10,6 @@ from maniport.errors import NotSPDError
 from maniport.spd.matrix_functions import logarithm
 
 sizes = pytest.mark.parametrize(("d", "shape"), [(2, ()), (3, (5,)), (6, (2, 3)), (12, (5,))])
-seeds = given(seed=st.integers(0, 2**32 - 1))
 
 
 @sizes
@@ -20,7 +17,7 @@ def test_results_are_exactly_symmetric(d, shape, random_spd, random_symmetric):
     """Rounding never leaves a result asymmetric."""
     rng = np.random.default_rng(2)
     x, tangent = random_spd(rng, shape, d), random_symmetric(rng, shape, d)
-    for result in (spd.logm(x), spd.expm(tangent), spd.sqrtm(x), spd.invsqrtm(x), spd.power(x, 0.3)):
+    for result in (spd.logm(x), spd.expm(tangent), spd.sqrtm(x), spd.invsqrtm(x), spd.powm(x, 0.3)):
         assert_array_equal(result, np.swapaxes(result, -1, -2))
 
 
@@ -33,14 +30,14 @@ def test_matrix_functions_agree_with_scipy(d, random_spd, random_symmetric):
     assert_allclose(spd.expm(tangent), scipy.linalg.expm(tangent), rtol=1e-11, atol=1e-11)
     assert_allclose(spd.sqrtm(x), scipy.linalg.sqrtm(x), atol=1e-10)
     assert_allclose(spd.invsqrtm(x), scipy.linalg.inv(scipy.linalg.sqrtm(x)), atol=1e-10)
-    assert_allclose(spd.power(x, 0.37), scipy.linalg.fractional_matrix_power(x, 0.37), atol=1e-10)
+    assert_allclose(spd.powm(x, 0.37), scipy.linalg.fractional_matrix_power(x, 0.37), atol=1e-10)
 
 
 def test_exponent_out_of_range_is_refused():
     """A power or exponential beyond the floating-point numbers is an error, not inf or zero."""
     for exponent in (5000.0, -5000.0):
         with pytest.raises(ValueError, match="exponent takes the result out of range"):
-            spd.power(2 * np.eye(3), exponent)
+            spd.powm(2 * np.eye(3), exponent)
         with pytest.raises(ValueError, match="symmetric takes the result out of range"):
             spd.expm(exponent * np.eye(3))
 

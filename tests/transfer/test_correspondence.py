@@ -19,7 +19,6 @@ from maniport.util.files import load_arrays, save_arrays
 pytestmark = pytest.mark.filterwarnings("ignore::maniport.errors.IdentifiabilityWarning")
 
 kinds = pytest.mark.parametrize("kind", CORRESPONDENCES)
-one_way = pytest.mark.parametrize("kind", ["ellipsoid", "log-ellipsoid", "geodesic"])
 
 
 def chosen(kind, direction="teacher", **options):

@@ -107,7 +107,7 @@ def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
         spd.transport(points, start, end) for points in (teacher, new)
     )  # E X Eᵀ, of points as of tangents
     recentered = spd.whiten(moved_new, spd.mean(moved))
-    wanted = spd.unwhiten(spd.power(recentered, adapter.dispersion_ratio_), spd.mean(student))
+    wanted = spd.unwhiten(spd.powm(recentered, adapter.dispersion_ratio_), spd.mean(student))
     assert relative_error(adapter.transform(new), wanted) < 1e-8
 
 

@@ -9,8 +9,6 @@ from maniport.spd.ellipsoid import axes, condition, lengths, volume
 from maniport.spd.matrix_functions import expm, from_vector, invsqrtm, logm, powm, sqrtm, to_vector
 from maniport.spd.mean import dispersion, mean, unwhiten, whiten
 
-power = powm
-
 __all__ = [
     "axes",
     "condition",
@@ -26,7 +24,6 @@ __all__ = [
     "log",
     "logm",
     "mean",
-    "power",
     "powm",
     "sqrtm",
     "to_vector",

@@ -1,26 +1,10 @@
 """Comparing two clouds of SPD matrices as distributions."""
 
-from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from maniport.errors import InvalidInputError
 from maniport.spd.kernels import congruence
 from maniport.spd.matrix_functions import logarithm, roots, to_vector
-from maniport.spd.mean import mean
-from maniport.util.validation import Array, as_points, as_spd
-
-
-def energy_distance(a: ArrayLike, b: ArrayLike, center: ArrayLike | None = None) -> float:
-    """Energy distance 2 E|x − y| − E|x − x'| − E|y − y'| of two clouds, between their log-vectors about one center."""
-    first = as_points(a, "a", minimum=1, copy=False)
-    other = as_points(b, "b", first.shape[-1], minimum=1, copy=False)
-    if center is None:
-        middle = mean(other)
-    else:
-        middle = as_spd(center, "center", first.shape[-1])
-        if middle.ndim != 2:
-            raise InvalidInputError(f"center must be one matrix, shape (d, d); found shape {middle.shape}")
-    return energy_between(log_vectors(first, middle), log_vectors(other, middle))
+from maniport.util.validation import Array
 
 
 def log_vectors(points: Array, center: Array) -> Array:
@@ -29,7 +13,7 @@ def log_vectors(points: Array, center: Array) -> Array:
 
 
 def energy_between(x: Array, y: Array, within_y: float | None = None) -> float:
-    """Energy distance of two sets of vectors (n, k) and (m, k); `within_y` is E|y − y'| where it is known already."""
+    """Energy distance 2 E|x − y| − E|x − x'| − E|y − y'| of vectors (n, k) and (m, k); `within_y` is the last term."""
     within = mean_distance(y) if within_y is None else within_y
     # the expression is not negative, but its three sums round differently
     return max(0.0, 2.0 * mean_distance(x, y) - mean_distance(x) - within)

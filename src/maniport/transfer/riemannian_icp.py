@@ -13,7 +13,7 @@ from maniport.transfer.adapter_file import Attribute, Schema, as_indices
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.algorithm import ICP
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.initialization import Initialization
+from maniport.transfer.icp.initialization import initial_rotations
 from maniport.transfer.icp.search import Search, is_improvement
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
 from maniport.transfer.rigid_adapter import RigidAdapter
@@ -133,8 +133,8 @@ class RiemannianICP(RigidAdapter):
         rotations = [first]
         multi_start = self.base_rotation is None and search.n_starts > 0 and d <= LARGEST_EXAMINED
         if multi_start or pairs is not None:
-            initialization = Initialization(first, as_generator(self.random_state))
-            rotations = initialization.rotations(matched_t, matched_s, recentered_pairs)
+            random = as_generator(self.random_state)
+            rotations = initial_rotations(first, matched_t, matched_s, random, recentered_pairs)
         icp = ICP(matched_t, matched_s, correspondence_of(self.correspondence), search.tol, recentered_pairs)
         start, best = search.run(icp, rotations[0], rotations[1:] if multi_start else [])
         pair = CloudPair(*clouds)

