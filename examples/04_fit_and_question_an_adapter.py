@@ -16,7 +16,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.report import figures
-from maniport.report.renderings import write_facts
+from maniport.report.renderings import write_report
 
 WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # up, as the table has it, points out of the wall
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
@@ -59,17 +59,18 @@ def main(folder):
 
     # Is it better than doing nothing? The same measures for the identity baseline and other cheap alternatives.
     chosen, pairs = fits["ICP, five pairs"], (few, hung(few))
-    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0, draws=0)
+    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0)
     summary = evaluation.summary
     print(f"take {summary.recommended}: {summary.measure} {summary.best_value:.3f}, identity {summary.identity:.3f}")
-    write_facts(folder / "evaluation.md", mp.report.facts_of(evaluation))
+    write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
     # A file for later; the map is exact there and back.
     chosen.save(folder / "adapter.npz")
     again = mp.load_adapter(folder / "adapter.npz")
     there = again.transform(profile)
     print(f"there and back from the file: off by {np.abs(again.inverse_transform(there) - profile).max():.1e}")
-    figures.save(figures.ellipsoid_views(profile, there, truth), folder / "adapted.png")
+    rows, numbers = {"teacher": profile, "adapted": there, "truth": truth}, np.arange(1, len(profile) + 1)
+    figures.save(figures.ellipsoids(numbers, rows, axis="number of the ellipsoid"), folder / "adapted.png")
     print(f"the adapter, the evaluation and a figure are in {folder}")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import maniport as mp
 from maniport.evaluation import Evaluation
 from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
-from maniport.report.metrics import facts_of
+from maniport.report.metrics import report_of
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report
@@ -71,7 +71,7 @@ def main() -> None:
         options.details.write_text(details(results), encoding="utf-8")
     if options.json is not None:
         reports = {
-            f"{motion}, {method}": as_numbers(facts_of(evaluation))
+            f"{motion}, {method}": as_numbers(report_of(evaluation))
             for (motion, method), (_, evaluation) in results.items()
         }
         options.json.write_text(json.dumps(reports, indent=1, allow_nan=False), encoding="utf-8")

@@ -197,16 +197,17 @@ def test_every_command_has_help_with_an_example(run):
 
 
 class AskedError(Exception):
-    """Arguments of the library, instead of the work."""
+    """Configuration that the library gets, instead of the work."""
 
 
 @pytest.fixture
 def track(run, monkeypatch, tmp_path):
-    """Call `maniport track` with options; return exit code, standard error, and the arguments of the library."""
+    """Call `maniport track` with options; return exit code, standard error, and the configuration of the library."""
     save_ellipsoids(tmp_path / "p.npz", np.tile(np.eye(3), (3, 1, 1)), [0.0, 1.0, 2.0])
 
-    def asked(*_, **options):
-        raise AskedError(options)
+    def asked(arm, profiles, time, paths, config, **_):
+        config.motion.control(arm)
+        raise AskedError(config.motion)
 
     monkeypatch.setattr(pipeline, "follow_profile", asked)
 
@@ -215,7 +216,7 @@ def track(run, monkeypatch, tmp_path):
             code, _, err = run("track", tmp_path / "p.npz", "-o", tmp_path / "out", "--quiet", *words)
         except AskedError as caught:
             return 0, "", caught.args[0]
-        return code, err, {}
+        return code, err, None
 
     return call
 
@@ -226,13 +227,14 @@ def test_units_of_the_command_line_are_converted(track):
     words = ("--position-tolerance", 12, "--speed-scale", 0.5, "--joint-limit-margin", 5, "--home", home, "--table", 0)
     code, err, asked = track(*words, "--orientation", "0,0,-1")
     assert (code, err) == (0, "")
-    assert asked["position_tolerance"] == pytest.approx(0.012)
-    assert asked["speed_scale"] == 0.5
-    assert asked["direction"] == (0.0, 0.0, -1.0)
-    np.testing.assert_allclose(asked["home"], np.radians([float(word) for word in home.split(",")]))
+    assert asked.position_tolerance == pytest.approx(0.012)
+    assert asked.speed_scale == 0.5
+    assert asked.orientation == (0.0, 0.0, -1.0)
+    np.testing.assert_allclose(asked.home, np.radians([float(word) for word in home.split(",")]))
     lower = panda.lower + 0.05 * (panda.upper - panda.lower)
-    np.testing.assert_allclose(asked["motion_limits"].lower, lower, atol=1e-12)
-    assert "table" in np.array(asked["collisions"].pairs)
+    control = asked.control(panda)
+    np.testing.assert_allclose(control.motion_limits.lower, lower, atol=1e-12)
+    assert "table" in np.array(control.collisions.pairs)
 
 
 @pytest.mark.parametrize(

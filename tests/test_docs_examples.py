@@ -20,7 +20,7 @@ import maniport
 import ros_stand_in
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
-from maniport.pipeline.transfer import checked
+from maniport.pipeline.transfer import settings_of
 from maniport.util.defaults import AUTO
 from real_robots import HERE, MISSING
 from sizes import SMALL
@@ -59,11 +59,8 @@ def short_work():
         named = "parallel-transport" if method == AUTO else method
         return transfer_recording(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
 
-    def small(*arguments, **job):
-        return checked(*arguments, **{**job, **SMALL})
-
     with (
-        mock.patch("maniport.batch.inputs.checked", small),
+        mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
         mock.patch("maniport.batch.run.cores", return_value=1),
         mock.patch("maniport.pipeline.transfer_recording", quick),
         mock.patch.object(maniport, "transfer_recording", quick, create=True),

@@ -223,12 +223,12 @@ def test_collision_shapes_stand_in_for_missing_meshes(digger):
     digger.write_text(text.replace('filename="boom.stl"', 'filename="gone.stl"'))
     arm = load_arm(digger, frame="bucket")
     lamp = 0.02**3
-    assert arm.geometry.stand_ins() == ("boom",)
-    assert whole.geometry.stand_ins() == ()
+    assert arm.geometry.stand_ins == ("boom",)
+    assert whole.geometry.stand_ins == ()
     found = [volume(surface) for surface in arm.surfaces(None)]
     assert found[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
     assert [found[0], found[2]] == [volumes[0], volumes[2]]
-    assert Arm(mirrored(arm.chain)).geometry.stand_ins() == ("boom",)
+    assert Arm(mirrored(arm.chain)).geometry.stand_ins == ("boom",)
     digger.write_text(digger.read_text().replace('<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'))
     with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 1"):
         load_arm(digger, frame="bucket").surfaces()

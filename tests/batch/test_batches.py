@@ -24,8 +24,9 @@ from maniport.batch.inputs import Source, find_recordings, find_robots
 from maniport.batch.pair import Order, Task, work
 from maniport.batch.table import failed_row, write_tables
 from maniport.cli import app
-from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError
+from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError, UnknownNameError
 from maniport.mocap import shipped_recording
+from maniport.pipeline.config import BATCH
 
 SMALL = {"method": "parallel-transport", "n_teacher": 32, "n_student": 64, "move": False, "collisions": False}
 PART = {"start": 1.0, "stop": 1.5}
@@ -35,13 +36,13 @@ NAMES = ("anna/1.c3d", "anna/2.c3d", "ben/1.c3d", "ben/2.c3d")
 RUN = f"""
 import sys, maniport as mp
 if __name__ == "__main__":
-    mp.transfer_batch([sys.argv[1]], {ROBOTS!r}, sys.argv[2], processes=2, reading={PART!r}, **{SMALL!r})
+    mp.transfer_batch([sys.argv[1]], {ROBOTS!r}, sys.argv[2], processes=2, **{SMALL | PART!r})
 """
 
 
 def small(recordings, output, **more):
     """A batch that takes a moment."""
-    return mp.transfer_batch(recordings, ROBOTS, output, **{"processes": 1, "reading": PART} | SMALL | more)
+    return mp.transfer_batch(recordings, ROBOTS, output, **{"processes": 1} | PART | SMALL | more)
 
 
 def read_table(folder):
@@ -113,8 +114,8 @@ def test_finished_pairs_are_not_repeated(whole, recordings, tmp_path):
     assert tree(folder) == tree(whole.folder)
     with pytest.raises(OutputError, match=r"damping 0\.01, now 0\.02.*overwrite="):
         small([recordings], folder, damping=0.02)
-    with pytest.raises(OutputError, match=r"reading\.stop 1\.5, now 1\.75; profile_rate 10\.0, now 5\.0;"):
-        small([recordings], folder, reading={"start": 1.0, "stop": 1.75}, profile_rate=5)
+    with pytest.raises(OutputError, match=r"stop 1\.5, now 1\.75; profile_rate 10\.0, now 5\.0;"):
+        small([recordings], folder, stop=1.75, profile_rate=5)
     assert tree(folder) == tree(whole.folder)
     for name, text in (("summary.md", "mine"), ("pair.json", '{"key": 1, "row": {}}')):
         (folder / "panda" / "anna" / "1.c3d" / name).write_text(text)
@@ -289,15 +290,16 @@ def test_each_robot_has_a_folder_of_its_own():
     for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
         arms.append(panda.narrowed(panda.lower + 1e-3 * k, panda.upper))
         arms[-1].name = name
-    found = find_robots([*arms, arms[1]], "identity", {"collisions": False}, ["adapters"])
+    found = find_robots([*arms, arms[1]], BATCH.changed(method="identity", collisions=False), ["adapters"])
     assert [robot.name for robot in found] == ["a-b", "a-b-2", "A-b-3", "robot", "adapters-2"]
 
 
 def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
     """What was read is what stands in the key, or nothing is written."""
     source = Source("1.c3d", recordings / "anna" / "1.c3d")
-    order = Order(tmp_path, PART, 10.0, {}, False, False)
-    robots = tuple(find_robots(["panda"], "identity", {"collisions": False}, ()))
+    config = BATCH.changed(method="identity", collisions=False, **PART)
+    order = Order(tmp_path, config.human, 10.0, {}, False, False)
+    robots = tuple(find_robots(["panda"], config, ()))
     assert "changed" in work(Task(order, source, "another", robots, ("key",)))[0]["reason"]
     assert not list(tmp_path.iterdir())
 
@@ -325,11 +327,11 @@ def test_digests_tell_contents_apart(tmp_path):
     ("error", "more"),
     [
         (OutputError, {}),
-        (InvalidInputError, {"exports": "vhs"}),
+        (InvalidInputError, {"move": True, "export": "vhs"}),
         (InvalidInputError, {"dask": "x:1", "ray": True}),
-        (InvalidInputError, {"reading": {"speed": 3}}),
+        (InvalidInputError, {"side": "both"}),
         (InvalidInputError, {"processes": 0}),
-        (TypeError, {"speed": 3}),
+        (UnknownNameError, {"speed": 3}),
     ],
 )
 def test_wrong_arguments_are_refused_before_work(recordings, tmp_path, error, more):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.report.page import Line, Panel, write_page
 from maniport.report.page.animation import animation_of
 
@@ -17,4 +17,4 @@ def write_page_with_speed(path, result):
     panel = Panel("End-effector speed", "m/s", (Line("", speed),), "Speed during the robot's motion.")
     animation = animation_of(result)
     animation = replace(animation, panels={**animation.panels, "Speed": (panel,)})
-    write_page(path, facts_of(result), {"motion": [animation]})
+    write_page(path, report_of(result), {"motion": [animation]})

@@ -5,20 +5,20 @@ import itertools
 import os
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from maniport.arms import Arm, EllipsoidSpec, load_arm
+from maniport.arms import Arm
 from maniport.batch.content import as_setting, digest
-from maniport.errors import InvalidInputError, as_text
+from maniport.errors import InvalidInputError, argument, as_text
 from maniport.mocap import shipped_recording
 from maniport.mocap.readers import SHIPPED
-from maniport.pipeline.transfer import checked
-from maniport.pipeline.values import MotionSettings, Settings
+from maniport.pipeline.config import OPTIONS, Config
+from maniport.pipeline.transfer import settings_of
+from maniport.pipeline.values import Settings
 from maniport.report.renderings import SUMMARY
-from maniport.transfer import DomainAdapter
-from maniport.util.defaults import BATCH_EFFORT, BATCH_RATE, RECORDINGS
+from maniport.util.defaults import BOTH, RECORDINGS
 from maniport.version import __version__
 
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
@@ -39,12 +39,12 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot of a batch, with all that it shall do."""
+    """A robot of a batch with its options."""
 
-    name: str  # Of its folder
+    name: str  # of its folder
     job: Settings
-    key: str  # Digest of the job
-    settings: Mapping[str, str]  # The job by names of arguments, as text
+    key: str  # digest of the job
+    settings: Mapping[str, str]  # options as text by name
 
 
 def find_recordings(given: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
@@ -128,43 +128,34 @@ def _clashing(names: Sequence[str]) -> set[str]:
     return clashing
 
 
-def find_robots(
-    given: Sequence[RobotInput], method: str | DomainAdapter, settings: Mapping[str, Any], taken: Collection[str]
-) -> list[Robot]:
-    """Load robots and check their jobs; each once, with a name of its own that is none of those taken."""
-    if isinstance(given, str | Path | Arm) or not len(given):
+def find_robots(robots: Sequence[RobotInput], config: Config, taken: Collection[str]) -> list[Robot]:
+    """Load robots and check their options; each once, with a name of its own that is none of those taken."""
+    if isinstance(robots, str | Path | Arm) or not len(robots):
         raise InvalidInputError("robots must be a sequence of at least one robot")
-    usual = {"planning_effort": BATCH_EFFORT, "rate": BATCH_RATE}
+    if config.human.side == BOTH:
+        raise InvalidInputError(f"{argument('side', BOTH)} is an option of single transfers; a batch has one arm")
     found, names = dict[str, Robot](), {name.casefold() for name in taken}
-    for robot in given:
-        arm, own = robot if isinstance(robot, tuple) else (robot, {})
-        arm = arm if isinstance(arm, Arm) else load_arm(arm)
-        job = checked(arm, method=method, **{**usual, **settings, **own})
+    for robot in robots:
+        name, own = robot if isinstance(robot, tuple) else (robot, {})
+        options = config.changed(**{"robot": name, **own})
+        job = settings_of(options)
         key = digest(__version__, job)
         if key not in found:
-            found[key] = Robot(_as_folder(arm.name, names), job, key, _settings(job))
+            found[key] = Robot(_as_folder(job.robot.name, names), job, key, _as_texts(options, job))
     return list(found.values())
 
 
-def _settings(job: Settings) -> dict[str, str]:
-    """Return all settings of a robot's pairs by their names as arguments, as text."""
-    found: dict[str, Any] = {"maniport": __version__}
-    for name, value in _fields(job).items():
-        if isinstance(value, DomainAdapter):
-            found |= {"method": type(value).__name__, **value.get_params(deep=False)}
-        elif isinstance(value, MotionSettings):
-            found |= _fields(value.plan) | dict(value.tracking)
-        elif isinstance(value, Mapping):  # of the person, or of a method that is selected
-            found |= value
-        elif isinstance(value, EllipsoidSpec):
-            found |= _fields(value)
-        elif name != "progress":
-            found[name] = value
-    return {name: as_setting(value) for name, value in found.items()}
-
-
-def _fields(value: Any) -> dict[str, Any]:
-    return {field.name: getattr(value, field.name) for field in fields(value)}
+def _as_texts(config: Config, job: Settings) -> dict[str, str]:
+    """Return all options as text by name; contents stand for files."""
+    values: dict[str, Any] = {
+        name: getattr(getattr(config, section) if section else config, name)
+        for name, (section, described) in OPTIONS.items()
+        if not described.is_file
+    }
+    values |= {"maniport": __version__, "robot": job.robot, "markers": job.person["markers"]}
+    if job.motion is not None:
+        values |= {"limits": job.motion.plan.motion_limits, "collisions": job.motion.plan.collisions}
+    return {name: as_setting(value) for name, value in values.items()}
 
 
 def _as_folder(name: str, taken: set[str]) -> str:

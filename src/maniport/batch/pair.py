@@ -18,11 +18,12 @@ from maniport.batch.content import as_setting, digest
 from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
-from maniport.mocap import ArmFit, Recording, read_recording
+from maniport.mocap import ArmFit
 from maniport.pipeline import stages
+from maniport.pipeline.options import HumanOptions
 from maniport.pipeline.transfer import recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
-from maniport.report.metrics import facts_of
+from maniport.report.metrics import report_of
 from maniport.report.write import RUN_FILES, write_run
 from maniport.transfer import DomainAdapter, load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
@@ -43,7 +44,7 @@ class Order:
     """What is the same for all pairs."""
 
     output: Path
-    reading: Mapping[str, Any]  # Options of `read_part`
+    human: HumanOptions  # options of reading
     profile_rate: float  # Ellipsoids a second, at most [Hz]
     exports: Mapping[str, str]  # Files by formats
     pages: bool
@@ -76,9 +77,8 @@ def content_of(source: Source) -> str:
 
 def settings_of(order: Order, content: str, robot: Robot) -> dict[str, str]:
     """Return all that determines the result of a pair, as text by name: robot, recording, all settings, version."""
-    also = {f"reading.{name}": value for name, value in order.reading.items()}
-    also |= {"profile_rate": order.profile_rate, "exports": order.exports, "pages": order.pages}
-    return {**robot.settings, **{name: as_setting(value) for name, value in also.items()}, "recording": content}
+    own = {"profile_rate": as_setting(order.profile_rate), "pages": as_setting(order.pages), "recording": content}
+    return {**robot.settings, **own}
 
 
 def kept_row(order: Order, source: Source, robot: Robot, settings: Mapping[str, str]) -> dict[str, Any] | None:
@@ -140,7 +140,7 @@ def work(task: Task) -> list[dict[str, Any]]:
             begun = clock.process_time()
             try:
                 if not human:
-                    recording = read_part(task.source.path, **task.order.reading)
+                    recording = task.order.human.read(task.source.path)
                     if content_of(task.source) != task.content:
                         raise ManiportError(f"{task.source.path}: it was changed meanwhile; start again")
                     fitted, texts = recorded(partial(stages.fit_human, recording, robot.job))
@@ -158,19 +158,6 @@ def reason(error: Exception) -> str:
     return str(error) if isinstance(error, ManiportError) else f"unexpected {type(error).__name__}: {error}"
 
 
-def read_part(
-    path: Path,
-    unit: str | None = None,
-    up: str | None = None,
-    rate: float | None = None,
-    start: float | None = None,
-    stop: float | None = None,
-) -> Recording:
-    """The part of a recording that is meant."""
-    recording = read_recording(path, unit, up, rate)
-    return recording if start is None and stop is None else recording.crop(start, stop)
-
-
 def _pair(
     task: Task, robot: Robot, settings: Mapping[str, str], human: Human, texts: Warnings, begun: float
 ) -> dict[str, Any]:
@@ -184,7 +171,7 @@ def _pair(
         maps = (fitted,)
     result, own = recorded(partial(stages.transfer, human, sampled, maps, robot.job, baselines=selects))
     result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *own))))
-    facts, folder = facts_of(result), folder_of(order, task.source, robot)
+    facts, folder = report_of(result), folder_of(order, task.source, robot)
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:

@@ -1,6 +1,5 @@
 """Many recordings on many robots: each pair once, and what is done is not done again."""
 
-import inspect
 import json
 import os
 import time as clock
@@ -20,7 +19,6 @@ from maniport.batch.pair import (
     difference,
     folder_of,
     kept_row,
-    read_part,
     reason,
     settings_of,
     work,
@@ -28,11 +26,10 @@ from maniport.batch.pair import (
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.motion.exports import SCENE
-from maniport.pipeline.config import CONFIG
+from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
-from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import written_whole
-from maniport.util.defaults import BATCH_METHOD, BATCH_PROFILE_RATE
+from maniport.util.defaults import BATCH_PROFILE_RATE
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
 from maniport.util.validation import as_count, as_number
@@ -81,18 +78,16 @@ def transfer_batch(
     recordings: Sequence[str | os.PathLike[str]],
     robots: Sequence[RobotInput],
     output: str | os.PathLike[str],
+    config: Config | None = None,
     *,
-    method: str | DomainAdapter = BATCH_METHOD,
-    reading: Mapping[str, Any] | None = None,
     profile_rate: float = BATCH_PROFILE_RATE,
-    exports: str | Iterable[str] = (),
     pages: bool = False,
     processes: int | None = None,
     dask: str | None = None,
     ray: bool = False,
     overwrite: bool = False,
     progress: Progress | None = None,
-    **settings: Any,
+    **options: Any,
 ) -> Batch:
     """Transfer all recordings to all robots; write the results, a table of metrics and an overview to a folder.
 
@@ -106,17 +101,16 @@ def transfer_batch(
     recordings : sequence of str or path
         Files, folders, and patterns such as ``recordings/**/*.bvh``; see docs/batch.md.
     robots : sequence of Arm, str or Path
-        As `transfer_recording` takes them; or pairs of an arm and options of its own, such as its motion limits.
+        As `transfer_recording` takes them; or pairs of a robot and options of its own, such as its motion limits.
     output : str or path
         A new folder, or that of an earlier batch.
-    method : str or DomainAdapter
-        How the domains are mapped, for all pairs. With "auto" it is chosen anew by each recording, which takes longer.
-    reading : mapping, optional
-        What is said of all recordings: unit, up and rate as for `read_recording`, start and stop [s].
+    config : Config, optional
+        Options of all pairs. Default: planning effort "quick", a rate of 100 Hz and the length field, since
+        ``method="auto"`` selects a method for each recording, which takes longer.
     profile_rate : float
         At most so many ellipsoids a second of each recording are transferred and followed [Hz].
-    exports, pages
-        Formats of `write_results` in which motions are written besides; whether each pair gets figures and a report.
+    pages : bool
+        Whether each pair gets a report.
     processes : int, optional
         Default: as many as there are cores.
     dask, ray : str, bool
@@ -124,8 +118,8 @@ def transfer_batch(
     overwrite : bool
         Whether results of other recordings or settings are replaced.
     progress : callable, optional
-    **settings
-        Others of `transfer_recording`. Motions have by default the effort "quick" and 100 samples a second.
+    **options
+        Options by name, as in `transfer_recording`; they override those of `config`.
 
     Raises
     ------
@@ -141,8 +135,9 @@ def transfer_batch(
     folder = as_path(output, "output").resolve()
     found = find_recordings(recordings, without=folder)
     hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
-    order = Order(folder, _reading(reading or {}), hertz, _exports(exports, pages), pages, typed())
-    arms = find_robots(robots, method, settings, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
+    config = (config or BATCH).changed(**options)
+    order = Order(folder, config.human, hertz, _exports(config.motion.export, pages), pages, typed())
+    arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     _claim(folder)
     rows, step = dict[Pair, Row](), Step(tell, "Check earlier results")
     tasks = list(_tasks(order, found, arms, overwrite, rows, count))
@@ -181,14 +176,6 @@ def _exports(formats: str | Iterable[str], pages: bool) -> dict[str, str]:
     if SCENE in exports and not pages:
         raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
     return exports
-
-
-def _reading(given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of `read_part`."""
-    known = list(inspect.signature(read_part).parameters)[1:]
-    if unknown := sorted(set(given) - set(known)):
-        raise InvalidInputError(f"reading has no {unknown[0]!r}; there are {', '.join(known)}")
-    return {name: given.get(name) for name in known}
 
 
 def _claim(folder: Path) -> None:

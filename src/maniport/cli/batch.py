@@ -1,7 +1,6 @@
 """The command that transfers many recordings to many robots."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,22 +39,14 @@ def batch(
 ) -> None:
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
-    from maniport.pipeline.transfer import arguments_of
     from maniport.util.signals import raising
 
     config = config.changed(recording=recordings) if recordings else config
-    arms = [replace(config.robot, robot=(name,)).load() for name in config.robot.robot]
-    robots = [(arm, vars(config.motion.control(arm))) for arm in arms]
-    job = {name: value for name, value in arguments_of(config, arms[0]).items() if name not in robots[0][1]}
-    part = ("unit", "start", "stop")
-    reading = {name: getattr(config.human, name) for name in part}
-    reading |= {"up": config.human.vertical_axis, "rate": config.human.fps}
     try:
         with console.progress() as progress, raising():
             result = transfer_batch(
-                config.recording, robots, output, reading=reading, profile_rate=profile_rate,
-                exports=config.motion.export,
-                pages=pages, processes=processes, dask=dask, ray=ray, overwrite=overwrite, progress=progress, **job,
+                config.recording, config.robot.robot, output, config, profile_rate=profile_rate, pages=pages,
+                processes=processes, dask=dask, ray=ray, overwrite=overwrite, progress=progress,
             )  # fmt: skip
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)

@@ -2,12 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from maniport.cli.application import Output, Overwrite, command
-from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.pipeline.options import FREE
 from maniport.report.console import Console
@@ -36,7 +35,7 @@ def place(
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.motion.placement.placed_path import DATA_FILES
-    from maniport.report.metrics import facts_of
+    from maniport.report.metrics import report_of
     from maniport.util.atomic_io import require_free
     from maniport.util.files import load_ellipsoids, load_path
 
@@ -54,7 +53,7 @@ def place(
             rank=rank, random_state=config.seed, progress=progress,
         )  # fmt: skip
     placed.save(output, time, overwrite=overwrite)
-    console.tell(facts_of(placed), output=str(output))
+    console.tell(report_of(placed), output=str(output))
 
 
 @command(
@@ -80,28 +79,15 @@ def track(
     require_free(output, EXECUTION_FILES, overwrite)
     export_files(config.motion.export)
     arm = config.robot.load()
-    control, direction = vars(config.motion.control(arm)), _direction(config)
     target, time = load_ellipsoids(profile)
     positions, path_time = (None, None) if path is None else load_path(path)
     times, file = (path_time, path) if time is None else (time, profile)  # the times of one file are enough
     times = None if times is None else as_times(times, f"time in {str(file)!r}", fewest=2)
     with console.progress() as progress:
         result = follow_profile(
-            arm, [target], times, None if positions is None else [positions], place=place,
-            spec=config.transfer.spec, damping=config.transfer.damping or 0.0,
-            direction=direction, random_state=config.seed, progress=progress, **control,
-        )  # fmt: skip
+            arm, [target], times, None if positions is None else [positions], config, place=place, progress=progress
+        )
         files = tuple(str(file) for file in (profile, path) if file is not None)
-        result = replace(result, sources=files, config=config)
+        result = replace(result, sources=files)
         report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
     console.tell(report, output=str(output))
-
-
-def _direction(config: Config) -> Any:
-    """Return the target direction of the end effector's z axis; a profile has no hand to follow."""
-    orientation = config.motion.orientation
-    if orientation == FREE:
-        return None
-    if isinstance(orientation, str):
-        raise InvalidInputError(f"--orientation must be {FREE} or a vector without a person; found {orientation!r}")
-    return orientation

@@ -227,8 +227,9 @@ class MotionOptions(Options):
     obstacles: str | None = option(None, "YAML or JSON file of boxes", is_file=True, unchecked=True)
     srdf: str | None = option(None, "SRDF: link pairs not to check", is_file=True)
     export: tuple[str, ...] = option((), "ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
+    costs: tuple[Any, ...] = option((), "Further costs of the motion", unchecked=True, typed=False)
     tracking: Mapping[str, Any] | None = option(
-        None, "Settings of the controller, in Python", unchecked=True, typed=False
+        None, "Options of a controller that follows the plan", unchecked=True, typed=False
     )
 
     def __post_init__(self) -> None:

@@ -29,7 +29,7 @@ from maniport.motion import (
     RobotMotion,
     SeedBank,
     feasibility_gap,
-    place_paths,
+    place_path,
     plan_motion,
     track,
 )
@@ -65,11 +65,11 @@ BASELINES = ("identity", "mean-transport", "parallel-transport")
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
     """Read a recording."""
-    settings.progress("read the recording", 0.0)
+    settings.progress("Read recording", 0.0)
     motion = recording if isinstance(recording, Recording) else read_recording(recording)
     _require_frames(motion, len(motion), "frames")
     text = f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz"
-    settings.progress("read the recording", 1.0, text)
+    settings.progress("Read recording", 1.0, text)
     return motion
 
 
@@ -101,7 +101,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
     """Sample the robot's domains, and what the planner needs to know of it."""
     generator = np.random.default_rng(settings.random_state)
     planner = _planner(settings, generator)
-    step, count = "sample the robot's domain", settings.n_student
+    step, count = "Sample robot ellipsoids", settings.n_student
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
     robot, seed = settings.robot, settings.random_state + 1
@@ -121,10 +121,10 @@ def _planner(settings: Settings, generator: np.random.Generator) -> Planner | No
         if reason := why_not_trackable(arm, spec):
             warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
             return None
-    settings.progress("get to know the robot", 0.0)
+    settings.progress("Sample robot", 0.0)
     planner = planner_of(settings.motion, settings.spec.velocity, generator)
     text = " and ".join(f"{len(each.reachability_map)} postures" for each in planner.arms)
-    settings.progress("get to know the robot", 1.0, text)
+    settings.progress("Sample robot", 1.0, text)
     return planner
 
 
@@ -154,19 +154,19 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
             random_state=settings.random_state, progress=progress, **settings.adapter,
         )  # fmt: skip
         return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
-    progress("fit the adapter", 0.0)
+    progress("Fit transfer", 0.0)
     adapter = knowing(method_of(settings.adapter), settings.arms[arm], spec, bank, settings.random_state)
     adapter.fit(teacher, student)
     if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
         text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
         warnings.warn(text, ManiportWarning, stacklevel=2)
-    progress("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
+    progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
     return FittedMap(adapter, teacher, clock.perf_counter() - started)
 
 
 def sample_teacher(person: Arm, settings: Settings) -> Array:
     """Sample the domain of a person's arm, shape (n_teacher, d, d)."""
-    step, count = "sample the person's domain", settings.n_teacher
+    step, count = "Sample human ellipsoids", settings.n_teacher
     settings.progress(step, 0.0)
     domain = sample_domain(person, count, settings.random_state, spec=settings.spec)
     settings.progress(step, 1.0, f"{count} ellipsoids of {person.name}")
@@ -183,16 +183,16 @@ def place(
     """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
     assert targets.paths is not None
     rows, each = placement_rows(len(targets.time)), planner.arms
-    return place_paths(
+    return place_path(
         [path[rows] for path in targets.paths],
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in each],
         time=targets.time[rows],
-        wholes=targets.paths if whole else None,
+        whole=targets.paths if whole else None,
         turn=targets.turn,
         workspace=settings.plan.workspace,
-        reachability_maps=[own.reachability_map for own in each],
-        banks=[own.bank for own in each],
+        reachability_map=[own.reachability_map for own in each],
+        bank=[own.bank for own in each],
         planning_effort=settings.plan.planning_effort,
         spec=targets.spec,
         damping=targets.damping,
@@ -217,6 +217,7 @@ def plan(
         "spec": targets.spec,
         "damping": targets.damping,
         "planner": planner,
+        "costs": settings.costs,
         "pointwise_bests": placed.pointwise_bests,
         "random_state": generator,
     }
@@ -229,7 +230,7 @@ def plan(
     if rotations is not None:
         free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
     motion = planned(rotations, settings.progress)
-    if settings.tracking:
+    if settings.tracking is not None:
         motion = _tracked(motion, planner, rotations, settings)
     return Moved(motion, free, placements if settings.tips == PLACED else None)
 
@@ -238,6 +239,7 @@ def _tracked(
     planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: MotionSettings
 ) -> RobotMotion:
     """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
+    assert settings.tracking is not None
     (plan,) = planned.arms
     (motion,) = track(
         planner.arms[0].limits.arm,
@@ -308,7 +310,7 @@ def evaluate(
         if evaluation is None and baselines:
             evaluation = compared_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
-                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0, draws=0,
+                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0,
                 random_state=settings.random_state, progress=settings.progress,
             )  # fmt: skip
         transfers.append(

@@ -73,7 +73,7 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings) -> M
         _common_rotation([each.adapter.map_rotation_ for each in maps]),
     )
     if not isinstance(settings.orientation, str):
-        return replace(targets, direction=settings.orientation)
+        return replace(targets, direction=np.array(settings.orientation))
     if settings.orientation == FREE:
         return targets
     hands = [hand_rotations(fit.arm, fit.joint_angles) for fit in human.fits]

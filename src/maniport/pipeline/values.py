@@ -1,7 +1,7 @@
 """Values that the stages of the main job pass on; those of each arm are tuples over the arms."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.evaluation import Choice
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.motion import Placement, PlanControl, Planner, RobotMotion
+from maniport.motion import Cost, Placement, PlanControl, Planner, RobotMotion
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.transfer import DomainAdapter
 from maniport.util.progress import Progress
@@ -26,13 +26,14 @@ class MotionSettings:
     robot: Arm | ArmGroup
     plan: PlanControl  # resolved for the robot
     progress: Progress
-    tracking: Mapping[str, Any] = field(default_factory=dict)  # arguments of `track`; empty without a controller
+    costs: Sequence[Cost] = ()
+    tracking: Mapping[str, Any] | None = None  # arguments of `track`; None without a controller
     tips: str = PLACED
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """Checked settings of a run; `maniport.pipeline.transfer.checked` makes them."""
+    """Checked settings of a run; `maniport.pipeline.transfer.settings_of` makes them."""
 
     person: Mapping[str, Any]  # arguments of `fit_arm`
     robot: Arm | ArmGroup
@@ -41,7 +42,7 @@ class Settings:
     base_rotation: Array
     n_teacher: int
     n_student: int
-    orientation: str | Array  # a word, or the z axis of the end effector in the base frame
+    orientation: str | tuple[float, ...]  # a word, or the z axis of the end effector in the base frame
     motion: MotionSettings | None  # None where the robot is not moved
     random_state: int
     progress: Progress

@@ -174,7 +174,7 @@ class Collisions(NotebookDisplay):
     def stand_ins(self) -> tuple[str, ...]:
         """Links with collision shapes from the description, since visual meshes are missing."""
         arms = as_group(self.arm).arms
-        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins()))
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins))
 
     @property
     def table(self) -> float | None:

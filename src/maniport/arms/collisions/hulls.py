@@ -63,7 +63,7 @@ def parts_of(arm: Arm) -> tuple[Part, ...]:
 @lru_cache(maxsize=16)
 def _parts(geometry: Geometry) -> tuple[Part, ...]:
     meshes: dict[str, list[Mesh]] = {}
-    for link, mesh in geometry.shapes():
+    for link, mesh in geometry.shapes:
         meshes.setdefault(link, []).append(mesh)
     frames, attached = geometry.chain.frames, geometry.chain.attached
     links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(geometry.chain, name))))
@@ -89,7 +89,7 @@ def _hull_mesh(points: Array) -> Mesh:
 def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
     """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
     frames = arm.chain.frames
-    links = {link for link, _ in arm.geometry.shapes()}
+    links = {link for link, _ in arm.geometry.shapes}
     carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in links), None)
     tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
     return _hulls(part, fine, tip)

@@ -43,8 +43,6 @@ class Geometry:
     def __init__(self, chain: Chain, kinematics: Kinematics):
         self.chain = chain
         self._kinematics = kinematics
-        self._shapes: tuple[tuple[str, Mesh], ...] | None = None
-        self._stand_ins: tuple[str, ...] = ()
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
     def skeleton(self, positions: Array) -> Array:
@@ -67,8 +65,8 @@ class Geometry:
     def surfaces(self, most: int | None) -> tuple[Surface, ...]:
         """Return the surfaces of each joint, reduced to `most` triangles in total."""
         if most not in self._surfaces:
-            meshes = [mesh for _, mesh in self.shapes()]
-            joints = [self.chain.frames[link].joint for link, _ in self.shapes()]
+            meshes = [mesh for _, mesh in self.shapes]
+            joints = [self.chain.frames[link].joint for link, _ in self.shapes]
             if most is not None:
                 meshes, joints = fewer(meshes, joints, most)
             self._surfaces[most] = tuple(
@@ -76,19 +74,26 @@ class Geometry:
             )
         return self._surfaces[most]
 
+    @cached_property
     def shapes(self) -> tuple[tuple[str, Mesh], ...]:
-        """Return links, see `Chain.holds`, with their shapes in the frames of their joints."""
-        if self._shapes is None:
-            links = [link for link in self.chain.frames if self.chain.holds(link)]
-            shapes, stand_ins = [], []
-            for shape in () if self.chain.shapes is None else self.chain.shapes(links):
-                placement = self.chain.frames[shape.link].placement
-                points, triangles = shape.mesh
-                stand_ins += [shape.link] if shape.stand_in else []
-                shapes.append((shape.link, welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))))
-            self._shapes = tuple((link, mesh) for link, mesh in shapes if len(mesh[1]))
-            self._stand_ins = tuple(dict.fromkeys(stand_ins))
-        return self._shapes
+        """Links, see `Chain.holds`, with their shapes in the frames of their joints."""
+        return tuple((link, mesh) for link, mesh, _ in self._own_shapes if len(mesh[1]))
+
+    @cached_property
+    def stand_ins(self) -> tuple[str, ...]:
+        """Links with collision shapes, since visual meshes are missing."""
+        return tuple(dict.fromkeys(link for link, _, stand_in in self._own_shapes if stand_in))
+
+    @cached_property
+    def _own_shapes(self) -> list[tuple[str, Mesh, bool]]:
+        shapes = []
+        links = [link for link in self.chain.frames if self.chain.holds(link)]
+        for shape in () if self.chain.shapes is None else self.chain.shapes(links):
+            placement = self.chain.frames[shape.link].placement
+            points, triangles = shape.mesh
+            mesh = welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))
+            shapes.append((shape.link, mesh, shape.stand_in))
+        return shapes
 
     @cached_property
     def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
@@ -109,11 +114,6 @@ class Geometry:
             meshes.setdefault(shape.link, []).append(welded(shape.mesh))
         whole = {link: joined(parts) for link, parts in meshes.items()}
         return {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
-
-    def stand_ins(self) -> tuple[str, ...]:
-        """Return the links with collision shapes, since visual meshes are missing."""
-        self.shapes()
-        return self._stand_ins
 
 
 def _surface(joint: int, meshes: Sequence[Mesh]) -> Surface:
