@@ -1,53 +1,37 @@
-"""As much of ROS 2 as a page's node asks for: three messages come in, then none, and all is published within limits."""
+"""Stand-in for the parts of ROS 2 that the node of docs/live.md uses: three messages arrive, then none."""
 
 import time
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 
-FRAMES, PAUSE = 3, 0.03  # s
-
 
 class Node:
-    """Keeps what is subscribed, timed and published."""
+    """Keep callbacks, timers and published messages."""
 
     def __init__(self, name):
         self.callbacks, self.timers, self.sent = [], [], []
-
-    def create_publisher(self, kind, topic, depth):
-        """What publishes."""
-        return SimpleNamespace(publish=self.sent.append)
-
-    def create_subscription(self, kind, topic, callback, depth):
-        """Call back for each message."""
-        self.callbacks.append(callback)
-
-    def create_timer(self, period, callback):
-        """Call back again and again."""
-        self.timers.append(callback)
-
-    def get_clock(self):
-        """A clock in nanoseconds."""
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=time.monotonic_ns()))
-
-    def get_logger(self):
-        """A log that nobody reads."""
-        return SimpleNamespace(info=lambda text: None)
+        self.create_publisher = lambda *_: SimpleNamespace(publish=self.sent.append)
+        self.create_subscription = lambda kind, topic, callback, depth: self.callbacks.append(callback)
+        self.create_timer = lambda period, callback: self.timers.append(callback)
+        self.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=time.monotonic_ns()))
+        self.get_logger = MagicMock()
 
 
-def spin(node):
-    """Send markers, then let the timer run."""
+def spin(node, frames=3):
+    """Send markers, then call the timer."""
     arm = node.live.robot
-    for i in range(FRAMES):
+    for i in range(frames):
         markers = [
             SimpleNamespace(marker_name=name, translation=SimpleNamespace(x=0.1 * k, y=0.01 * k * k, z=1.0 + 0.01 * i))
             for k, name in enumerate(node.live.points)
         ]
         node.callbacks[0](SimpleNamespace(markers=markers))
-    time.sleep(PAUSE)
+    time.sleep(0.03)
     node.timers[0]()
     sent = np.array([message.data for message in node.sent])
-    assert sent.shape == (FRAMES + 1, arm.dof)
+    assert sent.shape == (frames + 1, arm.dof)
     assert np.all((sent >= arm.lower) & (sent <= arm.upper))
 
 

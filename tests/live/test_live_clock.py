@@ -5,23 +5,11 @@ import gc
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
+from toy import FakeClock, require_limits
 
 import maniport as mp
 
 TICK = 0.01
-
-
-class FakeClock:
-    """A clock that is moved by hand; each reading may take time, too."""
-
-    def __init__(self):
-        self.now, self.delays = 1000.0, []
-
-    def __call__(self):
-        """Return the time [s]."""
-        if self.delays:
-            self.now += self.delays.pop(0)
-        return self.now
 
 
 @pytest.fixture(scope="module")
@@ -55,19 +43,6 @@ def senders():
     cases |= {"bursts after stalls": (even, np.maximum.accumulate(stalled))}
     cases |= {"noise": (even, np.sort(even + draw.uniform(-TICK, TICK, 300)))}
     return cases
-
-
-def require_limits(limits, time, q):
-    """Velocities and accelerations between commands are within the limits; at the same time there is one command."""
-    time, q = np.asarray(time), np.asarray(q)
-    same = np.diff(time) == 0.0
-    assert (np.diff(q, axis=0)[same] == 0.0).all()
-    time, q = time[np.append(True, ~same)], q[np.append(True, ~same)]
-    steps = np.diff(time)[:, None]
-    velocity = np.diff(q, axis=0) / steps
-    acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
-    assert (np.abs(velocity) / limits.velocity).max() <= 1.0 + 1e-6
-    assert (np.abs(acceleration) / limits.acceleration).max() <= 1.0 + 1e-4
 
 
 @pytest.mark.parametrize("name", senders())

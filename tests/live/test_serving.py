@@ -12,8 +12,7 @@ import time
 
 import numpy as np
 import pytest
-from test_live_clock import FakeClock, require_limits
-from toy import NAMES, Ends, Toy, serving, wait
+from toy import NAMES, Ends, FakeClock, Toy, require_limits, serving, wait
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError

@@ -1,4 +1,4 @@
-"""A stand-in for `Live`, and a server that runs in a thread."""
+"""Stand-ins for `Live` and clocks, a server that runs in a thread, and the check of limits."""
 
 import contextlib
 import json
@@ -65,6 +65,33 @@ def serving(live, transport, every=False):
             signal.send(b"!")
             loop.join(60.0)
     assert not loop.is_alive()
+
+
+class FakeClock:
+    """A clock that is moved by hand; each reading may take time, too."""
+
+    def __init__(self):
+        self.now, self.delays = 1000.0, []
+
+    def __call__(self):
+        """Return the time [s]."""
+        if self.delays:
+            self.now += self.delays.pop(0)
+        return self.now
+
+
+def require_limits(limits, time, q, velocity_tolerance=1e-6, acceleration_tolerance=1e-4):
+    """Positions, velocities and accelerations of commands are within the limits; at equal times they are equal."""
+    time, q = np.asarray(time), np.asarray(q)
+    assert ((q >= limits.lower) & (q <= limits.upper)).all()
+    same = np.diff(time) == 0.0
+    assert (np.diff(q, axis=0)[same] == 0.0).all()
+    time, q = time[np.append(True, ~same)], q[np.append(True, ~same)]
+    steps = np.diff(time)[:, None]
+    velocity = np.diff(q, axis=0) / steps
+    acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
+    assert (np.abs(velocity) / limits.velocity).max() <= 1.0 + velocity_tolerance
+    assert (np.abs(acceleration) / limits.acceleration).max() <= 1.0 + acceleration_tolerance
 
 
 class Ends(contextlib.ExitStack):

@@ -193,17 +193,17 @@ def test_bad_input_is_told(panda, motion, change, error, words):
         track(panda, arguments.pop("profile"), **arguments)
 
 
-def test_arms_that_cannot_be_tracked_are_told(motion):
-    """Too few joints, coupled joints, and a bank of another arm raise errors that say so."""
-    profile = np.repeat(np.eye(3)[None], 3, axis=0)
+def test_arms_that_cannot_be_tracked_are_errors():
+    """Too few joints, coupled joints, and a bank of another arm."""
+    profile, time = np.repeat(np.eye(3)[None], 3, axis=0), [0, 1, 2]
     planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
     with pytest.raises(InvalidInputError, match="2 joints"):
-        track(planar, profile, time=[0, 1, 2])
+        track(planar, profile, time=time)
     with pytest.raises(InvalidInputError, match="coupled"):
-        track(load_arm("myoarm"), profile, time=[0, 1, 2])
-    other = load_arm("panda", frame="panda_link8")
+        track(load_arm("myoarm"), profile, time=time)
+    bank = SeedBank.build(load_arm("panda", frame="panda_link8"), 64)
     with pytest.raises(ManiportError, match="bank"):
-        track(load_arm("panda"), profile, time=[0, 1, 2], bank=SeedBank.build(other, 64))
+        track(load_arm("panda"), profile, time=time, bank=bank)
 
 
 class StillJoint:
@@ -252,17 +252,11 @@ def test_costs_and_limits_that_do_not_fit_are_errors_before_anything_moves(panda
     """A cost or limit that raises, or is for another number of joints, is named."""
     profile, start = motion[1], motion[0][0]
     few = panda.restricted(joints=[f"panda_joint{i}" for i in (1, 2, 4, 6)])
-    for wrong in ({"costs": [Height(few, 0.4, 1.0)]}, {"limits": [StillJoint(6, 1)]}, {"limits": [Broken()]}):
+    broken = StillJoint(7, 1)
+    del broken.sides
+    for wrong in ({"costs": [Height(few, 0.4, 1.0)]}, {"limits": [StillJoint(6, 1)]}, {"limits": [broken]}):
         with pytest.raises(ManiportError):
             track(panda, profile, time=TIME, start=start, **wrong)
-
-
-class Broken:
-    """A limit that raises."""
-
-    def inequalities(self, q, dt):
-        """Raise."""
-        raise ZeroDivisionError
 
 
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])

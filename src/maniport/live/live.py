@@ -104,7 +104,8 @@ class Live:
         random_state: int = 0,
         progress: Progress | None = None,
     ):
-        _require_types(person, adapter, robot, spec, path)
+        _require_types(person=(person, ArmFit), adapter=(adapter, DomainAdapter), robot=(robot, Arm))
+        _require_types(spec=(spec, EllipsoidSpec), **{} if path is None else {"path": (path, Placement)})
         as_count(random_state, "random_state", minimum=0)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
         own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
@@ -172,14 +173,13 @@ class Live:
         **options
             As of `Live`, instead of those of the result.
         """
-        if not isinstance(result, TransferResult):
-            raise InvalidInputError(f"result must be a TransferResult; found {type(result).__name__}")
-        known: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
+        _require_types(result=(result, TransferResult))
+        defaults: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
         arm = result.arm
         if (motion := arm.motion) is not None:
-            known |= {"path": arm.placement, "motion_limits": motion.limits, "collisions": arm.collisions or False}
-            known |= {"reference": motion.joint_positions, "start": motion.joint_positions[0]}
-        return cls(arm.fit, arm.adapter, arm.robot, **{**known, **options})
+            defaults |= {"path": arm.placement, "motion_limits": motion.limits, "collisions": arm.collisions or False}
+            defaults |= {"reference": motion.joint_positions, "start": motion.joint_positions[0]}
+        return cls(arm.fit, arm.adapter, arm.robot, **{**defaults, **options})
 
     def __repr__(self) -> str:
         return f"Live({self._person.arm.name!r} leads {self.robot.name!r}, {self._state.state})"
@@ -289,11 +289,10 @@ class Live:
             last_position = next_position
 
     def _position_error(self) -> float | None:
-        """Distance of the end effector from its target [m]; None where it has none."""
+        """Distance of the end effector from its target [m]; None without a target position."""
         if self._target is None or self._target[1] is None:
             return None
-        error = self._robot.tip - self._target[1]
-        return math.sqrt(error @ error)
+        return math.dist(self._robot.tip, self._target[1])
 
     def _moment(self) -> Moment:
         robot, target = self._robot, None if self._target is None else self._target[0]
@@ -312,10 +311,7 @@ class Live:
         )
 
 
-def _require_types(person: Any, adapter: Any, robot: Any, spec: Any, path: Any) -> None:
-    types = {"person": ArmFit, "adapter": DomainAdapter, "robot": Arm, "spec": EllipsoidSpec}
-    for value, (name, kind) in zip((person, adapter, robot, spec), types.items(), strict=True):
+def _require_types(**arguments: tuple[Any, type]) -> None:
+    for name, (value, kind) in arguments.items():
         if not isinstance(value, kind):
             raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
-    if path is not None and not isinstance(path, Placement):
-        raise InvalidInputError(f"path must be a Placement or None; found {type(path).__name__}")

@@ -176,7 +176,8 @@ class Controller:
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
             damping[columns] += amount
         for cost in self._costs:
-            residual, jacobian = _linearized(cost, q[None], np.array([problem.time]))
+            time = np.array([problem.time])
+            residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.flat[:: dof + 1] += damping + 1e-12  # the diagonal
@@ -208,8 +209,3 @@ def _require_fitting(limit: Limit, name: str, group: ArmGroup) -> None:
             f"{name}.inequalities must have shapes (k, {group.dof}) and (k,), one column for each joint of "
             f"{group.name!r}; found {matrix.shape} and {bound.shape}"
         )
-
-
-def _linearized(cost: Cost, q: Array, time: Array) -> tuple[Array, Array]:
-    """Residual (r,) and Jacobian (r, dof) of one configuration, shape (1, dof)."""
-    return cost.residual(q, time)[0], cost.jacobian(q, time)[0]

@@ -1,7 +1,5 @@
 """The ellipsoid cost as a task for Pink's inverse kinematics (extra: pink)."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 from pink.configuration import Configuration
@@ -58,25 +56,28 @@ class EllipsoidTask(Task):  # type: ignore[misc]  # Pink is untyped
 
     def compute_error(self, configuration: Configuration) -> Array:
         """Return the error, shape (d (d + 1) / 2,)."""
-        if self._targets is None:
-            raise TargetNotSet(f"no target ellipsoid set for {self.arm.name!r}")
-        joints = self._joints(configuration.model)
-        return np.asarray(
-            to_vector(self._targets.logarithms(configuration.q[[joint.idx_q for joint in joints]][None])[0])
-        )
+        targets, q, _ = self._at(configuration)
+        return np.asarray(to_vector(targets.logarithms(q)[0]))
 
     def compute_jacobian(self, configuration: Configuration) -> Array:
         """Return the derivatives of the error, shape (d (d + 1) / 2, nv)."""
-        if self._targets is None:
-            raise TargetNotSet(f"no target ellipsoid set for {self.arm.name!r}")
-        joints, model = self._joints(configuration.model), configuration.model
-        rows = to_vector(self._targets.log_changes(configuration.q[[joint.idx_q for joint in joints]][None])[0])
-        jacobian = np.zeros((rows.shape[1], model.nv))
-        jacobian[:, [joint.idx_v for joint in joints]] = rows.T
+        targets, q, columns = self._at(configuration)
+        rows = to_vector(targets.log_changes(q)[0])
+        jacobian = np.zeros((rows.shape[1], configuration.model.nv))
+        jacobian[:, columns] = rows.T
         return jacobian
 
-    def _joints(self, model: Any) -> list[Any]:
+    def _at(self, configuration: Configuration) -> tuple[Targets, Array, list[int]]:
+        """Return the targets, the joint positions (1, dof) of the arm and the columns of its joint velocities."""
+        if self._targets is None:
+            raise TargetNotSet(f"no target ellipsoid set for {self.arm.name!r}")
+        model = configuration.model
         for name in self.arm.joint_names:
             if not model.existJointName(name):
                 raise unknown_name("joint", name, list(model.names), f"in the model {model.name!r}")
-        return [model.joints[model.getJointId(name)] for name in self.arm.joint_names]
+        joints = [model.joints[model.getJointId(name)] for name in self.arm.joint_names]
+        return (
+            self._targets,
+            configuration.q[[joint.idx_q for joint in joints]][None],
+            [joint.idx_v for joint in joints],
+        )
