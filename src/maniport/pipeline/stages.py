@@ -65,11 +65,11 @@ BASELINES = ("identity", "mean-transport", "parallel-transport")
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
     """Read a recording."""
-    settings.progress("read the recording", 0.0)
+    settings.progress("Read recording", 0.0)
     motion = recording if isinstance(recording, Recording) else read_recording(recording)
     _require_frames(motion, len(motion), "frames")
     text = f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz"
-    settings.progress("read the recording", 1.0, text)
+    settings.progress("Read recording", 1.0, text)
     return motion
 
 
@@ -101,7 +101,7 @@ def sample_robot(settings: Settings) -> SampledRobot:
     """Sample the robot's domains, and what the planner needs to know of it."""
     generator = np.random.default_rng(settings.random_state)
     planner = _planner(settings, generator)
-    step, count = "sample the robot's domain", settings.n_student
+    step, count = "Sample robot ellipsoids", settings.n_student
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
     robot, seed = settings.robot, settings.random_state + 1
@@ -121,10 +121,10 @@ def _planner(settings: Settings, generator: np.random.Generator) -> Planner | No
         if reason := why_not_trackable(arm, spec):
             warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
             return None
-    settings.progress("get to know the robot", 0.0)
+    settings.progress("Sample robot configurations", 0.0)
     planner = planner_of(settings.motion, settings.spec.velocity, generator)
-    text = " and ".join(f"{len(each.reachability_map)} postures" for each in planner.arms)
-    settings.progress("get to know the robot", 1.0, text)
+    text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
+    settings.progress("Sample robot configurations", 1.0, text)
     return planner
 
 
@@ -154,19 +154,19 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
             random_state=settings.random_state, progress=progress, **settings.adapter,
         )  # fmt: skip
         return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
-    progress("fit the adapter", 0.0)
+    progress("Fit transfer", 0.0)
     adapter = knowing(method_of(settings.adapter), settings.arms[arm], spec, bank, settings.random_state)
     adapter.fit(teacher, student)
     if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
         text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
         warnings.warn(text, ManiportWarning, stacklevel=2)
-    progress("fit the adapter", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
+    progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
     return FittedMap(adapter, teacher, clock.perf_counter() - started)
 
 
 def sample_teacher(person: Arm, settings: Settings) -> Array:
     """Sample the domain of a person's arm, shape (n_teacher, d, d)."""
-    step, count = "sample the person's domain", settings.n_teacher
+    step, count = "Sample human ellipsoids", settings.n_teacher
     settings.progress(step, 0.0)
     domain = sample_domain(person, count, settings.random_state, spec=settings.spec)
     settings.progress(step, 1.0, f"{count} ellipsoids of {person.name}")

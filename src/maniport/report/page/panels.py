@@ -7,6 +7,7 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import ArrayLike
 
+import maniport.report.motion  # noqa: F401  registers the metrics
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.learning.agreement import axis_deviations
 from maniport.pipeline import LearnedProfile
