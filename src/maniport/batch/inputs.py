@@ -11,14 +11,15 @@ from typing import Any
 
 from maniport.arms import Arm
 from maniport.batch.content import as_setting, digest
-from maniport.errors import InvalidInputError, argument, as_text
+from maniport.errors import InvalidInputError, as_text
 from maniport.mocap import shipped_recording
+from maniport.mocap.arm_ik import require_person
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.transfer import settings_of
 from maniport.pipeline.values import Settings
 from maniport.report.renderings import SUMMARY
-from maniport.util.defaults import BOTH, RECORDINGS
+from maniport.util.defaults import RECORDINGS
 from maniport.version import __version__
 
 ABOUT = "batch.json"  # The file that marks a folder as that of a batch
@@ -132,8 +133,7 @@ def find_robots(robots: Sequence[RobotInput], config: Config, taken: Collection[
     """Load robots and check their options; each once, with a name of its own that is none of those taken."""
     if isinstance(robots, str | Path | Arm) or not len(robots):
         raise InvalidInputError("robots must be a sequence of at least one robot")
-    if config.human.side == BOTH:
-        raise InvalidInputError(f"{argument('side', BOTH)} is an option of single transfers; a batch has one arm")
+    require_person(config.human.person, config.human.side, config.human.height)
     found, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
         name, own = robot if isinstance(robot, tuple) else (robot, {})

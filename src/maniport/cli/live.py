@@ -47,6 +47,9 @@ def live(
     The first line of output describes the expected frames, such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}};
     each frame is answered by one line. Ctrl-C stops the robot and ends the command with exit code 0.
     """
+    from maniport.mocap.arm_ik import require_person
+
+    require_person(config.human.person, config.human.side, config.human.height)
     transport = _opened(udp, host, send)  # ports that cannot be opened are reported before any long work
     with console.progress() as progress:
         from maniport.live import Live

@@ -125,7 +125,7 @@ def _planner(settings: Settings, generator: np.random.Generator) -> Planner | No
             return None
     settings.progress("Sample robot", 0.0)
     planner = planner_of(settings.motion, settings.spec.velocity, generator)
-    text = " and ".join(f"{len(each.reachability_map)} postures" for each in planner.arms)
+    text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
     settings.progress("Sample robot", 1.0, text)
     return planner
 
