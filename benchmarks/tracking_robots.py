@@ -66,7 +66,7 @@ class Chain:
     planned_error, tracked_error : ndarray, shape (n,)
         How far the tip is beside its path [m].
     ratio, use, collisions : ndarray, shape (1,)
-        Of the plan: ratio of its rms to that of its pointwise optimum, largest share of a limit, share of steps in collision.
+        Of the plan: rms over that of its pointwise optimum, largest share of a limit, share of steps in collision.
     seconds : ndarray, shape (1,)
         Of one core, for sampling the arm, the place and the plan [s].
     """
@@ -158,7 +158,8 @@ def _row(name: str, what: str, found: list[Chain]) -> Row:
         bool(ratio <= RATIO and worse <= 0.0 and use <= 1.0 + 1e-9 and collisions == 0.0),
         f"{_load(name).dof} joints; the worst of the motions; the least at each point by itself "
         f"{spread(joined['eigenvalue_floor'])}; position error {tips[0]} mm (95 %, largest), the controller's "
-        f"{tips[1]} mm; of a limit at most {use:.3f}; collisions {collisions:.2%}; place and plan {duration(joined['seconds'].max())}",
+        f"{tips[1]} mm; of a limit at most {use:.3f}; collisions {collisions:.2%}; "
+        f"place and plan {duration(joined['seconds'].max())}",
     )
 
 

@@ -48,7 +48,7 @@ def main(folder):
     for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):
         most = f"{off.max():.2f} (largest, at {motion.time[off.argmax()]:.1f} s)"
         print(f"{name} {np.median(off):.2f} (median), {np.percentile(off, 95):.2f} (95 %), {most}")
-    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.report.report_of(motion).metric('status').text}")
+    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square)")
 
     # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.
     motion.save_joints_csv(folder / "joints.csv")

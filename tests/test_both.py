@@ -146,7 +146,7 @@ def test_a_folder_holds_both_and_each(moved, tmp_path):
 
 
 def test_what_is_shown_of_both_is_in_their_folder(moved, tmp_path):
-    """Page and scene of both are next to the folders of each; figures have both arms in a picture, and a column each."""
+    """Page and scene of both are next to the folders of the arms; figures have a column for each arm."""
     mp.write_results(moved, tmp_path / "both", exports="rerun")
     found = {file.name for file in (tmp_path / "both").iterdir()}
     assert {"report.html", "motion.rrd", "summary.json", "left", "right"} <= found

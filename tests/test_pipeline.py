@@ -231,7 +231,7 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
 
 
 def test_tempo_and_placement(panda, own):
-    """Half the speed_scale takes twice the time; a distant path is placed, and the placed path and profile are followed."""
+    """Half the speed takes twice the time; a distant path is placed, and the placed path is followed."""
     time, profile, path = own
     slow = follow_profile(panda, [profile], time, [path + 2.0], speed_scale=0.5, planning_effort="quick")
     assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)

@@ -212,12 +212,15 @@ class Elbow:
         self.joint, self.weight = joint, weight
 
     def wanted(self, time):
+        """Value of the joint at times."""
         return -1.9 + 0.1 * time
 
     def residual(self, q, time):
+        """Weighted deviations."""
         return self.weight * (q[:, self.joint] - self.wanted(time))[:, None]
 
     def jacobian(self, q, time):
+        """Derivatives of the deviations."""
         return self.weight * np.tile(np.eye(q.shape[1])[self.joint], (len(q), 1, 1))
 
 
