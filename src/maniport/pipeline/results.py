@@ -1,7 +1,6 @@
 """Results of the main job as data, and the files that they are saved as."""
 
 import csv
-import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,8 +18,8 @@ from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import Config
+from maniport.pipeline.saved_result import SavedResult
 from maniport.transfer import DomainAdapter
-from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
@@ -30,30 +29,6 @@ MOTION_FILES = (*PLACED_FILES, *JOINT_FILES)
 """Files of the motion of one arm."""
 TRANSFER_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz", "adapter.npz", *MOTION_FILES)
 """Files of the transfer to one arm."""
-
-
-class SavedResult(NotebookDisplay):
-    """Base of results that are saved as a folder of data files."""
-
-    @property
-    def data_files(self) -> tuple[str, ...]:
-        """Names of the files and folders that `save` may write."""
-        raise NotImplementedError
-
-    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the data to a folder, whole or not at all; `maniport.write_results` adds a report.
-
-        Raises
-        ------
-        OutputError
-            When the folder holds earlier data and `overwrite` is false, or other files, or cannot be written.
-        """
-        with folder_written_whole(folder, self.data_files, overwrite) as staging:
-            self.write_data(staging)
-
-    def write_data(self, folder: Path) -> None:
-        """Write the data files into an existing folder."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -16,7 +16,7 @@ from maniport.mocap import Recording
 from maniport.motion import Control, Planner
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
-from maniport.pipeline import stages
+from maniport.pipeline import motion_stages, stages
 from maniport.pipeline.config import Config
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.options import FREE
@@ -214,13 +214,13 @@ def follow_profile(
         Objective.of(group.arms[0], spec, damping, positive=True).damping,
         direction=None if isinstance(orientation, str) else np.array(orientation),
     )
-    planner = stages.planner_of(settings, spec, generator) if planner is None else planner
+    planner = motion_stages.planner_of(settings, spec, generator) if planner is None else planner
     if place and targets.paths is not None:
-        moved = stages.place_and_plan(targets, planner, settings, generator)
+        moved = motion_stages.place_and_plan(targets, planner, settings, generator)
     else:
-        moved = stages.plan(targets, None, planner, settings, generator)
+        moved = motion_stages.plan(targets, None, planner, settings, generator)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
-    results = stages.measure(moved, names, planner, settings)
+    results = motion_stages.measure(moved, names, planner, settings)
     return MotionResult(robot=group, arms=results, motion=moved.motion, random_state=config.seed, config=config)
 
 
