@@ -112,7 +112,6 @@ def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
         (("missing.bvh", "--export", "ros2"), "--export"),
         (("missing.bvh", "--udp", 99_999), "[0, 65535]"),
         (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
-        (("missing.bvh", "--robot", "nothing"), "unknown robot 'nothing'"),
     ],
 )
 def test_wrong_options_are_refused(run, words, word):
@@ -132,3 +131,12 @@ def test_closed_streams_are_refused(monkeypatch, capsys, stream):
         cli.main()
     assert stop.value.code == 2
     assert "is closed" in capsys.readouterr().err
+
+
+def test_unknown_robots_are_refused(monkeypatch, capsys):
+    """With exit code 2, before the recording is transferred."""
+    monkeypatch.setattr(sys, "argv", ["maniport", "live", "ladder", "--robot", "nothing", "--udp", "0"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert "unknown robot 'nothing'" in capsys.readouterr().err
