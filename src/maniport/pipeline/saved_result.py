@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from maniport.util.atomic_io import folder_written_whole
+from maniport.util.notebook import NotebookDisplay
 
 
 class SavedResult(NotebookDisplay):
