@@ -47,8 +47,8 @@ PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no joint descent of the placement": (placement_search, "_improved", lambda group, whole, start, terms: start),
     "1 planned placement": (placement_search, "PLANS", 1),
     "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
-    "smoothness / 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS / 3.0),
-    "smoothness · 3": (planner, "SMOOTHNESS", planner.SMOOTHNESS * 3.0),
+    "smoothness / 3": (planner, "smoothness", lambda time, smoothness=planner.smoothness: smoothness(time) / 3.0),
+    "smoothness · 3": (planner, "smoothness", lambda time, smoothness=planner.smoothness: smoothness(time) * 3.0),
     "no first optimization at the stages": (planner, "optimize", lambda targets, time, q, terms, weight: q),
 }
 """Changed functions and constants: module, name and value."""

@@ -90,7 +90,7 @@ def transforms(share: float) -> dict[str, object]:
 def fits(share: float) -> dict[str, object]:
     """Each of domains of its own."""
     counts = {name: round(share * count) // ROUNDS for name, count in FITS.items()}
-    methods: dict[str, Callable[[int], mp.DomainAdapter]] = {
+    methods: dict[str, Callable[[int], mp.transfer.DomainAdapter]] = {
         "parallel transport": lambda seed: mp.ParallelTransport(damping=DAMPING),
         "ICP": lambda seed: mp.RiemannianICP(damping=DAMPING, random_state=seed),
         "field of lengths": lambda seed: mp.LengthField(damping=DAMPING, n_samples=SAMPLES),

@@ -1,8 +1,7 @@
-"""Load an arm and see its manipulability ellipsoids: what its hand can do in every posture.
+"""Manipulability ellipsoids of an arm.
 
-You learn what M = J Jᵀ says. Joints that move with unit speed (all of them together) give the hand velocities inside
-the ellipsoid vᵀ M⁻¹ v ≤ 1: far along its long axes, hardly at all along the short ones. The ellipsoid of forces is its
-inverse: where the hand is slow, it is strong. As the arm stretches, one axis shrinks.
+Joint velocities of unit norm give end-effector velocities inside the ellipsoid vᵀ M⁻¹ v ≤ 1 with M = J Jᵀ. The force
+ellipsoid is its inverse: large forces act in slow directions. As the arm stretches, one semi-axis goes to zero.
 
     python 01_an_arm_and_its_ellipsoids.py [FOLDER]
 """

@@ -1,8 +1,8 @@
-"""Distances, means and straight lines between ellipsoids, and why those of plain matrices will not do.
+"""Distances, means and geodesics of ellipsoids.
 
-You learn the geometry that everything else builds on: symmetric positive-definite matrices with the affine-invariant
-metric. Entry by entry, the mean of two slender ellipsoids is a fat one, going on along a line ends outside of all
-ellipsoids, and what is near depends on the unit of length. In the curved space none of this happens.
+Symmetric positive-definite matrices with the affine-invariant metric form a manifold. Entrywise operations have three
+faults: the mean of two slender ellipsoids is thick, extrapolation leaves the set of ellipsoids, and distances depend on
+the unit of length. The affine-invariant operations have none of them.
 
     python 02_the_space_of_ellipsoids.py [FOLDER]
 """

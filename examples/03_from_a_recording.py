@@ -1,7 +1,7 @@
-"""From a recording of a person to joint angles, and to the profile of ellipsoids that a robot shall learn from.
+"""Profile of ellipsoids from a recording.
 
-You learn to read a recording (BVH or C3D), to fit an arm of the person's size to it, and to ask how far the angles can
-be trusted: not every recording determines every joint, and an ellipsoid that depends on a guess is a guess as well.
+The example reads a recording (BVH or C3D), fits an arm with the person's segment lengths, and reports unobservable
+joints. Ellipsoids that depend on an unobservable joint are unreliable.
 
     python 03_from_a_recording.py [FOLDER]
 """

@@ -1,9 +1,8 @@
-"""Fit the map from one body's ellipsoids to another's, and question it before a robot believes it.
+"""Identifiability of a fitted adapter.
 
-You learn what a fit can know. Teacher and student are the same Panda here, but the student hangs on a wall, so that the
-truth is known: everything is turned by 90°. The domains alone do not tell: from where the search starts
-no turn brings them clearly nearer, and even at the truth they leave the turn about the robot's base axis open, since
-the robot can do the same all around it. The adapter says so. Five known pairs settle it, or knowing the base_rotation.
+Teacher and student are the same Panda, but the student is mounted on a wall, so the true map is a rotation by 90°. The
+domains do not determine it: no rotation near the initial one is clearly better, and the rotation about the base axis of
+the robot leaves its domain unchanged. The adapter reports this. Five pairs or a known base_rotation determine the map.
 
     python 04_fit_and_question_an_adapter.py [FOLDER]
 """
@@ -17,7 +16,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.report import figures
-from maniport.report.renderings import write_facts
+from maniport.report.renderings import write_report
 
 WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # up, as the table has it, points out of the wall
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
@@ -60,17 +59,18 @@ def main(folder):
 
     # Is it better than doing nothing? The same measures for the identity baseline and other cheap alternatives.
     chosen, pairs = fits["ICP, five pairs"], (few, hung(few))
-    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0, draws=0)
+    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0)
     summary = evaluation.summary
     print(f"take {summary.recommended}: {summary.measure} {summary.best_value:.3f}, identity {summary.identity:.3f}")
-    write_facts(folder / "evaluation.md", mp.report.facts_of(evaluation))
+    write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
     # A file for later; the map is exact there and back.
     chosen.save(folder / "adapter.npz")
     again = mp.load_adapter(folder / "adapter.npz")
     there = again.transform(profile)
     print(f"there and back from the file: off by {np.abs(again.inverse_transform(there) - profile).max():.1e}")
-    figures.save(figures.ellipsoid_views(profile, there, truth), folder / "adapted.png")
+    rows, numbers = {"teacher": profile, "adapted": there, "truth": truth}, np.arange(1, len(profile) + 1)
+    figures.save(figures.ellipsoids(numbers, rows, axis="number of the ellipsoid"), folder / "adapted.png")
     print(f"the adapter, the evaluation and a figure are in {folder}")
 
 

@@ -1,8 +1,8 @@
-"""Follow a profile with Pink's own loop: an ellipsoid task beside its frame and posture tasks (extra: pink).
+"""Ellipsoid task in Pink.
 
-You learn how `EllipsoidTask` works with Pink's own tasks, what a step of control looks like, and what the ellipsoid
-task is good for: with the hand on its path, a 7-joint arm still has a freedom left, and without the task its ellipsoids
-drift. `maniport.track` is such a loop without Pink, with limits of acceleration and a search for the start.
+`EllipsoidTask` works with Pink's frame and posture tasks in a loop of `pink.solve_ik` (extra: pink). With the position
+constrained, a 7-joint arm is redundant, and without the task its ellipsoids drift. `maniport.track` is such a loop
+without Pink, with acceleration limits and a search for the start configuration.
 
     python 05_follow_a_profile.py [FOLDER]
 """

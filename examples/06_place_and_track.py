@@ -1,9 +1,8 @@
-"""From a recording to a robot's joints: adapt the profile, place the hand path, plan the motion, write `joints.csv`.
+"""Trajectory from a recording.
 
-You learn the five steps that `maniport.transfer_recording` and `maniport transfer` take, one call each, and why the
-path has to be placed: the robot is not as large as the person, and the same ellipsoids are easy in one place and out of
-reach in another. The motion is planned as a whole, takes the time that the robot's limits ask for, and is at rest when
-it begins and ends. The pointwise optimum is what each point could reach by itself; the pointwise_ratio is the ratio to it.
+The example calls the steps of `maniport.transfer_recording` separately: fit, transfer, placement, planning, export. The
+placement scales and moves the hand path, because feasible ellipsoids depend on the position and robots differ in size.
+The motion starts and ends at rest. `pointwise_ratio` compares it with the best pointwise solution found.
 
     python 06_place_and_track.py [FOLDER]
 """
@@ -49,7 +48,7 @@ def main(folder):
     for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):
         most = f"{off.max():.2f} (largest, at {motion.time[off.argmax()]:.1f} s)"
         print(f"{name} {np.median(off):.2f} (median), {np.percentile(off, 95):.2f} (95 %), {most}")
-    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.report.facts_of(motion).metric('status').text}")
+    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square); {mp.report.report_of(motion).metric('status').text}")
 
     # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.
     motion.save_joints_csv(folder / "joints.csv")

@@ -1,9 +1,8 @@
-"""Learn one profile from several demonstrations, and follow it closely where they agree and loosely where not.
+"""Weighted tracking of several demonstrations.
 
-You learn to align demonstrations of unequal pace, to learn their mean and covariance with `ProfileGMM`, and to turn the
-covariance into weights for `track`. Weights matter where not everything can be had. Here the hand has to pass 10 cm
-above where it was led, so that the ellipsoids cannot all be met: with weights they give way where, and in the
-directions in which, the demonstrations differ anyway.
+The example aligns demonstrations of different speed, learns mean and covariance with `ProfileGMM`, and converts the
+covariance to weights for `track`. The hand path is 10 cm above the demonstrated one, so the targets are infeasible.
+With weights, the errors are in times and directions of large variance.
 
     python 07_several_demonstrations.py [FOLDER]
 """

@@ -1,9 +1,9 @@
-"""Physics check: a Panda with masses and torque limits replays the motion of example 06 with a plain joint controller.
+"""Physics check in MuJoCo.
 
-You learn whether joints that were planned without dynamics survive them: how far they lag behind, what that does to the
-ellipsoids, how near the motors come to their limits, and what velocity feed-forward is worth. The programme fails if
-the distance of the ellipsoids changes by 0.02 or more (95 %) or a motor reaches its limit. Left out: friction, the
-motors' own inertia, the fingers. Needs `pip install mujoco`. Usage: python 08_replay_in_mujoco.py [FOLDER]
+A Panda with masses and torque limits replays the motion of example 06 with a joint controller, with and without
+velocity feed-forward. The program reports joint lag, position error, change of the ellipsoids and torques. It fails if
+the distance changes by 0.02 or more (95 %) or a motor reaches its limit. Not modeled: friction, motor inertia, fingers.
+Needs `pip install mujoco`. Usage: python 08_replay_in_mujoco.py [FOLDER]
 """
 
 import runpy

@@ -1,14 +1,12 @@
-"""All that the hand can do within the joints' speed limits, beside the ellipsoid that stands for it.
+"""Ellipsoid and velocity polytope.
 
-You learn what the ellipsoid leaves out. Joints whose speeds are limited one by one give the hand the velocities of a
-polytope: the images of all corners of the box of joint speeds, and what lies between them. The ellipsoid with the same
-limits as weights is the image of the largest ellipsoid in the box. It is smooth: distances, means and derivatives are
-in closed form, which polytopes do not have; and √n times as large, for n joints, it holds the polytope. The price: all
-joints at their limits at once, a corner of the polytope, count as √n times too fast, and towards corners the hand is
-faster than the ellipsoid says.
+Velocity limits of single joints give a polytope of end-effector velocities. With the limits as joint weights, the
+ellipsoid is the image of the largest ellipsoid in the box of joint velocities. It is smooth, with distances, means and
+derivatives in closed form. Scaled by √n for n joints, it contains the polytope. Toward the corners of the polytope, the
+velocity is larger than the ellipsoid indicates.
 
-The package `pycapacity` (MIT) gives the same polytope: `robot.velocity_polytope(J, limits, -limits)`. It brings cvxopt
-(GPL-3.0) along, so that SciPy's convex hull is taken here.
+The package `pycapacity` (MIT) computes the same polytope with `robot.velocity_polytope(J, limits, -limits)`. It depends
+on cvxopt (GPL-3.0), so this example uses SciPy's convex hull.
 
     python 09_the_velocity_polytope.py [FOLDER]
 """

@@ -1,8 +1,8 @@
-"""A robot follows a person while they move: a recording is played in real time, one frame in, joint positions out.
+"""Live control of a robot.
 
-You learn what `maniport.Live` needs, here from the first seconds of the recording: the person's lengths, a map
-between both arms, and the placement of the hand's path. At 24.5 s the person is hidden for half a second: the robot
-brakes, rests, and follows again. `--view` shows both arms on a page; `--fast` moves the robot in simulated time.
+`maniport.Live` receives a recording frame by frame in real time and returns joint positions. The first seconds of the
+recording give segment lengths, adapter and placement. At 24.5 s the points are missing for half a second: the robot
+brakes, stops, and follows again. `--view` shows both arms in a browser; `--fast` uses simulated time.
 
     python 10_live.py [FOLDER] [--view] [--fast]
 """

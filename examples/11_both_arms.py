@@ -1,7 +1,7 @@
-"""Both arms at once: a person's left arm becomes one robot's, the right one another's; the hands keep their relation.
+"""Both arms on two robots.
 
-You learn how two arms are loaded as one body, what both arms of a person are fitted to, and what comes out: both paths
-with one place, one motion with one time for all joints, and how near the arms come to one another.
+The left arm of a person maps to one robot, the right arm to another. Both paths get one placement, all joints one time
+parameterization, and the clearance between the arms is checked.
 
     python 11_both_arms.py [FOLDER]
 """
@@ -16,31 +16,28 @@ import maniport as mp
 
 
 def main(folder):
-    """A second and a half of free motion, on two Pandas that stand 0.6 m apart."""
+    """Transfer 1.5 s of free motion to two Pandas 0.6 m apart."""
     folder.mkdir(parents=True, exist_ok=True)
     recording = mp.read_recording("both-arms").crop(5.1, 6.6)
     arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     print(f"{arms.name}: {arms.dof} joints, from {arms.joint_names[0]} to {arms.joint_names[-1]}")
     result = mp.transfer_recording(recording, robot=arms, method="parallel-transport", planning_effort="quick")
+
+    # Distances between the hands and between the end effectors differ by the scale of the placement.
     hands = mp.fit_arms(recording).hands
-    apart = np.linalg.norm(hands[1] - hands[0], axis=-1)
-    tips = np.linalg.norm(np.diff(arms.forward(result.motion.trajectory.joint_positions)[:, :, :3, 3], axis=1)[:, 0], axis=-1)
-    scale = result.arms[0].placement.scale
-    print(
-        f"the hands are {apart.min():.2f} to {apart.max():.2f} m apart, the tips {tips.min():.2f} to {tips.max():.2f} m"
-    )
-    print(f"(their paths are {scale:.2f} times the hands')")
+    ends = arms.forward(result.motion.trajectory.joint_positions)[:, :, :3, 3]
+    person, robot = np.linalg.norm(hands[1] - hands[0], axis=-1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1)
+    print(f"distance of the hands {person.min():.2f} to {person.max():.2f} m, of the end effectors ", end="")
+    print(f"{robot.min():.2f} to {robot.max():.2f} m (scale {result.arms[0].placement.scale:.2f})")
+
     for arm in result.arms:
-        motion = arm.motion
-        print(
-            f"{arm.name:>5}: ellipsoids at {np.median(motion.distance):.2f} (median) from the targets, the tip "
-            f"{1e3 * np.percentile(motion.position_error, 95):.1f} mm beside its path (95 %)"
-        )
-    clearance = result.motion.clearance
-    print(f"{np.ptp(result.motion.trajectory.control_time):.1f} s; nearest to a collision: {' and '.join(clearance.pair)}, "
-          f"{1e3 * clearance.distance:.0f} mm apart")  # fmt: skip
+        distance = np.median(arm.motion.distance)
+        error = 1e3 * np.percentile(arm.motion.position_error, 95)
+        print(f"{arm.name:>5}: ellipsoid distance {distance:.2f} (median), position error {error:.1f} mm (95 %)")
+    clearance, duration = result.motion.clearance, np.ptp(result.motion.trajectory.control_time)
+    print(f"duration {duration:.1f} s; clearance {1e3 * clearance.distance:.0f} mm ({' and '.join(clearance.pair)})")
     result.save(folder / "both", overwrite=True)
-    print(f"joints of both in {folder / 'both' / 'joints.csv'}")
+    print(f"joints in {folder / 'both' / 'joints.csv'}")
     return result
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import maniport as mp
 from maniport.arms import ArmGroup
 from maniport.mocap import HumanMotion, fit_arms, read_recording
-from maniport.motion import ArmMotion, RobotMotion, place_paths, plan_motion
+from maniport.motion import ArmMotion, RobotMotion, place_path, plan_motion
 
 RECORDING = Path(mp.mocap.__file__).parent / "data" / "both_arms.c3d"
 SAMPLES = 5000
@@ -52,7 +52,7 @@ def task_of(fits: HumanMotion, arms: ArmGroup, planning_effort: str) -> Task:
         adapter = mp.ParallelTransport().fit(teacher, student)
         profiles.append(adapter.transform(fit.arm.manipulability(fit.joint_angles)))
     began = clock.process_time()
-    placed = place_paths(fits.hands, profiles, arms.arms, time=fits.time, planning_effort=planning_effort)
+    placed = place_path(fits.hands, profiles, arms, time=fits.time, planning_effort=planning_effort)
     spent = clock.process_time() - began
     print("   ", placed[0], placed[1], sep="\n    ", flush=True)
     return Task(tuple(one.profile for one in placed), tuple(one.path for one in placed), fits.time, spent)

@@ -100,7 +100,7 @@ def least(plan: ArmMotion, count: int) -> dict[object, float]:
     planner = Planner.of(plan.limits, VELOCITY, True, 0)
     objective = Objective(planner.limits.arm, VELOCITY, plan.damping, EXACT_WEIGHT)
     targets, time, known = objective.targets(plan.target, plan.path)[rows], plan.time[rows], plan.joint_positions[rows]
-    floor, random = pointwise_best(targets, planner.arms[0].bank, known), np.random.default_rng(0)
+    floor, random = pointwise_best(targets, planner.arms[0].bank.starts_for(targets, 32), known), np.random.default_rng(0)
     nodes = _free(planner, planner.arms[0].reachability_map.nodes(targets, count, random))
     for q in (floor.joint_positions, known):
         nodes = _merged(nodes, Roadmap(q, targets.cost(q), np.arange(len(q) + 1)))

@@ -11,7 +11,7 @@ from maniport.arms.restriction import standing
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
 from maniport.mocap import shipped_recording
-from maniport.report.metrics import facts_of
+from maniport.report.metrics import report_of
 from sizes import SMALL
 
 BASES = [(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)]
@@ -94,7 +94,7 @@ def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
         turned, freely = (np.ptp(one.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in runs)
         assert turned < freely
         assert one.placement is None
-    assert facts_of(found).metric("relative_position_error").unit == "mm"
+    assert report_of(found).metric("relative_position_error").unit == "mm"
 
 
 def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
@@ -109,7 +109,7 @@ def test_the_same_seed_gives_the_same_targets(still, recording, arms, moved):
 
 def test_both_are_told_together_and_apart(moved):
     """One section of the pair with a row for each arm, and of each arm the sections of a run of one, by side."""
-    facts = facts_of(moved)
+    facts = report_of(moved)
     keys = [section.key for section in facts.sections]
     assert keys[0] == "arms"
     for side in SIDES:

@@ -115,19 +115,18 @@ def cells(page, row):
 def test_figures_of_the_readme_are_those_that_were_measured():
     """Of the demo in docs/demo.json (`make_readme_pictures.py --check`), and of the ladder in docs/evaluation.md."""
     demo = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
-    distance = " / ".join(f"{demo[f'distance_{name}']:.2f}" for name in ("median", "95", "largest"))
-    error = " / ".join(f"{demo[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest"))
+    distance = [f"{demo[f'distance_{name}']:.2f}" for name in ("median", "95", "largest")]
+    error = [f"{demo[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest")]
     duration, person = f"{demo['duration_s']:.1f} s", f"{demo['person_s']:.1f} s"
-    assert cells("README.md", "The demo: ellipsoids from")[1] == distance
-    assert cells("README.md", "The demo: the tip")[1] == f"{error} mm"
-    assert cells("README.md", "The demo: how long")[1:] == [duration, f"the person took {person}"]
+    assert cells("README.md", "Demo (freeform → Panda): ellipsoid")[1:] == [*distance, f"{duration} (person {person})"]
+    assert cells("README.md", "Demo: position error")[1:4] == [f"{value} mm" for value in error]
     page = " ".join((ROOT / "docs" / "quality.md").read_text(encoding="utf-8").split())
-    assert f"distance of {distance} from their targets" in page
-    assert f"the tip {error} mm beside its path, and the motion takes {duration} where the person took {person}" in page
-    _, method, raw, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
+    assert f"distance of {' / '.join(distance)} from their targets" in page
+    assert f"position error is {' / '.join(error)} mm, and the motion takes {duration}" in page
+    _, method, identity, _, transport, _, field = cells("docs/evaluation.md", "ladder |")
     assert method == "length-field"
-    row = cells("README.md", "Target ellipsoids of the ladder")
-    assert row[1:] == [field, f"identity baseline {raw}, parallel transport {transport}"]
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert f"{field} with the length field, {transport} with parallel transport, {identity} with the identity" in text
 
 
 @pytest.mark.parametrize("home", [home for home in HOMES if callable(resolved(home))])

@@ -74,7 +74,7 @@ def test_the_main_job_takes_all_of_them(result, moment, tmp_path):
     again = mp.load_adapter(tmp_path / "adapter.npz")
     np.testing.assert_array_equal(again.transform(result.arm.demonstrated_profile), result.arm.target_profile)
     write_page_with_speed(tmp_path / "page.html", result)
-    assert "Speed of the tip" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "End-effector speed" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

@@ -9,7 +9,7 @@ from maniport.arms import VELOCITY
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
 from maniport.mocap import shipped_recording, synthetic_recording
-from maniport.report.metrics import facts_of
+from maniport.report.metrics import report_of
 from maniport.report.renderings import files_of
 from maniport.report.write import LEARNED_FILES
 from maniport.util.files import load_ellipsoids, load_path
@@ -65,7 +65,7 @@ def test_left_and_right_are_mirrored_and_said(people):
     """A left arm among right ones is shown by a right one, and the facts tell it."""
     assert people.arm.side == "right"
     assert people.agreement.after < 0.2
-    assert any("mirrored were lefty" in text for text in facts_of(people).notes)
+    assert any("mirrored were lefty" in text for text in report_of(people).notes)
 
 
 def test_a_robot_follows_what_was_learned(people):
@@ -84,7 +84,10 @@ def test_a_robot_follows_what_was_learned(people):
 def test_files_are_whole_and_can_be_read(people, tmp_path):
     """What is written is what was learned; data alone are written by `save`."""
     mp.write_results(people, tmp_path / "all")
-    assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES) - {*files_of("learned"), "run.yaml"}
+    assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES) - {
+        *files_of("learned"),
+        "run.yaml",
+    }
     assert {file.name for file in mp.write_figures(tmp_path / "all")} == set(files_of("learned"))
     ellipsoids, time = load_ellipsoids(tmp_path / "all" / "profile.npz")
     path, path_time = load_path(tmp_path / "all" / "path.npz")

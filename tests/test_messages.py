@@ -10,7 +10,8 @@ from markdown_it import MarkdownIt
 
 from maniport import errors
 from maniport.errors import ManiportError
-from maniport.report import Metric, Report, Section, Summary, Table, as_markdown
+from maniport.report import as_markdown
+from maniport.report.values import Metric, Report, Section, Summary, Table
 
 ATTACK = "\x1b[2J\x1b]0;title\x07\r\x9b2J\u202e\n"
 KINDS = [one for one in vars(errors).values() if isinstance(one, type) and issubclass(one, Warning | ManiportError)]

@@ -11,7 +11,7 @@ import pytest
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError, UnknownNameError
 from maniport.pipeline import follow_profile, transfer_recording
-from maniport.report import as_numbers, facts_of
+from maniport.report import as_numbers, report_of
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
 from maniport.util.files import load_ellipsoids, load_path
 
@@ -33,7 +33,7 @@ def result(small_result):
 
 def test_a_method_is_chosen_or_named(clip, result):
     """A choice and its reason are among the metrics; a named method is taken."""
-    choice, numbers = result.arm.choice, as_numbers(facts_of(result))
+    choice, numbers = result.arm.choice, as_numbers(report_of(result))
     assert result.arm.adapter is choice.adapter
     assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(choice.failures)}
     assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
@@ -71,7 +71,7 @@ def test_the_same_seed_gives_the_same_bytes(clip, tmp_path):
     job = SMALL | {"method": "parallel-transport"}
     first = transfer_recording(clip, progress=lambda *call: steps.append(call), **job)
     again = transfer_recording(clip, **job)
-    told = [json.dumps(as_numbers(facts_of(run)), allow_nan=False) for run in (first, again)]
+    told = [json.dumps(as_numbers(report_of(run)), allow_nan=False) for run in (first, again)]
     assert told[0] == told[1]
     assert str(Path.home()) not in told[0]
     for run, folder in ((first, "first"), (again, "again")):
@@ -227,7 +227,7 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
     np.testing.assert_array_equal(load_ellipsoids(tmp_path / "out" / "joints.npz")[0], motion.achieved)
     np.testing.assert_array_equal(load_path(tmp_path / "out" / "path.npz")[0], motion.path)
     numbers = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert numbers == json.loads(json.dumps(as_numbers(facts_of(execution))))
+    assert numbers == json.loads(json.dumps(as_numbers(report_of(execution))))
 
 
 def test_tempo_and_placement(panda, own):
@@ -239,7 +239,7 @@ def test_tempo_and_placement(panda, own):
     np.testing.assert_allclose(slow.arm.motion.path, slow.arm.placement.path, atol=1e-12)
     np.testing.assert_allclose(slow.arm.motion.target, slow.arm.placement.profile, atol=1e-12)
     assert np.percentile(slow.arm.motion.position_error, 95) < slow.arm.motion.position_tolerance
-    assert as_numbers(facts_of(slow))["placement"]["scale"] == slow.arm.placement.scale
+    assert as_numbers(report_of(slow))["placement"]["scale"] == slow.arm.placement.scale
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_postures
 from maniport.motion.trajectory import Clearance
 from maniport.report.motion import collision_value
-from maniport.report.motion_warnings import collision_warnings
+from maniport.report.robot import collision_warnings
 from maniport.report.values import WARNING
 
 CUBE = 0.2
@@ -159,7 +159,7 @@ def test_the_fast_test_frees_no_posture_that_collides(panda, collisions):
 
 def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
     """Every corner of a link lies within the skin of one of its hulls; the hand's reaches to the tip."""
-    meshes = dict(panda.geometry.shapes())
+    meshes = dict(panda.geometry.shapes)
     hulls = [hull for hull in collisions._solids.hulls if hull.name in meshes]
     assert {hull.name for hull in hulls} == set(meshes) == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
     meshes["panda_hand"] = np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]), None
@@ -218,7 +218,7 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     time = np.linspace(0.0, 1.0, 5)
     motion = SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q)
     clearance = Clearance.of(collisions, motion)
-    (warned,) = collision_warnings(clearance, collisions)
+    (warned,) = collision_warnings(clearance, collisions.unchecked)
     assert warned.severity == WARNING
     assert warned.key == "missing-meshes"
     assert "250 mm" in collision_value(clearance, 1.0)[0]

@@ -92,7 +92,7 @@ def doubling(n):
 LIST = '<input semantic="VERTEX" source="#v" offset="0"/>'
 HOSTILE = {
     "itself.dae": (dae(nodes='<node id="n"><instance_node url="#n"/></node>'),
-                   "has 20001 nodes, each counted as often as it is shown; at most 20000"),
+                   "has 20001 nodes, counted for each instance; at most 20000"),
     "doubling.dae": (dae(nodes='<node><instance_node url="#n0"/></node>', library=doubling(40)), "20001 nodes"),
     "deep.dae": (dae(nodes="<node>" * 30_000 + SHOWN + "</node>" * 30_000), "20001 nodes"),
     "corners.dae": (dae(f'<polylist>{LIST}<vcount>4000000000</vcount><p>0 1 2</p></polylist>'),
@@ -223,12 +223,12 @@ def test_collision_shapes_stand_in_for_missing_meshes(digger):
     digger.write_text(text.replace('filename="boom.stl"', 'filename="gone.stl"'))
     arm = load_arm(digger, frame="bucket")
     lamp = 0.02**3
-    assert arm.geometry.stand_ins() == ("boom",)
-    assert whole.geometry.stand_ins() == ()
+    assert arm.geometry.stand_ins == ("boom",)
+    assert whole.geometry.stand_ins == ()
     found = [volume(surface) for surface in arm.surfaces(None)]
     assert found[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
     assert [found[0], found[2]] == [volumes[0], volumes[2]]
-    assert Arm(mirrored(arm.chain)).geometry.stand_ins() == ("boom",)
+    assert Arm(mirrored(arm.chain)).geometry.stand_ins == ("boom",)
     digger.write_text(digger.read_text().replace('<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'))
     with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 1"):
         load_arm(digger, frame="bucket").surfaces()

@@ -1,4 +1,4 @@
-"""A format of robots of one's own: a JSON file with Denavit-Hartenberg rows (θ offset, d, a, α) and joint limits."""
+"""Robot format: JSON with Denavit-Hartenberg rows (θ offset, d, a, α) and joint limits."""
 
 import json
 
@@ -12,7 +12,7 @@ def read(path, frame=None, joints=None):
         robot = json.loads(path.read_text(encoding="utf-8"))
         chain = Arm.from_dh(robot["name"], robot["rows"], robot["lower"], robot["upper"]).chain
     except (ValueError, KeyError) as error:
-        raise FileFormatError(f"{path}: is no table of a robot: {error!r}") from None
+        raise FileFormatError(f"{path}: is not a Denavit-Hartenberg table: {error!r}") from None
     return chain
 
 

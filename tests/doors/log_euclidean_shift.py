@@ -1,11 +1,11 @@
-"""A method of transfer of one's own: the means of the logarithms are made to agree."""
+"""Transfer method that aligns the log-Euclidean means of both domains."""
 
 from maniport import spd
 from maniport.transfer import DomainAdapter
 
 
 class LogEuclideanShift(DomainAdapter):
-    """f(T) = exp(log T + D), with D the difference of the two domains' mean logarithms."""
+    """f(T) = exp(log T + D), where D is the difference of the mean logarithms."""
 
     def __init__(self, damping=None, eigenvalue_floor=None, base_rotation=None):
         self.damping = damping

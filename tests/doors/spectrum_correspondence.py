@@ -1,4 +1,4 @@
-"""A correspondence of one's own: who has axes of the same lengths, whatever their directions."""
+"""Correspondence of ellipsoids with similar semi-axes, independent of their directions."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from maniport.transfer.icp.correspondence import Correspondence, Matches
 
 @dataclass(frozen=True)
 class SpectrumCorrespondence(Correspondence):
-    """Every teacher ellipsoid with the student ellipsoid whose eigenvalues are nearest, by ratio."""
+    """Match each teacher ellipsoid with the student ellipsoid of the nearest log eigenvalues."""
 
     def between(self, teacher, student):
-        """Match once: no rotation changes eigenvalues."""
+        """Match once, since rotations do not change eigenvalues."""
         lengths = [np.log(np.linalg.eigvalsh(cloud)) for cloud in (teacher, student)]
         partners = cKDTree(lengths[1]).query(lengths[0])[1]
         count = len(teacher)

@@ -1,20 +1,20 @@
-"""A figure of one's own in the page: how fast the robot's tip moves."""
+"""Curve of the end-effector speed in the report."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.report.page import Line, Panel, write_page
 from maniport.report.page.animation import animation_of
 
 
 def write_page_with_speed(path, result):
-    """Write the page of a run with one figure more, whose cursor moves with the arms."""
+    """Write the report of a run with a panel of the end-effector speed."""
     motion = result.arm.motion
-    tips = result.arm.robot.forward(motion.joint_positions)[:, :3, 3]
-    speed = np.linalg.norm(np.gradient(tips, motion.time, axis=0), axis=1)
-    panel = Panel("Speed of the tip", "m/s", (Line("", speed),), "At the robot's speed_scale.")
-    shown = animation_of(result)
-    shown = replace(shown, panels={**shown.panels, "Speed": (panel,)})
-    write_page(path, facts_of(result), {"motion": [shown]})
+    positions = result.arm.robot.forward(motion.joint_positions)[:, :3, 3]
+    speed = np.linalg.norm(np.gradient(positions, motion.time, axis=0), axis=1)
+    panel = Panel("End-effector speed", "m/s", (Line("", speed),), "Speed during the robot's motion.")
+    animation = animation_of(result)
+    animation = replace(animation, panels={**animation.panels, "Speed": (panel,)})
+    write_page(path, report_of(result), {"motion": [animation]})

@@ -1,4 +1,4 @@
-"""A recording format of one's own: a table with a row for each frame, its time [s] and three columns for each point."""
+"""Recording format: a row per frame with its time [s] and three columns per point."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from maniport.mocap import READERS
 
 
 def read(file, options):
-    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `options` are the unit, vertical axis and rate of the user."""
+    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `options` are the user's unit, vertical axis and rate."""
     with open(file, encoding="utf-8") as stream:
         columns = stream.readline().split()
         table = np.loadtxt(stream, ndmin=2)

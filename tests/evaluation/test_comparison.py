@@ -10,7 +10,7 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotFittedError, UnknownNameError
 from maniport.evaluation import evaluate
 from maniport.evaluation.baselines import IDENTITY, LOOKUP, ROWS, TRANSPORT
-from maniport.report import as_markdown, as_numbers, facts_of
+from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.rigid_adapter import RigidMap
 
 
@@ -31,7 +31,7 @@ def evaluation(problem):
     teacher, student, profile, truth = problem
     adapter = RiemannianICP(random_state=0).fit(teacher, student)
     pairs = teacher[:30], student[:30]
-    return evaluate(adapter, teacher, student, profile, truth=truth, pairs=pairs, name="icp", draws=4)
+    return evaluate(adapter, teacher, student, profile, truth=truth, pairs=pairs, name="icp")
 
 
 def test_every_row_has_every_metric_that_applies(evaluation):
@@ -43,7 +43,7 @@ def test_every_row_has_every_metric_that_applies(evaluation):
         assert row.feasibility_gap is None
         assert row.domain_feasibility_gap is None
         others = (row.rmse, row.smoothness, row.preservation, row.energy_distance, row.identity)
-        assert all(value is not None for value in (*others, row.stability))
+        assert all(value is not None for value in others)
     assert evaluation.row("icp") is evaluation.adapter
     with pytest.raises(UnknownNameError, match="row"):
         evaluation.row("raw")
@@ -60,7 +60,7 @@ def test_the_truth_is_recognized(evaluation):
 
 def test_the_report_has_plain_numbers_and_a_line_for_every_row(evaluation):
     """The numbers are ready for JSON, and the table is rectangular."""
-    facts = facts_of(evaluation)
+    facts = report_of(evaluation)
     table = json.loads(json.dumps(as_numbers(facts), allow_nan=False))["evaluation"]["rows"]
     assert table["icp"]["rmse"]["undivided"] == evaluation.adapter.rmse.undivided
     body = [line for line in as_markdown(facts).splitlines() if line.startswith("|")]
@@ -74,7 +74,7 @@ def test_the_adapter_stays_and_the_seed_decides(problem):
     adapter = ParallelTransport(damping=0.01).fit(teacher, student)
     before = adapter.transform(profile)
     first, again = (evaluate(adapter, teacher, student, profile, random_state=3) for _ in range(2))
-    assert as_numbers(facts_of(first)) == as_numbers(facts_of(again))
+    assert as_numbers(report_of(first)) == as_numbers(report_of(again))
     np.testing.assert_array_equal(adapter.transform(profile), before)
 
 
@@ -89,7 +89,7 @@ def arms():
 
 
 def test_with_the_arms_gaps_and_fresh_samples_join(arms):
-    """The robot's kinematics gives feasibility gaps, none for the lookup; both arms give fresh samples."""
+    """The robot's kinematics gives feasibility gaps, none for the lookup; the person gives fresh samples."""
     person, robot, domains, profile = arms
     adapter = ParallelTransport(damping=0.01).fit(*domains)
     steps = []
@@ -100,14 +100,12 @@ def test_with_the_arms_gaps_and_fresh_samples_join(arms):
         person=person,
         robot=robot,
         n_domain=4,
-        draws=2,
         progress=lambda step, fraction, text="": steps.append(fraction),
     )
     assert TRANSPORT not in [row.name for row in found.rows[1:]]
     assert found.row(LOOKUP).feasibility_gap.p95 < 0.01
     assert found.adapter.feasibility_gap.median > 0.01
     assert found.adapter.domain_feasibility_gap is not None
-    assert found.adapter.stability.n_draws == 2
     assert steps[-1] == 1.0
 
 
@@ -135,7 +133,6 @@ def test_bad_input_is_refused(problem, arms):
         ((adapter, profile[:2]), {}, InvalidInputError, "profile"),
         ((adapter, profile), {"truth": truth[:-1]}, InvalidInputError, "^truth"),
         ((adapter, profile), {"robot": "panda"}, InvalidInputError, "^robot"),
-        ((adapter, profile), {"draws": 1}, InvalidInputError, "^draws"),
         ((adapter, profile), {"robot": arms[1], "spec": EllipsoidSpec(part="full")}, InvalidInputError, "student"),
     ):
         with pytest.raises(error, match=word):

@@ -8,7 +8,7 @@ import pytest
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import choose
-from maniport.report import as_markdown, as_numbers, facts_of
+from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.length_field.report import FieldReport
 
 
@@ -90,7 +90,7 @@ def test_a_bad_length_field_is_not_chosen(chosen):
 def test_choice_and_reason_are_among_the_metrics(chosen):
     """The chosen method comes first, the baselines follow, and a rejected field has a row without measures."""
     _, found, _ = chosen
-    table, facts = found.evaluation, facts_of(found)
+    table, facts = found.evaluation, report_of(found)
     assert table.adapter.name == found.method
     assert {row.name for row in table.rows} == {"identity", "mean-transport", "parallel-transport", "length-field"}
     assert table.row(found.method).feasibility_gap is not None

@@ -6,9 +6,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 
 from maniport import spd
-from maniport.learning import ProfileGMM, covariance_tensor
+from maniport.learning import ProfileGMM
 
 TIME = np.linspace(0.0, 1.0, 40)
+
+
+def covariance_tensor(ellipsoids, covariance):
+    """E[L_ij L_kl] of tangents L = P^½ V P^½ at ellipsoids P, shape (n, 3, 3, 3, 3)."""
+    root = spd.sqrtm(ellipsoids)[:, None]
+    basis = root @ spd.from_vector(np.eye(6)) @ root
+    return np.einsum("nab,naij,nbkl->nijkl", covariance, basis, basis, optimize=True)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.motion import SeedBank, controller, track
 from maniport.motion.follow.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
-from maniport.report import as_numbers, facts_of
+from maniport.report import as_numbers, report_of
 from maniport.util.files import load_ellipsoids
 
 TIME = np.linspace(0.0, 2.0, 41)
@@ -157,7 +157,7 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
         assert_array_equal(arrays["control_velocities"], result.control_velocities)
         assert tuple(arrays["status"]) == result.status
     assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.achieved)
-    summary = as_numbers(facts_of(result))["motion"]
+    summary = as_numbers(report_of(result))["motion"]
     assert summary["waypoints"] == {FOLLOWED: len(TIME)}
     assert summary["position_error_mm"]["p95"] < 1
     with pytest.raises(OutputError):

@@ -12,9 +12,9 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import SeedBank
-from maniport.motion.placement.placement import place_path, place_paths
+from maniport.motion.placement.placement import place_path
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
 
@@ -62,7 +62,7 @@ def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion
         (known["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)),
         (known["bank"], SeedBank.build(aside, 4096)),
     )
-    both = {"damping": DAMPING, "reachability_maps": reachability_maps, "banks": banks, "planning_effort": "quick"}
+    both = {"damping": DAMPING, "reachability_map": reachability_maps, "bank": banks, "planning_effort": "quick"}
     path, profile = motion
     tips, turn = (path, path[::-1] + np.array([0.1, 0.6, 0.0])), rotation_about(2, 0.7)
     middle = np.concatenate(tips).mean(axis=0)
@@ -70,11 +70,11 @@ def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion
         [(tip - middle) @ turn for tip in tips],
         [congruence(turn.T, one) for one in (profile, profile[::-1])],
     )
-    found = place_paths(world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, **both)
+    found = place_path(world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, **both)
     for placed, tip in zip(found, tips, strict=True):
         assert_allclose(placed.path, tip, atol=1e-12)
         assert placed.distance.max() < 1e-3
-    first, second = place_paths(world, turned, (panda, aside), **both, workspace=[(0.2, 0.8)] * 3)
+    first, second = place_path(world, turned, (panda, aside), **both, workspace=[(0.2, 0.8)] * 3)
     assert (first.scale, first.yaw, *first.offset) == (second.scale, second.yaw, *second.offset)
     assert_allclose(first.path - second.path, first.scale * (world[0] - world[1]) @ first.rotation.T, atol=1e-12)
     assert min(first.path.min(), second.path.min()) >= 0.2 - 1e-8
@@ -83,13 +83,13 @@ def test_own_paths_of_two_arms_in_one_place_have_floor_zero(panda, known, motion
 def test_paths_of_several_arms_must_be_as_many(panda, known, motion):
     """Paths, profiles and points fewer than there are arms are told, by name."""
     path, profile = motion
-    both = {"reachability_maps": (known["reachability_map"],) * 2, "banks": (known["bank"],) * 2}
-    with pytest.raises(InvalidInputError, match=r"profiles must be 2, one for each arm; found 1"):
-        place_paths((path, path), (profile,), (panda, panda))
+    both = {"reachability_map": (known["reachability_map"],) * 2, "bank": (known["bank"],) * 2}
+    with pytest.raises(InvalidInputError, match="profile"):
+        place_path((path, path), (profile,), (panda, panda))
     with pytest.raises(InvalidInputError, match=r"paths\[1\] must have shape"):
-        place_paths((path, path[:-1]), (profile, profile), (panda, panda), **both)
+        place_path((path, path[:-1]), (profile, profile), (panda, panda), **both)
     with pytest.raises(InvalidInputError, match=r"profiles\[1\] must have shape"):
-        place_paths((path, path), (profile, profile[:-1]), (panda, panda), **both)
+        place_path((path, path), (profile, profile[:-1]), (panda, panda), **both)
 
 
 def test_own_path_is_found_again(panda, known, motion):
@@ -125,7 +125,7 @@ def test_far_path_is_reported(panda, known, motion):
     placed = place_path(far, profile, panda, scale=1.0, yaw=0.0, offset=far.mean(axis=0), **known)
     assert_array_equal(placed.reachable, np.arange(12) < 5)
     assert placed.position_error[5:].min() > 1.0
-    assert "7 of 12" in " ".join(facts_of(placed).warnings)
+    assert "7 of 12" in " ".join(report_of(placed).warnings)
     assert "7 out of reach" in repr(placed)
     assert np.all(panda.within_limits(placed.joint_positions))
     assert np.all(np.isfinite(placed.distance))

@@ -12,7 +12,7 @@ from maniport.arms import Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
-from maniport.report import as_numbers, facts_of
+from maniport.report import as_numbers, report_of
 
 CRANE = Arm.from_dh(
     "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
@@ -100,7 +100,7 @@ def test_leaps_of_the_recording_are_named(planned):
     ellipsoids[4:] *= 3.0
     leaping = replace(planned.arms[0], path=path, target=ellipsoids)
     assert np.flatnonzero(leaping.jumps).tolist() == [3, 4, 8, 9]
-    told = as_numbers(facts_of(leaping))["motion"]["jumps"]
+    told = as_numbers(report_of(leaping))["motion"]["jumps"]
     assert told["points"] == 4
     assert told["there"]["position_error_mm"] == pytest.approx(1e3 * planned.arms[0].position_error[[3, 4, 8, 9]].max())
 
@@ -135,7 +135,7 @@ def test_what_the_arm_cannot_make_stays_above_its_floor(planned, wanted):
     ratio = np.sqrt(np.mean(planned.arms[0].distance ** 2) / np.mean(planned.arms[0].pointwise_best ** 2))
     assert planned.pointwise_ratio == pytest.approx(ratio)
     assert ratio < 1.2
-    assert as_numbers(facts_of(planned))["motion"]["pointwise_ratio"] == pytest.approx(ratio)
+    assert as_numbers(report_of(planned))["motion"]["pointwise_ratio"] == pytest.approx(ratio)
 
 
 def test_a_smaller_tolerance_keeps_the_tip_nearer(panda, planner, wanted, planned):
@@ -187,7 +187,7 @@ def test_out_of_reach_is_told_and_no_error(panda, planner, wanted):
     require_laws(far)
     assert set(far.arms[0].status) <= {"position missed", "joint limit"}
     assert far.arms[0].position_error.min() > 1.0
-    assert {"position-error", "targets-missed"} <= set(facts_of(far).warning_keys)
+    assert {"position-error", "targets-missed"} <= set(report_of(far).warning_keys)
 
 
 def test_home_is_where_it_begins_and_ends(panda, planner, wanted):
@@ -215,7 +215,7 @@ def test_lowest_points_are_those_of_the_links(panda, planned):
     lowest = {point.link: point for point in run.lowest_of_links}
     poses = panda.link_poses(planned.arms[0].control_positions)
     assert run.lowest == run.lowest_of_links[0]
-    for link, (points, _) in panda.geometry.shapes():
+    for link, (points, _) in panda.geometry.shapes:
         joint = panda.chain.frames[link].joint
         if joint:
             heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]

@@ -1,10 +1,8 @@
-"""What the command line and long work show, in a terminal, a pipe and a notebook."""
+"""What the command line and long work show, in a terminal and a pipe."""
 
 import io
 import json
-import sys
 import threading
-import types
 import warnings
 
 import pytest
@@ -40,24 +38,6 @@ def stumble():
     with progress() as tell:
         tell("walk", 0.25)
         raise RuntimeError("tired")
-
-
-@pytest.fixture
-def notebook(monkeypatch):
-    """Every state of the output of a made-up notebook, as HTML."""
-    states = []
-
-    class Handle:
-        def update(self, shown):
-            states.append(shown)
-
-    module = types.ModuleType("IPython.display")
-    module.HTML = str
-    module.display = lambda shown, display_id: Handle()
-    monkeypatch.setitem(sys.modules, "IPython", types.ModuleType("IPython"))
-    monkeypatch.setitem(sys.modules, "IPython.display", module)
-    monkeypatch.setattr(consoles, "_standard_error", lambda: RichConsole(file=io.StringIO(), force_jupyter=True))
-    return states
 
 
 def test_json_has_no_nan(capsys):
@@ -105,16 +85,9 @@ def test_warnings_of_a_verb_are_lines(capsys):
     assert capsys.readouterr().err == "! slow\n! slow\n"
 
 
-def test_progress_in_a_notebook_moves_and_ends(notebook):
-    """A bar without a value until a fraction is known, then with it, then a line; what was found is escaped."""
-    with progress() as tell:
-        tell("walk", 0.0)
-        tell("walk", 0.25)
-        tell("walk", 1.0, "<b>3 km</b>")
-    started, moving, ended, closed = notebook
-    assert "<progress" in started
-    assert "value=" not in started
-    assert 'value="0.250"' in moving
-    assert "<progress" not in ended
-    assert "✓ walk: &lt;b&gt;3 km&lt;/b&gt;" in ended
-    assert closed == ended
+def test_progress_without_a_terminal_is_a_line_for_each_step(capsys):
+    """Each step that ends is a line, without a bar; results are not interpreted as markup."""
+    with progress() as report:
+        report("walk", 0.25)
+        report("walk", 1.0, "[b]3 km[/b]")
+    assert capsys.readouterr().err.split() == ["✓", "walk", "[b]3", "km[/b]"]

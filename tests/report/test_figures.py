@@ -63,8 +63,6 @@ def test_arms_have_one_scale_and_share_a_panel(motion):
         lambda time, p: figures.curves(time, {"p": np.stack([np.eye(4)] * len(p))}),
         lambda time, p: figures.curves(time, {"a": p, "b": p[:, :2, :2]}),
         lambda time, p: figures.curves(time, {"a": p}, roles={"a": "robot"}),
-        lambda time, p: figures.ellipsoid_views(p, p[1:], p),
-        lambda time, p: figures.ellipsoid_views(p, p, p, names=("a", "a", "b")),
         lambda time, p: figures.diffusion_map({"a": p, "b": p[:, :2, :2]}, {}),
         lambda time, p: figures.arms({"a": np.zeros((7, 3))}, {"a": p}),
         lambda time, p: figures.arms({"a": np.zeros((60, 3, 3))}, {}),

@@ -1,12 +1,14 @@
 """Content of the pages of results: a transfer, and a robot's motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from maniport.pipeline import transfer_recording
-from maniport.report import facts_of
+from maniport.report import report_of
 from maniport.report.page import as_html
-from maniport.report.page.animation import animation_of, regularized
+from maniport.report.page.animation import animation_of
 from sizes import SMALL
 
 
@@ -18,7 +20,7 @@ def shown(result):
 
 def page_of(result):
     """Return the page of a result as text."""
-    return as_html(facts_of(result), {"motion": [animation_of(result)]})
+    return as_html(report_of(result), {"motion": [animation_of(result)]})
 
 
 def test_transfer_has_stages_of_person_and_robot(result, shown):
@@ -65,16 +67,14 @@ def test_the_map_has_one_frame(result, shown):
         atol=1e-9,
     )
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    rotated = regularized(result.arm, result.spec, quarter)[1]["person"]
+    rotated = animation_of(replace(result, base_rotation=quarter)).map.profiles[0].ellipsoids
     np.testing.assert_allclose(rotated, quarter @ chart.profiles[0].ellipsoids @ quarter.T, atol=1e-9)
 
 
 @pytest.mark.parametrize("options", [{"part": "full"}, {"kind": "force"}])
 def test_unmoved_robot_and_other_ellipsoids_are_drawn(second, options):
     """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
-    result = transfer_recording(
-        second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL
-    )
+    result = transfer_recording(second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL)
     shown = animation_of(result)
     assert [stage.name for stage in shown.stages] == ["Person"]
     assert ("Ellipsoids" in shown.panels) == (options.get("part") != "full")

@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 
 import maniport as mp
-from maniport.evaluation import RMSE
-from maniport.report import as_html, as_markdown, as_numbers, facts_of
+from maniport.report import as_html, as_markdown, as_numbers, report_of
 from maniport.report.console import Console
 from maniport.report.metrics import statistics
 from maniport.report.page import as_html as as_page
 from maniport.report.values import Metric, Report, Section
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
-from maniport.studies.paper.outcome import Experiment, Outcome
-from maniport.studies.paper.report import Reproduction
-from maniport.studies.paper.tables import PAPER, PaperRow
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +28,7 @@ def warned(result, changed):
 
 def test_warnings_are_the_same_everywhere(warned):
     """Terminal, Markdown, JSON, notebook and page have the same warnings in the same order, the motion first."""
-    facts, screen = facts_of(warned), Console()
+    facts, screen = report_of(warned), Console()
     screen._out.file = io.StringIO()
     screen.tell(facts)
     words = "waypoints are missed", "infeasible", "does not determine", "Mind <the>"
@@ -49,7 +45,7 @@ def test_warnings_are_the_same_everywhere(warned):
 
 def test_numbers_of_a_run(result):
     """JSON has maxima with their times and units in the names; nothing in it is infinite."""
-    report, motion = facts_of(result), result.arm.motion
+    report, motion = report_of(result), result.arm.motion
     numbers = as_numbers(report)
     assert numbers["motion"]["distance"]["max"] == motion.distance.max()
     assert numbers["motion"]["distance"]["max_at_s"] == result.time[np.argmax(motion.distance)]
@@ -57,14 +53,6 @@ def test_numbers_of_a_run(result):
     assert numbers["run"]["base_rotation"] == np.eye(3).tolist()
     assert "/root" not in json.dumps(numbers, allow_nan=False)
     assert re.search(r"\(median\).*\(95th percentile\).*\(max at [\d.]+ s\)", report.metric("distance").text)
-
-
-def test_a_large_position_error_is_a_warning(alone, changed):
-    """An error of more than three times the tolerance at any time is a warning, however good the median is."""
-    for factor, warned in ((3.1, True), (2.9, False)):
-        error = np.zeros(len(alone.arm.motion.time))
-        error[3] = factor * alone.arm.motion.position_tolerance
-        assert ("position-error" in facts_of(changed(alone, position_error=error)).warning_keys) == warned
 
 
 def test_results_are_data_and_are_described_in_a_folder(small_result, alone, tmp_path):
@@ -97,26 +85,3 @@ def test_facts_without_text_stand_in_json_alone():
     assert as_numbers(facts)["k"] == {"hidden_deg": 1}
     assert "hidden" not in as_markdown(facts) + as_html(facts) + as_page(facts).split("<body>")[1].split("<script>")[0]
     assert "- A: b." in as_markdown(facts)
-
-
-def outcome(settings, per_dispersion, warned):
-    """An outcome of an experiment on two evaluation sets, with an error for each draw."""
-    row = PaperRow("I", 1, "toy", 10, "PT", {"E": 0.5, "F": 0.5}, "identity", None, None, None)
-    errors = tuple(RMSE(1.0, error, 1.0) for error in per_dispersion)
-    fit = (1.0, 0.1, len(errors), 0, warned)  # iterations, seconds, draws, seed
-    return Outcome(row, "toy", "10", "PT", settings, "A()", {"E": errors, "F": errors}, *fit)
-
-
-def test_paper_stands_beside_what_came_out():
-    """A row for the paper and for each setting and form of the error, a column for each evaluation set."""
-    both = (outcome(PAPER, (0.125, 0.375), 0), outcome("ours", (1e-6,), 1))
-    experiment = Experiment("toy", "Table I", ("How.",), both, {"width": 2.0})
-    facts = facts_of(Reproduction((experiment,), 3, 12.0))
-    table = facts.sections[0].tables[0]
-    assert table.columns[-3:] == ("numbers of", "E", "F")
-    rows = {"paper": "0.500", f"{PAPER} ÷ c": "0.250 ± 0.125", f"{PAPER} ÷ c²": "1.000 ± 0.000"}
-    rows |= {"ours ÷ c": "1e-06"}
-    assert table.rows == tuple(("toy", "10", "PT", name, cell, cell) for name, cell in rows.items())
-    assert "in 1 of 1 fits" in facts.warnings[0]
-    assert as_numbers(facts)["toy"]["rows"][2]["per_dispersion"] == 1e-6
-    assert "IROS 2022" in as_page(facts)

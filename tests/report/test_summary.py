@@ -15,7 +15,7 @@ from maniport.errors import on_the_command_line
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult
-from maniport.report import as_html, as_markdown, as_numbers, facts_of
+from maniport.report import as_html, as_markdown, as_numbers, report_of
 from maniport.report.console import Console
 from maniport.report.motion import rounded_sum
 from maniport.report.page import as_html as as_page
@@ -34,7 +34,7 @@ def complete(result, changed):
 
 def test_green_requires_that_there_is_no_warning(complete, changed):
     """Each assumption, omitted check and missed target makes a result amber, under a key of its own."""
-    report = facts_of(complete)
+    report = report_of(complete)
     assert report.warning_keys == ()
     assert (report.summary.status, as_numbers(report)["status"]) == ("green", "green")
     assert report.summary.advice.startswith("Run it")
@@ -54,14 +54,14 @@ def test_green_requires_that_there_is_no_warning(complete, changed):
         "targets-missed": {"status": ("ellipsoid missed",) * n},
         "infeasible-targets": {"arm": {"gap": np.ones(n)}},
     }.items():
-        report = facts_of(changed(complete, **changes))
+        report = report_of(changed(complete, **changes))
         assert report.warning_keys == (key,)
         assert report.summary.status == "amber"
         assert "Run it" not in report.summary.advice
         assert key.replace("-", " ") in as_markdown(report).split("## Warnings")[0]
         assert as_numbers(report)["warnings"] == [{"key": key, "text": report.warnings[0]}]
     fit = replace(complete.arm.fit, quality_warnings=("model and person differ",))
-    report = facts_of(changed(complete, {"fit": fit}))
+    report = report_of(changed(complete, {"fit": fit}))
     assert (report.warning_keys, report.summary.status) == (("human-model",), "amber")
 
 
@@ -71,7 +71,7 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
         lowest = (Lowest("panda_link5", height, 0.0), Lowest("panda_link4", 0.2, 0.0))
         monkeypatch.setattr(ArmResult, "lowest_of_links", lowest)
         collisions = mp.Collisions.of(complete.arm.robot, table=table)
-        report = facts_of(changed(complete, {"collisions": collisions}))
+        report = report_of(changed(complete, {"collisions": collisions}))
         assert report.warning_keys == key
         points = as_numbers(report)["motion"]["lowest_points"]
         assert points["panda_link5"]["height_mm"] == pytest.approx(1e3 * height)
@@ -79,9 +79,9 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
             assert "136 mm below the base plane" in report.warnings[0]
             assert "table=0" in report.warnings[0]
             with on_the_command_line():
-                assert "--table 0" in facts_of(changed(complete, {"collisions": collisions})).warnings[0]
+                assert "--table 0" in report_of(changed(complete, {"collisions": collisions})).warnings[0]
     monkeypatch.setattr(ArmResult, "lowest_of_links", ())
-    assert facts_of(changed(complete)).warning_keys == ("unchecked-floor",)
+    assert report_of(changed(complete)).warning_keys == ("unchecked-floor",)
 
 
 def test_a_dangerous_motion_is_red(complete, changed):
@@ -93,7 +93,7 @@ def test_a_dangerous_motion_is_red(complete, changed):
         "collision": {"clearance": Clearance(True, "", 0.25, -0.01, 0.0, ("a", "b"))},
         "held": {"held": held},
     }.items():
-        report = facts_of(changed(complete, **changes))
+        report = report_of(changed(complete, **changes))
         assert report.warning_keys == (key,)
         assert report.summary.status == "red"
         assert report.summary.advice.startswith("Do not run it")
@@ -110,7 +110,7 @@ def test_the_advice_suits_a_missed_path(result, changed):
     ):
         missed = {"distance": np.zeros(n), "position_error": np.full(n, 0.05), "position_tolerance": tolerance}
         moved = replace(changed(result, {"placement": own}, **missed), config=Config())
-        summary = facts_of(moved).summary
+        summary = report_of(moved).summary
         assert words in summary.command
         assert summary.title.startswith("Position not tracked; ellipsoids tracked")
 
@@ -119,14 +119,14 @@ def test_the_next_command_keeps_the_configuration(result, changed):
     """It takes run.yaml and half of its speed scale; the orientation of a hand, which a profile lacks, is dropped."""
     missed = changed(result, position_error=np.full(len(result.time), 0.05), position_tolerance=0.005)
     config = Config().changed(speed_scale=0.5, orientation="demonstrated")
-    words = shlex.split(facts_of(replace(missed, config=config)).summary.command)
+    words = shlex.split(report_of(replace(missed, config=config)).summary.command)
     for name, value in (("--config", "{folder}/run.yaml"), ("--speed-scale", "0.25"), ("--orientation", "free")):
         assert words[words.index(name) + 1] == value
 
 
 def test_the_summary_is_the_same_everywhere(result):
     """Terminal, Markdown, JSON, notebook and page have the same sentences and metrics."""
-    report = facts_of(result)
+    report = report_of(result)
     summary, screen = report.summary, Console()
     screen._out.file = io.StringIO()
     screen.tell(report, output="some folder")
@@ -147,7 +147,7 @@ def test_the_summary_is_the_same_everywhere(result):
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_summary_in_markdown_is_short(result, several, count):
     """At most 60 lines for one arm, and no table wider than 100 characters; everything else is in JSON."""
-    report = facts_of(several(count) if count > 1 else result)
+    report = report_of(several(count) if count > 1 else result)
     lines = as_markdown(report).splitlines()
     assert len(lines) <= 60
     assert max(len(line) for line in lines if line.startswith("|")) <= 100
@@ -156,7 +156,7 @@ def test_a_summary_in_markdown_is_short(result, several, count):
 @pytest.mark.parametrize("count", [2, 3])
 def test_all_arms_are_reported(several, count):
     """Each arm has its sections, named after it; all arms together have one; the summary names the arms."""
-    report = facts_of(several(count))
+    report = report_of(several(count))
     names, keys = ("left", "right", "middle")[:count], [section.key for section in report.sections]
     assert keys[0] == "arms"
     for name in names:
@@ -173,7 +173,7 @@ def test_all_arms_are_reported(several, count):
 
 def test_parts_of_the_mean_distance_add_up(result):
     """The printed parts add up to the printed sum, which is the mean distance."""
-    text = facts_of(result).metric("mean_distance").text
+    text = report_of(result).metric("mean_distance").text
     mean, *parts = [round(1000 * float(number)) for number in re.findall(r"-?\d+\.\d+", text)]
     assert mean == sum(parts) == round(1000 * result.arm.motion.distance.mean())
     for values in ([0.0024, 0.3334, 0.0444], [0.0005, 0.0005, 0.0005], [0.2, -0.0104, 0.1206]):

@@ -7,7 +7,6 @@ import pytest
 
 from maniport import spd
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd import log_euclidean
 from maniport.spd.cloud import energy_distance
 
 EYE = np.eye(3)
@@ -39,16 +38,14 @@ NOT_SPD = {
 
 def cases():
     """List (function, its other arguments, the name of the bad one, bad value, message)."""
-    for module in (spd, log_euclidean):
-        for function, names in METRIC_ARGUMENTS.items():
-            for name in names:
-                if name == "t":
-                    continue
-                kinds = BAD if name in TANGENTS else BAD | NOT_SPD
-                good = {other: 0.5 if other == "t" else EYE for other in names if other != name}
-                for kind, (value, message) in kinds.items():
-                    label = f"{module.__name__.split('.')[-1]}-{function}-{name}-{kind}"
-                    yield pytest.param(getattr(module, function), good, name, value, message, id=label)
+    for function, names in METRIC_ARGUMENTS.items():
+        for name in names:
+            if name == "t":
+                continue
+            kinds = BAD if name in TANGENTS else BAD | NOT_SPD
+            good = {other: 0.5 if other == "t" else EYE for other in names if other != name}
+            for kind, (value, message) in kinds.items():
+                yield pytest.param(getattr(spd, function), good, name, value, message, id=f"{function}-{name}-{kind}")
     for name, functions in UNARY.items():
         for function in functions:
             kinds = dict(BAD) if name in TANGENTS else BAD | NOT_SPD
@@ -71,12 +68,9 @@ def test_bad_matrices_are_refused_by_name(function, good, name, value, message):
 
 def doors():
     """List (function, arguments that fit together by name) of all functions of several matrices."""
-    for module in (spd, log_euclidean):
-        for function, names in METRIC_ARGUMENTS.items():
-            label = f"{module.__name__.split('.')[-1]}-{function}"
-            yield pytest.param(
-                getattr(module, function), {name: 0.5 if name == "t" else EYE for name in names}, id=label
-            )
+    for function, names in METRIC_ARGUMENTS.items():
+        good = {name: 0.5 if name == "t" else EYE for name in names}
+        yield pytest.param(getattr(spd, function), good, id=function)
     for function in (spd.whiten, spd.unwhiten):
         yield pytest.param(function, {"points": EYE, "center": EYE}, id=function.__name__)
 
@@ -119,15 +113,14 @@ def test_centres_are_refused_by_name(function, name):
         function(points, center=points)
 
 
-@pytest.mark.parametrize("module", [spd, log_euclidean], ids=["affine-invariant", "log-Euclidean"])
-def test_bad_parameters_of_a_geodesic_are_refused(module):
+def test_bad_parameters_of_a_geodesic_are_refused():
     """A parameter that is nan, no number, or does not fit the batch is refused by name."""
     with pytest.raises(InvalidInputError, match=r"^t must be finite; found nan"):
-        module.geodesic(EYE, EYE, [0.0, np.nan])
+        spd.geodesic(EYE, EYE, [0.0, np.nan])
     with pytest.raises(InvalidInputError, match=r"^t must be an array of numbers; found str"):
-        module.geodesic(EYE, EYE, "half")
+        spd.geodesic(EYE, EYE, "half")
     with pytest.raises(InvalidInputError, match=r"leading axes must broadcast"):
-        module.geodesic(np.stack([EYE] * 3), EYE, [0.0, 1.0])
+        spd.geodesic(np.stack([EYE] * 3), EYE, [0.0, 1.0])
 
 
 @pytest.mark.parametrize("function", [spd.mean, spd.dispersion])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from maniport.errors import InvalidInputError
-from maniport.report import as_markdown, facts_of
+from maniport.report import as_markdown, report_of
 from maniport.studies import human_to_panda
 from maniport.studies.human_to_panda import EVALUATIONS, motions
 from maniport.studies.methods import compare_methods, in_short
@@ -27,7 +27,7 @@ def test_a_line_for_every_method_and_a_table_for_every_motion(small):
     assert list(values) == ["parallel-transport", "identity", "icp"]
     gaps = told.evaluations["H-Eval-2"].row("icp").feasibility_gap
     assert (values["icp"]["gap"], values["icp"]["gap_p95"]) == (gaps.mean, gaps.p95)
-    page = as_markdown(facts_of(told))
+    page = as_markdown(report_of(told))
     assert page.count("| icp |") == 2
     assert page.count("\n## ") == 2
     assert page.count("Methods beside one another") == 1
@@ -42,7 +42,7 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
     found = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
-    assert "| identity |" in as_markdown(facts_of(found))
+    assert "| identity |" in as_markdown(report_of(found))
 
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")

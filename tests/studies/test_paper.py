@@ -13,7 +13,7 @@ from scipy.linalg import expm, logm, sqrtm
 from maniport.arms import load_arm
 from maniport.errors import InvalidInputError, OutputError
 from maniport.evaluation import RMSE
-from maniport.report import as_numbers, facts_of
+from maniport.report import as_numbers, report_of
 from maniport.studies.paper import known_truth, run, trajectories
 from maniport.studies.paper.human_robot import AuthorsBaseline
 from maniport.studies.paper.outcome import Experiment, Outcome
@@ -77,7 +77,7 @@ def test_files_agree(folder, reproduction, outcomes):
     for name, expected in outcomes.items():
         table = list(csv.DictReader(io.StringIO((folder / f"{name}.csv").read_text(encoding="utf-8"))))
         summary = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-        assert summary[name] == as_numbers(facts_of(reproduction))[name]
+        assert summary[name] == as_numbers(report_of(reproduction))[name]
         for line, row, outcome in zip(table, summary[name]["rows"], expected, strict=True):
             assert float(line["per_dispersion"]) == row["per_dispersion"] == outcome.per_dispersion
             assert line["method"] == row["method"] == outcome.method

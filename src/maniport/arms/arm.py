@@ -1,4 +1,4 @@
-"""An arm: one kinematic chain from a base to one frame, human or robot."""
+"""Arms: kinematic chains of humans and robots from a base to an end effector."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,35 +17,35 @@ from maniport.util.validation import Array, as_choice, as_count, as_finite, as_n
 
 
 class Arm(Manipulable):
-    """One kinematic chain from the base to the tip frame.
+    """One kinematic chain from the base to the end effector.
 
     Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
-    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, slides in metres; limits are not
-    enforced. Results have the same leading shape. Positions and directions are expressed in the arm's base frame.
+    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, displacements in meters; limits
+    are not enforced. Results have the same leading shape. Positions and directions are in the base frame of the arm.
     Every method raises `InvalidInputError` when `q` has a wrong shape, nan or infinity.
 
     Attributes
     ----------
     name, side : str
-        Name of the arm, and which one of a person's it is, ``"right"`` or ``"left"``; None for robots.
+        Name of the arm; side of a person, ``"right"`` or ``"left"``, None for robots.
     dof : int
         Number of degrees of freedom.
     joint_names : tuple of str
-        Their names; joints that could move and are held are in ``locked``.
+        Names of the joints that move.
     lower, upper : ndarray, shape (dof,)
         Their limits [rad] or [m], read-only.
     velocity_limits : ndarray, shape (dof,), or None
-        Their largest speeds [rad/s] or [m/s], read-only; infinite where unknown, None when none is known.
+        Largest speeds [rad/s] or [m/s], read-only; infinite if unknown, None if all are unknown.
     joint_units : tuple of str
         Their units, ``"rad"`` or ``"m"``.
     base : str or None
-        The frame in which everything is expressed, where that is not the first of the description.
+        Reference frame of all results if not the first of the description.
     locked : mapping of str to float
-        Joints that could move and are held, and where [rad] or [m].
+        Positions of locked joints [rad] or [m].
     frame, frames : str, tuple of str
-        Names of the tip frame and of all frames on the chain.
+        Names of the end effector and of all frames on the chain.
     chain : Chain
-        The description it was made from.
+        Description of the kinematics.
     """
 
     def __init__(self, chain: Chain):
@@ -70,7 +70,7 @@ class Arm(Manipulable):
         convention: str = "standard",
         velocity_limits: ArrayLike | None = None,
     ) -> "Arm":
-        """Make an arm from a table of Denavit-Hartenberg parameters, with frames ``base``, ``link1``, … up to the tip.
+        """Make an arm with frames ``base``, ``link1``, … from Denavit-Hartenberg parameters.
 
         Parameters
         ----------
@@ -139,34 +139,34 @@ class Arm(Manipulable):
         self, frame: str | None = None, joints: Sequence[str] | None = None, base: str | None = None,
         lock: Mapping[str, float] | None = None,
     ) -> "Arm":  # fmt: skip
-        """The same arm with another tip or base, or with some joints only; see `maniport.load_arm`."""
+        """Return the arm with another end effector or base, or with some joints only; see `maniport.load_arm`."""
         return Arm(restrict(self.chain, frame, joints, base, lock))
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
-        """The same arm, look included, with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
+        """Return the arm with narrower joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
         arm = Arm(self.chain.narrow(lower, upper))
-        arm.geometry = self.geometry  # limits do not show; what was read of files is not read again
+        arm.geometry = self.geometry  # shares its cache of meshes
         return arm
 
     def forward(self, q: ArrayLike) -> Array:
-        """Poses of the tip in the base frame [m], shape (..., 4, 4)."""
+        """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
         positions, shape = self._positions(q)
         return self._kinematics.forward(positions).reshape(*shape, 4, 4)
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Geometric Jacobians of the tip, shape (..., 6, dof).
+        """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
 
-        Rows 0 to 2: velocity of the tip's origin; rows 3 to 5: angular velocity; both along the axes of the base frame.
+        Rows 0 to 2: linear velocity of its origin; rows 3 to 5: angular velocity; both in the base frame.
         """
         positions, shape = self._positions(q)
         return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
-        """Origins of several frames [m], shape (..., len(frames), 3)."""
+        """Compute the origins of frames [m], shape (..., len(frames), 3)."""
         return self._points(q, frames)[0]
 
     def point_jacobians(self, q: ArrayLike, frames: Sequence[str]) -> Array:
-        """Linear Jacobians of the origins of several frames, shape (..., len(frames), 3, dof)."""
+        """Compute linear Jacobians of the origins of frames, shape (..., len(frames), 3, dof)."""
         return self._points(q, frames)[1]
 
     def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
@@ -176,9 +176,9 @@ class Arm(Manipulable):
         return points.reshape(shape), slopes.reshape(*shape, self.dof)
 
     def axis_direction(self, q: ArrayLike, joint_name: str) -> Array:
-        """Direction of a joint's axis in the base frame, unit vectors of shape (..., 3).
+        """Compute the axis of a joint in the base frame, unit vectors of shape (..., 3).
 
-        A revolute joint turns what follows it about this direction by the right-hand rule; a slide moves it along.
+        A revolute joint rotates about this direction by the right-hand rule; a prismatic joint moves along it.
         """
         joints = {joint.name: joint for joint in self.chain.joints}
         if joint_name not in joints:
@@ -188,7 +188,7 @@ class Arm(Manipulable):
         return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """What `forward` gives, and then what `differentials` does."""
+        """Return the results of `forward` and `differentials`."""
         positions, shape = self._positions(q)
         poses, of_joints = self._kinematics.motion(positions)
         return poses.reshape(*shape, 4, 4), *self._differentials(of_joints, shape, spec)
@@ -212,40 +212,39 @@ class Arm(Manipulable):
         )
 
     def motion(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Poses of the tip, (n, 4, 4), and Jacobians in the joints of the chain, (n, 6, joints), for all n of `q`."""
+        """Compute poses (n, 4, 4) and Jacobians in the joints of the chain (n, 6, joints), for all n of `q`."""
         return self._kinematics.motion(self._positions(q)[0])
 
     def skeleton(self, q: ArrayLike) -> Array:
-        """Polyline from the base through the joints to the tip, for drawing; shape (..., k, 3) [m]."""
+        """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
         positions, shape = self._positions(q)
         points = self.geometry.skeleton(positions)
         return points.reshape(*shape, *points.shape[1:])
 
     def link_poses(self, q: ArrayLike) -> Array:
-        """Poses of the base and of the frame after each joint of the chain [m], shape (..., joints + 1, 4, 4).
+        """Compute poses of the base and of the frame after each joint [m], shape (..., joints + 1, 4, 4).
 
-        `Surface.joint` is an index into them; joints that follow others or are held count too.
+        `Surface.joint` is an index into them; all joints of the chain count, also locked and mimic joints.
         """
         positions, shape = self._positions(q)
         poses = self.geometry.link_poses(positions)
         return poses.reshape(*shape, *poses.shape[1:])
 
     def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
-        """What the arm looks like: triangles fixed to its joints.
+        """Return the visual meshes of the arm by joint; files are read on the first call.
 
-        The meshes are read on the first call. What is attached beyond the tip is left out, and so are fingers that move
-        by themselves. Where meshes of a link of a URDF are missing, the shapes that it collides with are drawn.
+        Bodies beyond the end effector and moving fingers are omitted. Links of a URDF with missing meshes have their
+        collision shapes.
 
         Parameters
         ----------
         most_triangles : int or None
-            The largest number of triangles of the whole arm, at least 200; meshes with more are simplified. None
-            keeps all of them.
+            Largest number of triangles of the whole arm, at least 200; larger meshes are simplified. None keeps all.
 
         Returns
         -------
         tuple of Surface
-            One for each joint index that carries something, ascending; empty where the description names no shapes.
+            One for each joint index with shapes, ascending; empty if the description has no shapes.
 
         Raises
         ------

@@ -1,8 +1,8 @@
-"""A chain: the plain description of an arm's kinematics that every reader produces and `Arm` computes with.
+"""Chains: the description of an arm's kinematics that readers return and `Arm` uses.
 
-A chain is a row of one-degree-of-freedom joints from the base to a tip. It may have more joints than degrees of
-freedom: each joint's position is an affine function of the arm's coordinates, ``q_joint = coupling @ q + offset``.
-That covers the shoulder girdle of the human arm, the mimic joints of robots and joints that are locked.
+A chain is a sequence of one-degree-of-freedom joints from the base to the end effector. It may have more joints than
+degrees of freedom: each joint's position is an affine function of the arm's coordinates, ``q_joint = coupling @ q +
+offset``. That covers the shoulder girdle of the human arm, the mimic joints of robots and joints that are locked.
 """
 
 import json
@@ -23,7 +23,7 @@ from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers,
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 SIDES = RIGHT, LEFT = "right", "left"
 
-UNIT = 1e-6  # how far axes and rotations may be from unit length: files give six digits
+UNIT = 1e-6  # tolerance of the length of axes and rotations: files have six digits
 
 Triangles = NDArray[np.int32]
 Mesh = tuple[Array, Triangles]
@@ -70,7 +70,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One piece of what a link looks like, in the link's frame; a stand-in is of what it collides with instead."""
+    """A visual mesh of a link, in the frame of the link, or, as a stand-in, a collision mesh."""
 
     link: str
     mesh: Mesh
@@ -79,14 +79,14 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A body off the chain that is attached to it, such as a finger, a leg or the other arm."""
+    """A body off the chain, such as a finger, a leg or the other arm."""
 
-    joint: int  # it moves with the frame after so many joints of the chain (0: with the base)
-    placements: Array  # (k, 4, 4) in that frame: one at rest, several from open to closed for part of a gripper
-    group: str  # name of the body that stands for all bodies of a finger; its own name for other bodies
+    joint: int  # number of joints of the chain that move it (0: fixed to the base)
+    placements: Array  # (k, 4, 4) in the frame of the last of them; several from open to closed for a gripper
+    group: str  # name shared by all bodies of a finger; the own name of other bodies
 
     def moved(self, joint: int, transform: Array) -> "Body":
-        """Attach the body after `joint` joints; `transform`, (4, 4), leads to that frame from the present one."""
+        """Attach the body after `joint` joints; `transform`, (4, 4), is the pose of the present frame in that frame."""
         return replace(self, joint=joint, placements=transform @ self.placements)
 
 
@@ -97,30 +97,30 @@ class Chain:
     name: str
     joints: tuple[Joint, ...]
     frames: Mapping[str, Frame]
-    frame: str  # name of the tip frame
+    frame: str  # name of the end effector
     coordinates: tuple[str, ...]  # names of the degrees of freedom
     lower: Array  # (dof,) their limits [rad] or [m]
     upper: Array
-    coupling: Array  # (joints, dof): how the joints follow the degrees of freedom
+    coupling: Array  # (joints, dof): joint positions per coordinate
     offset: Array  # (joints,): their positions at zero coordinates [rad] or [m]
     velocity_limits: Array | None = None  # (dof,) [rad/s] or [m/s]; infinite where unknown
-    shapes: Callable[..., Iterable[Shape]] | None = None  # of links by name; takes `mesh_folders` where there are any
-    others: Mapping[str, Body] | None = None  # bodies off the chain; None where the robot is the chain up to its tip
-    base: str | None = None  # the frame in which everything is expressed, where that is not the description's first
-    stand: Array | None = None  # pose (4, 4) of the robot's own base in that frame, where that is another one
-    locked: Mapping[str, float] = field(default_factory=dict)  # coordinates that are held, and where [rad] or [m]
-    unlimited: tuple[str, ...] = ()  # turning joints without limits, of which one turn is taken
-    source: str = ""  # what `load_arm` was asked for
+    shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
+    others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
+    base: str | None = None  # reference frame of all results if not the first frame of the file
+    stand: Array | None = None  # pose (4, 4) of the robot's base in that frame if it differs
+    locked: Mapping[str, float] = field(default_factory=dict)  # positions of locked coordinates [rad] or [m]
+    unlimited: tuple[str, ...] = ()  # revolute joints without limits, limited to one turn
+    source: str = ""  # argument of `load_arm`
     side: str | None = None  # of a person, "right" or "left"
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Unit of each degree of freedom: ``"rad"``, or ``"m"`` where it moves slides only."""
+        """Unit of each degree of freedom: ``"rad"``, or ``"m"`` if it moves prismatic joints only."""
         turns = np.array([joint.kind == REVOLUTE for joint in self.joints])
         return tuple("rad" if np.any(turns & (column != 0)) else "m" for column in self.coupling.T)
 
     def holds(self, link: str) -> bool:
-        """Whether a link is part of the arm: it is on the chain and is not attached beyond the tip."""
+        """Whether a link is on the chain and not attached beyond the end effector."""
         name, seen = link, {self.frame}
         while name in self.frames and self.frames[name].parent is not None:
             name = str(self.frames[name].parent)
@@ -131,7 +131,7 @@ class Chain:
 
     @property
     def attached(self) -> dict[str, Body]:
-        """All bodies that are attached to the chain: those off the chain, and frames beyond the tip."""
+        """Bodies off the chain and frames beyond the end effector."""
         if self.others is None:
             return {}
         beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
@@ -151,7 +151,7 @@ class Chain:
         return np.array(poses)
 
     def known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
-        """Require names of frames on the chain, each once."""
+        """Require distinct names of frames on the chain."""
         names = check_names(frames, "frames")
         for name in names:
             if name not in self.frames:
@@ -172,7 +172,7 @@ class Chain:
 
 
 def _require_rigid(placement: Array, what: str) -> None:
-    """Raise unless a homogeneous transform turns and shifts, by what is meant to be in metres."""
+    """Require a rotation and a translation within ±MAX_POSITION [m]."""
     turn, shift = placement[:3, :3], placement[:3, 3]
     if not (np.abs(turn @ turn.T - np.eye(3)).max() < UNIT and np.abs(shift).max() <= MAX_POSITION):
         raise InvalidInputError(
@@ -182,7 +182,7 @@ def _require_rigid(placement: Array, what: str) -> None:
 
 
 def check_names(names: Sequence[str], argument: str) -> tuple[str, ...]:
-    """Require at least one name, each once, and not a bare string."""
+    """Require a sequence of at least one name, without repetitions."""
     listed = () if isinstance(names, str) or not isinstance(names, Iterable) else tuple(names)
     if not listed or not all(isinstance(name, str) for name in listed):
         raise InvalidInputError(f"{argument} must be a sequence of names, such as ('first', 'second'); found {names!r}")
@@ -272,7 +272,7 @@ def chain_from_json(data: Mapping[str, Any]) -> Chain:
 
 
 def read_shapes(path: Path, links: Collection[str]) -> list[Shape]:
-    """Read the shapes of some links: points on a grid of 65 536 steps, as the Panda's are written."""
+    """Read the shapes of some links; points are stored on a grid of 65 536 steps."""
     try:
         with np.load(path, allow_pickle=False) as data:
             shapes = []
@@ -283,4 +283,4 @@ def read_shapes(path: Path, links: Collection[str]) -> list[Shape]:
                     shapes.append(Shape(link, (points, data[f"triangles_{i}"].astype(np.int32))))
             return shapes
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"{path}: holds no shapes of links: {error}") from None
+        raise FileFormatError(f"{path}: has no shapes of links: {error}") from None

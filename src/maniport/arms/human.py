@@ -22,14 +22,14 @@ The body height alone gives the length of a person's segments:
 =========  ========  ==============================================================================================
 segment    fraction  from
 =========  ========  ==============================================================================================
-upper arm  0.1618    281.7 mm of 1741 mm, centre of the shoulder to that of the elbow: de Leva (1996), men
-forearm    0.1545    268.9 mm of 1741 mm, centre of the elbow to that of the wrist: de Leva (1996), men
+upper arm  0.1618    281.7 mm of 1741 mm, center of the shoulder to that of the elbow: de Leva (1996), men
+forearm    0.1545    268.9 mm of 1741 mm, center of the elbow to that of the wrist: de Leva (1996), men
 hand       0.0343    0.108, wrist to tip of the middle finger (Drillis and Contini 1966; in Winter, Biomechanics and
                      Motor Control of Human Movement, figure 4.1), × 0.318: in MyoSim's hand the middle of the third
                      metacarpal is 55.3 mm from the wrist, the tip of the middle finger 174.1 mm
 =========  ========  ==============================================================================================
 
-De Leva's lengths run between centres of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
+De Leva's lengths run between centers of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
 forearm (0.146) are measured otherwise.
 
 References: P. de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29
@@ -51,13 +51,13 @@ JOINTS = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup
 FRACTIONS = {"upper arm": 0.2817 / 1.741, "forearm": 0.2689 / 1.741, "hand": 0.108 * 0.0553 / 0.1741}
 """Length of each segment as a fraction of the body height."""
 
-LONGEST_SEGMENT = 1.0  # No segment of a human arm is as long as this [m]; larger values are most likely in another unit
+LONGEST_SEGMENT = 1.0  # limit of segment lengths [m]; larger values are probably in another unit
 
-BREADTH = 0.17  # How far a shoulder is from the middle of the trunk [m]
+BREADTH = 0.17  # distance of a shoulder from the middle of the trunk [m]
 
 
 def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
-    """The right arm of MyoSim: 7 degrees of freedom and a shoulder girdle that follows them.
+    """Build the right arm of MyoSim: 7 degrees of freedom and a shoulder girdle that follows them.
 
     Kinematics of Saul et al. (2015). Raising the arm also turns the clavicle and the scapula, so that the shoulder
     moves; 11 dependent joints follow the elevation and its plane linearly.
@@ -72,8 +72,8 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     -------
     Arm
         Origin of the base frame: the right sternoclavicular joint, where the collar bone meets the breastbone.
-        ``shoulder`` is the centre of the glenohumeral joint, ``elbow`` a point on the flexion axis (the origin of
-        the ulna), ``wrist`` the centre of the wrist joint (the origin of the lunate), ``hand`` the middle of the
+        ``shoulder`` is the center of the glenohumeral joint, ``elbow`` a point on the flexion axis (the origin of
+        the ulna), ``wrist`` the center of the wrist joint (the origin of the lunate), ``hand`` the middle of the
         third metacarpal. The girdle keeps its size.
 
     References
@@ -93,7 +93,7 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
 
 
 def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
-    """The right arm rHuMan: 7 degrees of freedom, with the shoulder fixed in the trunk, at the base frame's origin.
+    """Build the right arm rHuMan: 7 degrees of freedom, with the shoulder fixed at the origin of the base frame.
 
     The table of Denavit-Hartenberg parameters, the lengths and the limits are those of Reithmeir, Figueredo and
     Haddadin (IROS 2022, arXiv 2208.07588), after the kinematics of Saul et al. (2015).
@@ -108,10 +108,8 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
     Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
     manifold-aware ICP, IROS 2022.
     """
-    given = _checked(upper_arm, forearm, hand)
-    upper, fore, palm = (
-        default if length is None else length for length, default in zip(given, (0.302, 0.2795, 0.05), strict=True)
-    )
+    lengths = zip(_checked(upper_arm, forearm, hand), (0.302, 0.2795, 0.05), strict=True)
+    upper, fore, palm = (default if length is None else length for length, default in lengths)
     # Eight joints and a fixed last row: the elevation plane turns the arm before the elevation and back after it.
     half = np.pi / 2
     table: list[list[float]] = [
@@ -148,16 +146,16 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
 
 
 PERSONS: dict[str, Callable[..., Arm]] = {"myoarm": myoarm, "rhuman": rhuman}
-"""Models of the human arm by name, each called with the lengths that are known. What is added here, `load_arm`,
-`fit_arm` and the main job take: a right arm with the seven joints and the four frames above."""
+"""Models of the human arm by name, called with known segment lengths; they return a right arm with the seven joints and
+four frames above."""
 
 
 def human_arm(
     name: str, side: str = RIGHT, height: float | None = None, lengths: Mapping[str, float] | None = None
 ) -> Arm:
-    """One arm of a person, the left one being the mirror image of the right one.
+    """Build an arm of a person; the left arm is the mirror image of the right one.
 
-    `height` [m] is for the segments, ``"upper arm"``, ``"forearm"`` and ``"hand"``, whose `lengths` [m] are not given.
+    `height` [m] scales the segments ``"upper arm"``, ``"forearm"`` and ``"hand"`` that are not in `lengths` [m].
     """
     as_choice(name, "person", PERSONS)
     as_choice(side, "side", SIDES)
@@ -175,23 +173,23 @@ def as_height(value: float | None) -> float | None:
 
 
 def segment_length(segment: str, height: float) -> float:
-    """Length of a segment [m] of a person so tall [m]."""
+    """Return the length of a segment [m] for a body height [m]."""
     return FRACTIONS[segment] * height
 
 
 def adult_range(segment: str) -> tuple[float, float]:
-    """The shortest and the longest that a segment of an adult of 1.4 to 2.1 m is [m]; people differ by 15 %."""
+    """Return the range of a segment [m] of adults of 1.4 to 2.1 m, with individual differences of 15 %."""
     return 0.85 * segment_length(segment, 1.4), 1.15 * segment_length(segment, 2.1)
 
 
 def middle_of(arm: Arm) -> float:
-    """Where the middle of the trunk is beside the origin of a human arm's base frame, to the left [m]."""
+    """Return the y coordinate of the middle of the trunk in the base frame of a human arm [m]."""
     shoulder = arm.point_positions(np.zeros(arm.dof), ("shoulder",))[0]
     return float(shoulder[1]) + (-BREADTH if arm.side == LEFT else BREADTH)
 
 
 def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
-    """How the hand of a human arm is turned in the trunk frame, (..., 3, 3): z points along it, y out of the palm.
+    """Compute hand orientations in the trunk frame, (..., 3, 3): z points along the hand, y out of the palm.
 
     With zero angles the arm hangs with the palm towards the thigh, a right arm's to the left.
     """
@@ -211,7 +209,7 @@ def _checked(upper_arm: float | None, forearm: float | None, hand: float | None)
 
 
 def _scale_between(chain: Chain, start: str, end: str, factor: float) -> Chain:
-    """Scale the translations of the joints and frames between two frames that sit at the origins of their joints."""
+    """Scale the translations of joints and frames between two frames at the origins of their joints."""
     first, last = chain.frames[start].joint, chain.frames[end].joint
     scaled = tuple(
         replace(joint, placement=_scaled(joint.placement, factor)) if first < i <= last else joint

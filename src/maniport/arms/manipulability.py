@@ -88,7 +88,7 @@ class EllipsoidSpec:
         return as_numbers(self.joint_weights, "joint_weights", dof, above=0.0)
 
     def rotation(self, turn: Array) -> Array:
-        """Rotation of these ellipsoids, shape (d, d), for one of their frame, shape (3, 3)."""
+        """Rotations of these ellipsoids, shape (..., d, d), from those of their frame, shape (..., 3, 3)."""
         return np.asarray(np.kron(np.eye(self.size // 3), turn), dtype=np.float64)
 
     def __str__(self) -> str:

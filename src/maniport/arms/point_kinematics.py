@@ -1,7 +1,6 @@
-"""Points and directions fixed to the links of a chain, with their derivatives, for many configurations at once.
+"""Points and directions fixed to the links of a chain, with derivatives, for many configurations.
 
-What `maniport.arms.kinematics` asks of Pinocchio one configuration after another is done here by a few array
-operations a joint: several times as fast where thousands of frames are wanted together, and outside Python's lock.
+A few array operations per joint process all configurations together, and release Python's lock.
 """
 
 from collections.abc import Sequence
@@ -12,11 +11,11 @@ import numpy as np
 from maniport.arms.chain import PRISMATIC, Chain
 from maniport.util.validation import Array
 
-Attachment = tuple[int, Array]  # After how many joints of the chain, and a vector (3,) in the frame of the last of them
+Attachment = tuple[int, Array]  # number of joints before it, and a vector (3,) in the frame of the last of them
 
 
 class PointKinematics:
-    """Points and directions that move with a chain."""
+    """Forward kinematics of points and directions on a chain."""
 
     def __init__(self, chain: Chain, points: Sequence[str], directions: Sequence[Attachment] = ()):
         frames = [chain.frames[name] for name in points]
@@ -32,7 +31,7 @@ class PointKinematics:
         self._slides = [j for j, (_, _, slides) in enumerate(self._joints) if slides]
 
     def arrays(self) -> tuple[Any, ...]:
-        """The same as plain arrays, for compiled code that follows one configuration at a time."""
+        """Return the chain and the vectors as arrays for compiled code."""
         return (
             np.ascontiguousarray(self._coupling),
             np.ascontiguousarray(self._offset),
@@ -44,16 +43,16 @@ class PointKinematics:
         )
 
     def __call__(self, q: Array) -> tuple[Array, Array]:
-        """Where they are at configurations (n, dof), shape (n, k, 3), and the derivatives of that, (n, k, 3, dof)."""
+        """Compute vectors (n, k, 3) and derivatives (n, k, 3, dof) at configurations (n, dof)."""
         count = len(self._fixed)
         values, slopes = np.empty((len(q), count, 3)), np.empty((len(q), count, 3, q.shape[1]))
-        for first in range(0, len(q), 512):  # so many stay in a processor's cache
+        for first in range(0, len(q), 512):  # 512 configurations fit in the cache
             part = slice(first, first + 512)
             self._follow(q[part], values[part], slopes[part])
         return values, slopes
 
     def _follow(self, q: Array, values: Array, slopes: Array) -> None:
-        """Fill what `__call__` returns; configurations run along the last axis here, where arrays are long."""
+        """Fill the results of `__call__`; arrays have the configurations as their last axis, for speed."""
         n, wanted = len(q), {joint for joint, _, _ in self._fixed}
         angles = self._coupling @ q.T + self._offset[:, None]
         sines, versed = np.sin(angles), 1.0 - np.cos(angles)
@@ -72,7 +71,7 @@ class PointKinematics:
                 links[j + 1] = turn, origin
         shifting = _times(origins, along)  # of a joint that turns: ω = a, and v(p) = a × (p - o) = ω × p + o × a
         shifting[:, self._slides], along[:, self._slides] = along[:, self._slides], 0.0
-        twists = {joint: [self._coupling[:joint].T @ one[:, :joint] for one in (along, shifting)] for joint in wanted}
+        twists = {joint: [self._coupling[:joint].T @ part[:, :joint] for part in (along, shifting)] for joint in wanted}
         places = [place @ links[joint][0] + (links[joint][1] if fixed else 0.0) for joint, place, fixed in self._fixed]
         value = np.stack(places, axis=1)
         slope = _times(np.stack([twists[joint][0] for joint, _, _ in self._fixed], axis=1), value[:, :, None])
@@ -83,7 +82,7 @@ class PointKinematics:
 
 
 def axis_of(chain: Chain, coordinate: int, above: int) -> Attachment:
-    """The axis of a coordinate's joint as it stands while the coordinates from `above` up to it are at zero."""
+    """Return the axis of the joint of a coordinate while the coordinates from `above` up to it are zero."""
     names = [joint.name for joint in chain.joints]
     last = names.index(chain.coordinates[coordinate])
     still = np.clip(0.0, chain.lower[above:coordinate], chain.upper[above:coordinate])

@@ -1,4 +1,4 @@
-"""Chains made of a chain: another tip or base, joints that are held, a place in a world, the mirror image."""
+"""Derived chains: other end effector or base, locked joints, pose in a world, mirror image."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -19,20 +19,20 @@ def restrict(
     base: str | None = None,
     lock: Mapping[str, float] | None = None,
 ) -> Chain:
-    """End a chain at another frame, begin it at another one, and hold coordinates."""
+    """Return a chain with another end effector or base, or with locked coordinates."""
     where = f"on the arm {chain.name!r}"
     wanted = None if joints is None else check_names(joints, "joints")
     held = check_lock(lock, wanted)
     for name in (*(wanted or ()), *held):
         if name not in chain.coordinates:
-            raise unknown_name("joint", name, chain.coordinates, f"on the way to {chain.frame!r} {where}")
+            raise unknown_name("joint", name, chain.coordinates, f"on the chain to {chain.frame!r} {where}")
     tip = chain.frame if frame is None else frame
     if not isinstance(tip, str) or tip not in chain.frames:
         raise unknown_name("frame", tip, chain.frames, where)
     part = _ending_at(chain, tip)
     if base is not None:
         if not isinstance(base, str) or base not in part.frames:
-            raise unknown_name("base", base, part.frames, f"on the way to the frame {tip!r} {where}")
+            raise unknown_name("base", base, part.frames, f"on the chain to the frame {tip!r} {where}")
         part = _starting_at(part, base)
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for what, names in (("joints", wanted or ()), ("lock", held)):
@@ -41,13 +41,13 @@ def restrict(
             raise InvalidInputError(f"{what}: {idle[0]!r} does not move the frame {tip!r}{seen} {where}")
     moving = np.array([n not in held and (wanted is None or n in wanted) for n in part.coordinates], dtype=bool)
     if not np.any(moving):
-        held_all = "; lock holds them all" if part.coordinates else ""
+        held_all = "; lock contains all" if part.coordinates else ""
         raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}{held_all}")
     return part if np.all(moving) else _locked(part, moving, held)
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
-    """Require a mapping of names, none of which is to move."""
+    """Require a mapping of names to positions, without names in `joints`."""
     held = {} if lock is None else lock
     if not isinstance(held, Mapping) or not all(isinstance(name, str) for name in held):
         raise InvalidInputError(f"lock must map names of joints to positions, such as {{'lift': 0.2}}; found {lock!r}")
@@ -58,7 +58,7 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
 
 
 def _ending_at(chain: Chain, tip: str) -> Chain:
-    """The joints of a chain up to a tip, and the coordinates that move them."""
+    """The joints of a chain up to an end effector, and the coordinates that move them."""
     count = chain.frames[tip].joint
     used = np.any(chain.coupling[:count] != 0, axis=0)
     beyond = {name for name, place in chain.frames.items() if place.joint > count}
@@ -75,7 +75,7 @@ def _ending_at(chain: Chain, tip: str) -> Chain:
 
 
 def _rigidly_attached(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> dict[str, Body] | None:
-    """The bodies off the chain and some frames, at rest; `carrier` is the joint that moves each from now on."""
+    """Bodies off the chain and some frames, at rest, on the joint that `carrier` returns for their present one."""
     if chain.others is None:
         return None
     poses = chain.at_rest()
@@ -87,12 +87,12 @@ def _rigidly_attached(chain: Chain, frames: set[str], carrier: Callable[[int], i
 
 
 def standing(chain: Chain, where: Array) -> Chain:
-    """The same chain where it stands in a world, expressed in that; `where` is its base's pose there, shape (4, 4)."""
+    """Express a chain in a world in which its base has the pose `where`, shape (4, 4)."""
     return replace(_expressed_in(chain, where, "world"), stand=where if chain.stand is None else where @ chain.stand)
 
 
 def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
-    """The same chain expressed in another frame, in which its base has the pose `where`, shape (4, 4)."""
+    """The chain expressed in a frame in which its base has the pose `where`, shape (4, 4)."""
     return replace(
         chain,
         base=base,
@@ -111,7 +111,7 @@ def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
 
 
 def _starting_at(chain: Chain, base: str) -> Chain:
-    """The same chain expressed in another of its frames, without the joints before that."""
+    """The chain expressed in one of its frames, without the joints before it."""
     first, placement = chain.frames[base].joint, chain.frames[base].placement
     back = np.eye(4)
     back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
@@ -134,7 +134,7 @@ def _starting_at(chain: Chain, base: str) -> Chain:
 
 
 def _locked(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
-    """The same chain with some coordinates held, where `lock` says or next to zero."""
+    """The chain with locked coordinates, at the positions in `lock` or nearest to zero."""
     neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
     for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
         if name in lock:
@@ -151,7 +151,7 @@ def _locked(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
 
 
 def _coordinates(chain: Chain, kept: Array) -> dict[str, Any]:
-    """What is known of each of some coordinates."""
+    """Names and limits of the coordinates in `kept`."""
     return {
         "coordinates": tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep),
         "lower": chain.lower[kept],
@@ -161,7 +161,7 @@ def _coordinates(chain: Chain, kept: Array) -> dict[str, Any]:
 
 
 def mirrored(chain: Chain) -> Chain:
-    """The mirror image of an arm in the plane y = 0 of its base frame; that of the mirror image is the arm again.
+    """Mirror an arm in the plane y = 0 of its base frame.
 
     With S = diag(1, −1, 1) every pose T becomes S T S. A rotation about an axis a becomes one about −S a by the same
     angle: equal joint angles of an arm and its mirror image are mirrored configurations, with ellipsoids M and S M S.
@@ -190,13 +190,13 @@ def _mirrored_joint(joint: Joint) -> Joint:
 
 
 def _mirrored(placements: Array) -> Array:
-    """Mirror poses (..., 4, 4); adding zero leaves no negative one."""
+    """Mirror poses (..., 4, 4); adding zero removes negative zeros."""
     signs = np.append(_MIRROR, 1.0)
     return np.asarray(signs[:, None] * placements * signs + 0.0)
 
 
 def _mirrored_shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) -> Iterator[Shape]:
-    """Mirrored shapes of links; their triangles turn round, so that they are seen from outside as before."""
+    """Mirrored shapes of links; reversed triangles keep their outside."""
     for shape in shapes(links, **options):
         points, triangles = shape.mesh
         yield replace(shape, mesh=(points * _MIRROR, triangles[:, ::-1]))

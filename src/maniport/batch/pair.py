@@ -23,7 +23,7 @@ from maniport.pipeline import stages
 from maniport.pipeline.options import HumanOptions
 from maniport.pipeline.transfer import recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
-from maniport.report.metrics import facts_of
+from maniport.report.metrics import report_of
 from maniport.report.write import RUN_FILES, write_run
 from maniport.transfer import DomainAdapter, load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
@@ -171,7 +171,7 @@ def _pair(
         maps = (fitted,)
     result, own = recorded(partial(stages.transfer, human, sampled, maps, robot.job, baselines=selects))
     result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *own))))
-    facts, folder = facts_of(result), folder_of(order, task.source, robot)
+    facts, folder = report_of(result), folder_of(order, task.source, robot)
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:

@@ -10,8 +10,8 @@ from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robo
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import facts_of
-from maniport.report.renderings import as_numbers, write_facts
+from maniport.report.metrics import report_of
+from maniport.report.renderings import as_numbers, write_report
 from maniport.util.defaults import AUTO, FIT_METHOD
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
@@ -83,7 +83,7 @@ def fit(
         adapter.fit(*domains)
         progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations, {adapter.stop_reason_}")
     adapter.save(output)
-    console.finish({**as_numbers(facts_of(adapter)), "output": str(output)}, f"adapter → {output}")
+    console.finish({**as_numbers(report_of(adapter)), "output": str(output)}, f"adapter → {output}")
 
 
 @command(example="maniport apply adapter.npz profile.npz -o adapted.npz")
@@ -139,9 +139,9 @@ def evaluate(
             truth=None if truth is None else load_ellipsoids(truth)[0], spec=config.transfer.spec,
             rows=ROWS if methods is None else _rows(methods), random_state=config.seed, progress=progress,
         )  # fmt: skip
-    report = replace(facts_of(evaluation), title=f"{adapter.name} on {profile.name}")
+    report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
-        write_facts(output, report)
+        write_report(output, report)
     console.tell(report)
 
 
@@ -162,7 +162,7 @@ def reproduce(
     names = () if methods is None else _rows(methods)
     with console.progress() as progress:
         result = reproduce(which, output, config.seed, progress, methods=names, overwrite=overwrite)
-    console.tell(facts_of(result), output=str(output))
+    console.tell(report_of(result), output=str(output))
 
 
 def _require_report(output: Path | None) -> None:

@@ -10,7 +10,7 @@ import typer
 from maniport.cli.application import command, require_none
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import facts_of, warning
+from maniport.report.metrics import report_of, warning
 from maniport.report.renderings import PAGE, SUMMARY
 from maniport.report.values import Metric, Report, Section
 from maniport.util.defaults import AUTO, RECORDINGS
@@ -58,11 +58,11 @@ def _description(what: str, config: Config) -> Report:
         return _of_results(Path(what))
     if _is_recording(what):
         require_none(config, "robot", f"{what!r} is a recording")
-        from maniport.report.recording import recording_facts
+        from maniport.report.recording import recording_report
 
         human = config.human
         words = " ".join(config.changed(markers=None, side=AUTO).words("human"))
-        return recording_facts(
+        return recording_report(
             human.read(what), human.roles(), human.side, command=f"{shlex.quote(what)} {words}".strip()
         )
     recording = config.changed(side=AUTO, height=None)
@@ -95,14 +95,14 @@ def _is_recording(what: str) -> bool:
 def _of_robot(what: str, config: Config) -> Report:
     """Describe an arm and the limbs of its robot; the limbs alone if none of several was chosen."""
     from maniport.arms.loaders import robot_limbs
-    from maniport.report.robot import robot_facts
+    from maniport.report.robot import robot_report
 
     limbs, default = robot_limbs(what)
     robot = replace(config.robot, robot=(what,))
     if limbs and default is None and not robot.frame and not robot.joints:
-        return robot_facts(what, limbs, None)
+        return robot_report(what, limbs, None)
     arm: Any = robot.load(side=config.human.side, height=config.human.height)
-    return robot_facts(what, limbs, arm)
+    return robot_report(what, limbs, arm)
 
 
 def _of_arrays(path: str) -> Report:
@@ -111,7 +111,7 @@ def _of_arrays(path: str) -> Report:
 
     names = array_names(path, "file")
     if "adapter" in names:
-        return facts_of(load_adapter(path))
+        return report_of(load_adapter(path))
     if "manipulability" in names:
         key, (values, time) = "ellipsoids", load_ellipsoids(path)
         n, d = values.shape[:2]

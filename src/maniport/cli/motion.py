@@ -35,7 +35,7 @@ def place(
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.motion.placement.placed_path import DATA_FILES
-    from maniport.report.metrics import facts_of
+    from maniport.report.metrics import report_of
     from maniport.util.atomic_io import require_free
     from maniport.util.files import load_ellipsoids, load_path
 
@@ -53,7 +53,7 @@ def place(
             rank=rank, random_state=config.seed, progress=progress,
         )  # fmt: skip
     placed.save(output, time, overwrite=overwrite)
-    console.tell(facts_of(placed), output=str(output))
+    console.tell(report_of(placed), output=str(output))
 
 
 @command(

@@ -5,12 +5,10 @@ from maniport.evaluation.metrics import (
     RMSE,
     DistancePreservation,
     Smoothness,
-    Stability,
     distance_preservation,
     identity_test,
     rmse,
     smoothness,
-    stability,
 )
 from maniport.evaluation.selection import Choice, choose
 from maniport.evaluation.summary import Evaluation, Gaps, Row, Summary, Weakness
@@ -23,7 +21,6 @@ __all__ = [
     "Gaps",
     "Row",
     "Smoothness",
-    "Stability",
     "Summary",
     "Weakness",
     "choose",
@@ -32,5 +29,4 @@ __all__ = [
     "identity_test",
     "rmse",
     "smoothness",
-    "stability",
 ]

@@ -3,7 +3,6 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import ROWS, Baseline, baselines_for
-from maniport.evaluation.metrics import distance_preservation, identity_test, moves, rmse, smoothness, stability
+from maniport.evaluation.metrics import distance_preservation, identity_test, moves, rmse, smoothness
 from maniport.evaluation.summary import Evaluation, Gaps, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank, nearest_feasible
@@ -51,7 +50,6 @@ def evaluate(
     n_starts: int = 48,
     n_domain: int = 128,
     n_identity: int = 4096,
-    draws: int = 0,
     random_state: Any = 0,
     n_jobs: int | None = None,
     progress: Progress | None = None,
@@ -68,11 +66,11 @@ def evaluate(
         The teacher's ellipsoids along a motion, in the order of time, n ≥ 3.
     robot, person : Arm, optional
         The student and the teacher. With the student: fresh samples instead of parts of its domain, and the distance
-        to the feasible set, of at most 128 ellipsoids of the profile. With both: stability over fresh samples of both.
+        to the feasible set, of at most 128 ellipsoids of the profile.
     truth : array_like, shape (n, d, d), optional
         Ground truth of the mapped profile.
     pairs : tuple of array_like, shapes (k, d, d) and (k, d, d), optional
-        Known pairs of the adapter's fit, if any: for its refits, and for the rotation of Procrustes analysis.
+        Known pairs of the adapter's fit, if any: for the rotation of Procrustes analysis.
     spec : EllipsoidSpec
     name : str, optional
         Name of the adapter's row. Default: its method's name, or its class.
@@ -82,9 +80,9 @@ def evaluate(
         Baselines that are fitted to these domains already, with the adapter's regularization and base_rotation.
     bank, n_starts, n_jobs
         As in `maniport.motion.nearest_feasible`, for the gap search.
-    n_domain, n_identity, draws : int
-        Ellipsoids of the teacher's domain whose gap is searched, too; samples of each set of the identity test; sets of
-        samples that stability is measured over (without both arms: four disjoint parts of the domains). 0 skips each.
+    n_domain, n_identity : int
+        Ellipsoids of the teacher's domain for a second gap search; samples of each set of the identity test. 0 skips
+        it.
     random_state, progress
         Seed of all random samples; called with each step and the fraction done.
 
@@ -94,7 +92,7 @@ def evaluate(
         When the adapter is not fitted, or an input cannot be used.
     """
     _require_valid(adapter, robot, person, profile, truth)
-    counts = {"n_domain": n_domain, "n_identity": n_identity, "draws": draws}
+    counts = {"n_domain": n_domain, "n_identity": n_identity}
     counts = {argument: as_count(count, argument, minimum=0) for argument, count in counts.items()}
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     if robot is not None:
@@ -103,10 +101,9 @@ def evaluate(
     bench = _Bench(adapter, (person, robot), spec, domains, profile, truth, random, **counts)
     own = Baseline(name or name_of(adapter), adapter, _remark(adapter), fitted=True)
     methods = [own, *baselines_for(adapter, own.name, rows, pairs, fitted)]
-    options = {"pairs": pairs} if pairs is not None and "pairs" in signature(adapter.fit).parameters else {}
     search = {"bank": bank, "n_starts": n_starts, "n_jobs": n_jobs}
     step = Step(progress, "Evaluate baselines")
-    measured = bench.compare(methods, adapter.student_regularization, options, search, step)
+    measured = bench.compare(methods, adapter.student_regularization, search, step)
     noise = Row("student's own fresh samples", energy_distance=bench.energy_distance(bench.fresh))
     seed = random_state if isinstance(random_state, int) else "none"
     return Evaluation(measured, noise, {**_settings(adapter, bench), "seed": seed})
@@ -126,7 +123,6 @@ class _Bench:
         random: np.random.Generator,
         n_domain: int,
         n_identity: int,
-        draws: int,
     ) -> None:
         """Check the input and sample what is missing."""
         self.person, self.robot = arms
@@ -148,18 +144,6 @@ class _Bench:
         self.probes = self._sampled(self.person, domains[0], n_domain)
         self.original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
         self.truth = None if truth is None else adapter.student_side(truth, "truth")
-        self.draws = self._draws(draws) if draws else None
-
-    def _draws(self, count: int) -> tuple[list[Array], list[Array]]:
-        """Sample both domains `count` times, or split each into four parts without both arms."""
-        if count < 2:
-            raise InvalidInputError(f"draws must be 0 or at least 2; found {count}")
-        if self.person is None or self.robot is None:
-            teacher, student = self.domains
-            return self._split(teacher, 4, "teacher_domain"), self._split(student, 4, "student_domain")
-        pairs = zip((self.person, self.robot), self.domains, strict=True)
-        first, second = ([self._sampled(arm, domain, len(domain)) for _ in range(count)] for arm, domain in pairs)
-        return first, second
 
     def _sampled(self, arm: Arm | None, domain: Array, n: int) -> Array:
         """Sample an arm, or its domain without an arm."""
@@ -179,11 +163,10 @@ class _Bench:
         self,
         methods: Sequence[Baseline],
         regularization: Regularization,
-        options: dict[str, Any],
         search: dict[str, Any],
         step: Step,
     ) -> tuple[Row, ...]:
-        """Measure every method; `options` are for the refits of the first, `search` for the gaps."""
+        """Measure every method; `search` has the options of the gap search."""
         rows, images = list[Row](), dict[str, Array]()
         for index, method in enumerate(methods):
             step(index / len(methods))
@@ -191,7 +174,7 @@ class _Bench:
                 rows.append(Row(method.name, method.note))
                 continue
             adapter = knowing(method.adapter, self.robot, self.spec)
-            row, images[method.name] = self.measure(method, adapter, {} if index else options)
+            row, images[method.name] = self.measure(method, adapter)
             rows.append(row)
         if self.robot is not None:
             gaps = self.gaps(images, regularization, **search)
@@ -199,7 +182,7 @@ class _Bench:
         step.end(f"{len(methods) - 1} baselines")
         return tuple(rows)
 
-    def measure(self, method: Baseline, adapter: DomainAdapter, options: dict[str, Any]) -> tuple[Row, Array]:
+    def measure(self, method: Baseline, adapter: DomainAdapter) -> tuple[Row, Array]:
         """Fit where needed, and measure all but the gaps; also return the images of the profile and the probes."""
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
@@ -216,7 +199,6 @@ class _Bench:
                 preservation=distance_preservation(mapped, self.original) if moving else None,
                 energy_distance=self.energy_distance(adapter.student_side(adapter.transform(self.teacher_part))),
                 identity=None if not self.identity else identity_test(adapter, *self.identity),
-                stability=None if self.draws is None else stability(adapter, *self.draws, self.profile, **options),
             )
         texts = tuple(dict.fromkeys(str(warning.message) for warning in caught))
         failures = adapter.report_.failures() if isinstance(adapter, LengthField) else ()
@@ -269,14 +251,11 @@ def _remark(adapter: DomainAdapter) -> str:
 
 def _settings(adapter: DomainAdapter, bench: _Bench) -> dict[str, Any]:
     """Sizes, regularization and sources of samples, in words."""
-    search, stability_of = [], "not measured"
+    search = []
     if bench.robot is not None and len(bench.profile) > GAP_POINTS:
         search.append(f"searched at {GAP_POINTS} of the profile's {len(bench.profile)} ellipsoids, evenly spread")
     if bench.robot is not None and adapter.eigenvalue_floor is not None:
         search.append("the search adds the floor to all eigenvalues; distances are measured with lifted eigenvalues")
-    if bench.draws is not None:
-        fresh = bench.person is not None and bench.robot is not None
-        stability_of = f"{len(bench.draws[0])} {'fresh draws' if fresh else 'disjoint parts'} of both domains"
     held_out = "held out of the fit" if bench.person is not None else "of the teacher's domain"
     tested = " and ".join(str(len(samples)) for samples in bench.identity)
     return {
@@ -286,5 +265,4 @@ def _settings(adapter: DomainAdapter, bench: _Bench) -> dict[str, Any]:
         GAP_SEARCH: "; ".join(search),
         "further samples": f"{len(bench.probes)}, {held_out}",
         "identity test": f"{tested} ellipsoids" if tested else "not measured",
-        "stability": stability_of,
     }

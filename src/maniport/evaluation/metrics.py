@@ -1,10 +1,9 @@
-"""Metrics of mapped ellipsoids: error, steps, distance preservation, identity test and stability.
+"""Metrics of mapped ellipsoids: error, steps, distance preservation and identity test.
 
 All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
 """
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,6 @@ from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter
 from maniport.transfer.length_field.report import AXIS_MOVED
-from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.ranks import rank_correlation
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_points
@@ -98,25 +96,6 @@ class DistancePreservation:
     major_undefined: int
     minor_undefined: int
     major_axis_moved: float | None = None
-
-
-@dataclass(frozen=True)
-class Stability:
-    """Dispersion of a fitted map over independent samples of the same two domains.
-
-    Attributes
-    ----------
-    rotation_largest, rotation_rms : float
-        Angle between each ``rotation_`` and their mean [degrees]: maximum and root mean square.
-    map_spread : float
-        Root mean squared distance of an ellipsoid's images to their Fréchet mean; median over the probes.
-    n_draws : int
-    """
-
-    rotation_largest: float
-    rotation_rms: float
-    map_spread: float
-    n_draws: int
 
 
 def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
@@ -219,43 +198,10 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
         clone.set_params(base_rotation=np.eye(as_finite(first, "first").shape[-1]))
     if parameters.get("pairs") is not None:
         clone.set_params(pairs=None)
-    changes = _refit(clone, first, second).errors(first, first)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IdentifiabilityWarning)
+        changes = clone.fit(first, second).errors(first, first)
     return float(np.sqrt(np.mean(changes**2)))
-
-
-def stability(
-    adapter: DomainAdapter,
-    teacher_draws: Sequence[ArrayLike],
-    student_draws: Sequence[ArrayLike],
-    probe: ArrayLike,
-    **options: Any,
-) -> Stability:
-    """Refit clones of an adapter to independent samples of both domains, and compare the maps.
-
-    Parameters
-    ----------
-    adapter : DomainAdapter
-        Only its parameters are used.
-    teacher_draws, student_draws : sequence of array_like, shapes (n, d, d) and (m, d, d)
-        Equally many, at least two.
-    probe : array_like, shape (k, d, d)
-        Ellipsoids of the teacher that every fitted map transforms.
-    **options
-        Passed on to the adapter's `fit`, such as known pairs.
-    """
-    if len(teacher_draws) != len(student_draws) or len(teacher_draws) < 2:
-        raise InvalidInputError(
-            "teacher_draws and student_draws must be equally many, at least 2; "
-            f"found {len(teacher_draws)} and {len(student_draws)}"
-        )
-    domains = zip(teacher_draws, student_draws, strict=True)
-    fitted = [_refit(adapter.silent(), teacher, student, **options) for teacher, student in domains]
-    images = np.stack([one.student_side(one.transform(probe)) for one in fitted], axis=1)
-    if images.ndim != 4:
-        raise InvalidInputError(f"probe must have shape (k, d, d); found {np.shape(probe)}")
-    angles = np.degrees(_angles_from_mean([one.rotation_ for one in fitted]))
-    spread = [np.sqrt(np.mean(distance_unchecked(mean(own), own) ** 2)) for own in images]
-    return Stability(float(np.max(angles)), float(np.sqrt(np.mean(angles**2))), float(np.median(spread)), len(fitted))
 
 
 def as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
@@ -286,18 +232,3 @@ def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
         return rank, float("inf")
     with np.errstate(divide="ignore"):
         return rank, float(np.median(np.abs(np.log(ratios / scale))))
-
-
-def _refit(adapter: DomainAdapter, teacher: ArrayLike, student: ArrayLike, **options: Any) -> DomainAdapter:
-    """Fit without the warning of an unobservable rotation."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IdentifiabilityWarning)
-        return adapter.fit(teacher, student, **options)
-
-
-def _angles_from_mean(rotations: list[Array]) -> Array:
-    """Angles [rad] from the chordal mean, the rotation nearest to the sum (Hartley et al., IJCV 103, 2013, § 5.3)."""
-    left, _, right = np.linalg.svd(np.sum(rotations, axis=0))
-    if np.linalg.det(left @ right) * np.linalg.det(rotations[0]) < 0:
-        left[:, -1] *= -1.0
-    return np.array([rotation_angle(left @ right, one) for one in rotations])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from maniport.errors import unknown_name
 from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
-from maniport.evaluation.metrics import RMSE, STILL, DistancePreservation, Smoothness, Stability
+from maniport.evaluation.metrics import RMSE, STILL, DistancePreservation, Smoothness
 from maniport.transfer import METHODS
 from maniport.transfer.length_field.report import AXIS_MOVED, MIN_RANK_CORRELATION
 from maniport.util.notebook import NotebookDisplay
@@ -25,9 +25,6 @@ RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to cou
 MAX_STEP_RATIO = 1.5  # Largest step over the teacher's largest above which a method is rough
 
 MAX_IDENTITY_TEST = 0.15  # Largest passing value of the identity test
-
-MAX_ROTATION_SPREAD = 5.0
-"""Root mean squared angle between the rotations of several fits above which the rotation is unobservable [degrees]."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,6 @@ class Row:
         From the mapped domain of the teacher to the student's.
     identity : float or None
         Identity test: RMSE undivided, truth 0.
-    stability : Stability or None
     failures : tuple of str
         Checks that the fit of a length field fails, see `FieldReport.failures`.
     warnings : tuple of str
@@ -98,7 +94,6 @@ class Row:
     preservation: DistancePreservation | None = None
     energy_distance: float | None = None
     identity: float | None = None
-    stability: Stability | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -115,9 +110,9 @@ class Weakness:
 
     Attributes
     ----------
-    code : {"large_step", "plateau", "rank_correlation", "rotated_axes", "identity_test", "unstable"}
+    code : {"large_step", "plateau", "rank_correlation", "rotated_axes", "identity_test"}
         Largest step over the teacher's; median step where the teacher moves; rank correlation of distances; rotation of
-        the longest axes [degrees]; identity test; rotation between fits to several samples [degrees].
+        the longest axes [degrees]; identity test.
     value, threshold : float
         The metric, and its limit.
     reference : float or None
@@ -254,8 +249,6 @@ def _weaknesses(row: Row, others: Sequence[Row] = ()) -> list[Weakness]:
     if row.identity is not None and row.identity > MAX_IDENTITY_TEST:
         transport = next((other.identity for other in others if other.name == TRANSPORT and other is not row), None)
         found.append(Weakness("identity_test", row.identity, MAX_IDENTITY_TEST, transport))
-    if row.stability is not None and row.stability.rotation_rms > MAX_ROTATION_SPREAD:
-        found.append(Weakness("unstable", row.stability.rotation_rms, MAX_ROTATION_SPREAD))
     return found
 
 

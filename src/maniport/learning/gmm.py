@@ -199,7 +199,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
         ellipsoids : ndarray, shape (n, d, d)
         covariance : ndarray, shape (n, m, m)
             Covariance of vec(log(P^-½ X P^-½)) in Mandel form, P being the predicted ellipsoid and X one of a
-            demonstration, m = d (d + 1) / 2; see `covariance_tensor` and `tracking_weights`.
+            demonstration, m = d (d + 1) / 2; see `tracking_weights`.
 
         Raises
         ------

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
     from maniport.motion.motion_limits import LimitUse, MotionLimits
     from maniport.motion.placement.placed_path import Place, Placement
-    from maniport.motion.placement.placement import place_path, place_paths
+    from maniport.motion.placement.placement import place_path
     from maniport.motion.plan.home_motion import with_approach
     from maniport.motion.plan.plan_control import PlanControl
     from maniport.motion.plan.plan_motion import plan_motion
@@ -42,7 +42,7 @@ _LAZY = {
     "limits": ("BrakingLimit", "CollisionLimit", "Limit"),
     "motion_limits": ("LimitUse", "MotionLimits"),
     "placement.placed_path": ("Place", "Placement"),
-    "placement.placement": ("place_path", "place_paths"),
+    "placement.placement": ("place_path",),
     "plan.home_motion": ("with_approach",),
     "plan.plan_control": ("PlanControl",),
     "plan.plan_motion": ("plan_motion",),
@@ -88,7 +88,6 @@ __all__ = [
     "feasibility_gap",
     "nearest_feasible",
     "place_path",
-    "place_paths",
     "plan_motion",
     "retime",
     "robot_model",

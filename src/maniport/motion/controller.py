@@ -28,12 +28,24 @@ LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
 
 @dataclass(frozen=True, eq=False)
 class ControlState:
-    """State of an arm between two control steps."""
+    """State of an arm between two control steps.
 
-    q: Array  # (dof,) [rad or m]
-    velocity: Array  # (dof,), of the step before
-    dt: float | None = None  # duration of the step before [s]; None before the first step
-    solved: bool = True  # False where the step before had no collision-free solution and the arm braked
+    Attributes
+    ----------
+    q : Array
+        (dof,) [rad or m].
+    velocity : Array
+        (dof,), of the step before.
+    dt : float | None
+        Duration of the step before [s]; None before the first step.
+    solved : bool
+        False where the step before had no collision-free solution and the arm braked.
+    """
+
+    q: Array
+    velocity: Array
+    dt: float | None = None
+    solved: bool = True
 
     @classmethod
     def at_rest(cls, q: Array) -> "ControlState":
@@ -43,13 +55,27 @@ class ControlState:
 
 @dataclass(frozen=True, eq=False)
 class ControlProblem:
-    """What a control step minimizes."""
+    """What a control step minimizes.
 
-    targets: tuple[Targets, ...]  # of each arm, one row
-    previous_positions: tuple[Array | None, ...]  # (3,), target positions of the step before [m]
-    reference: Array  # (dof,), configuration to stay near
-    reference_weight: float  # [1/rad or 1/m]
-    time: float = 0.0  # [s], for further costs
+    Attributes
+    ----------
+    targets : tuple[Targets, ...]
+        Of each arm, one row.
+    previous_positions : tuple[Array | None, ...]
+        (3,), target positions of the step before [m].
+    reference : Array
+        (dof,), configuration to stay near.
+    reference_weight : float
+        [1/rad or 1/m].
+    time : float
+        [s], for further costs.
+    """
+
+    targets: tuple[Targets, ...]
+    previous_positions: tuple[Array | None, ...]
+    reference: Array
+    reference_weight: float
+    time: float = 0.0
 
 
 class Controller:

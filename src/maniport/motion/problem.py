@@ -128,13 +128,26 @@ class MotionProblem:
 
 @dataclass(frozen=True)
 class RelativePositionCost:
-    """Cost of the vector between the end effectors of two arms of a group: w (p_j − p_i − v(t))."""
+    """Cost of the vector between the end effectors of two arms of a group: w (p_j − p_i − v(t)).
+
+    Attributes
+    ----------
+    group : ArmGroup
+    pair : tuple[int, int]
+        Indices i and j.
+    time : Array
+        (n,) [s].
+    vectors : Array
+        (n, 3), v at these times in the base frame, linear between them [m].
+    position_weight : float
+        Weight w [1/m].
+    """
 
     group: ArmGroup
-    pair: tuple[int, int]  # i and j
-    time: Array  # (n,) [s]
-    vectors: Array  # (n, 3), v at these times in the base frame, linear between them [m]
-    position_weight: float = 1000.0  # w [1/m]
+    pair: tuple[int, int]
+    time: Array
+    vectors: Array
+    position_weight: float = 1000.0
 
     def weighing(self, position_weight: float) -> "RelativePositionCost":
         """Return the cost with another weight [1/m]."""

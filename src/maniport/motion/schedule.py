@@ -1,6 +1,8 @@
 """Target time series of an arm: checked, and sampled at control steps."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,6 +142,16 @@ def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> 
                 f"{name} must have shape {(count, *shape)}, one row for each of the {count} times; "
                 f"found shape {array.shape}"
             )
+
+
+def of_each(value: Sequence[Any] | None, name: str, count: int) -> Sequence[Any]:
+    """Require one value for each of `count` arms, or none."""
+    if value is None:
+        return (None,) * count
+    if not hasattr(value, "__len__") or len(value) != count:
+        size = f"{len(value)} of them" if hasattr(value, "__len__") else type(value).__name__
+        raise InvalidInputError(f"{name} must be a sequence of {count}, one for each arm of the group; found {size}")
+    return value
 
 
 def as_limits(arm: JointSpace, value: ArrayLike | None, name: str) -> Array:

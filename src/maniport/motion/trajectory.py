@@ -62,6 +62,15 @@ class Trajectory(NotebookDisplay):
         """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
         return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
 
+    @property
+    def control_states(self) -> tuple[tuple[str, Array, str], ...]:
+        """Name, values (m, dof) and derivative of the unit of each quantity at the control steps."""
+        return (
+            ("position", self.control_positions, ""),
+            ("velocity", self.control_velocities, "/s"),
+            ("acceleration", self.control_accelerations, "/s2"),
+        )
+
     def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the control steps as a table with a header; the first column is the time from 0 [s].
 
@@ -73,12 +82,12 @@ class Trajectory(NotebookDisplay):
         OutputError
             When the file cannot be written.
         """
-        units = [unit + per for per in ("", "/s", "/s2") for unit in self.joint_units]
+        states = self.control_states
+        units = [unit + per for _, _, per in states for unit in self.joint_units]
         names = ["'" + name if name.startswith(FORMULA) else name for name in self.joint_names]
         header = ["time_s", *(f"{name}_{unit}" for name, unit in zip(3 * names, units, strict=True))]
         line = ",".join(["%.6f", *len(names) * ["%.12f"], *2 * len(names) * ["%.6f"]]) + "\n"
-        times = self.control_time - self.control_time[0]
-        columns = times, self.control_positions, self.control_velocities, self.control_accelerations
+        columns = self.control_time - self.control_time[0], *(values for _, values, _ in states)
         with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerow(header)
             stream.write("".join([line % tuple(row) for row in np.column_stack(columns).tolist()]))
@@ -100,15 +109,33 @@ class Trajectory(NotebookDisplay):
 
 @dataclass(frozen=True)
 class Clearance:
-    """Collisions of a motion, and its smallest distance from one."""
+    """Collisions of a motion, and its smallest distance from one.
 
-    known: bool = False  # whether anything could be checked
-    why: str = "collision checking was not requested"  # reason where nothing was checked
-    share: float = 0.0  # share of the control steps that collide
-    distance: float = np.inf  # smallest distance at and around the closest waypoints [m]; negative in a collision
-    time: float = 0.0  # time of the smallest distance [s]
-    pair: tuple[str, str] = ("", "")  # names of the closest pair
-    stand_ins: tuple[str, ...] = ()  # links checked by their collision shapes, since visual ones are missing
+    Attributes
+    ----------
+    known : bool
+        Whether anything could be checked.
+    why : str
+        Reason where nothing was checked.
+    share : float
+        Share of the control steps that collide.
+    distance : float
+        Smallest distance at and around the closest waypoints [m]; negative in a collision.
+    time : float
+        Time of the smallest distance [s].
+    pair : tuple[str, str]
+        Names of the closest pair.
+    stand_ins : tuple[str, ...]
+        Links checked by their collision shapes, since visual ones are missing.
+    """
+
+    known: bool = False
+    why: str = "collision checking was not requested"
+    share: float = 0.0
+    distance: float = np.inf
+    time: float = 0.0
+    pair: tuple[str, str] = ("", "")
+    stand_ins: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, collisions: Collisions | None, motion: Trajectory) -> "Clearance":

@@ -29,7 +29,7 @@ from maniport.motion import (
     RobotMotion,
     SeedBank,
     feasibility_gap,
-    place_paths,
+    place_path,
     plan_motion,
     track,
 )
@@ -121,10 +121,10 @@ def _planner(settings: Settings, generator: np.random.Generator) -> Planner | No
         if reason := why_not_trackable(arm, spec):
             warnings.warn(f"the robot was not moved: {reason}", ManiportWarning, stacklevel=2)
             return None
-    settings.progress("Sample robot configurations", 0.0)
+    settings.progress("Sample robot", 0.0)
     planner = planner_of(settings.motion, settings.spec.velocity, generator)
     text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
-    settings.progress("Sample robot configurations", 1.0, text)
+    settings.progress("Sample robot", 1.0, text)
     return planner
 
 
@@ -183,16 +183,16 @@ def place(
     """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
     assert targets.paths is not None
     rows, each = placement_rows(len(targets.time)), planner.arms
-    return place_paths(
+    return place_path(
         [path[rows] for path in targets.paths],
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in each],
         time=targets.time[rows],
-        wholes=targets.paths if whole else None,
+        whole=targets.paths if whole else None,
         turn=targets.turn,
         workspace=settings.plan.workspace,
-        reachability_maps=[own.reachability_map for own in each],
-        banks=[own.bank for own in each],
+        reachability_map=[own.reachability_map for own in each],
+        bank=[own.bank for own in each],
         planning_effort=settings.plan.planning_effort,
         spec=targets.spec,
         damping=targets.damping,
@@ -310,7 +310,7 @@ def evaluate(
         if evaluation is None and baselines:
             evaluation = compared_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
-                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0, draws=0,
+                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0,
                 random_state=settings.random_state, progress=settings.progress,
             )  # fmt: skip
         transfers.append(

@@ -3,9 +3,8 @@
 import json
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from html import escape
 from typing import Any
 
 from rich.console import Console as RichConsole
@@ -23,9 +22,9 @@ NAME_WIDTH = 26  # column of the results of steps
 
 @contextmanager
 def progress() -> Iterator[Progress]:
-    """Print the steps of long work in a terminal or a notebook: a bar while a step runs, a line when it ends.
+    """Print the steps of long work: a bar while a step runs, and a line when it ends.
 
-    In a pipe, a file or the log of a job only the lines are written, to standard error.
+    In a notebook, a pipe, a file or the log of a job only the lines are written, to standard error.
 
     Yields
     ------
@@ -38,8 +37,7 @@ def progress() -> Iterator[Progress]:
     >>> with mp.progress() as progress:  # doctest: +SKIP
     ...     result = mp.transfer_recording("walk.bvh", progress=progress)
     """
-    console = _standard_error()
-    with _notebook_steps() if console.is_jupyter else _steps(console) as report:
+    with _steps(_standard_error()) as report:
         yield report
 
 
@@ -103,7 +101,7 @@ class Console:
 
 
 def _standard_error(quiet: bool = False) -> RichConsole:
-    return RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
+    return RichConsole(stderr=True, highlight=False, soft_wrap=True, quiet=quiet, force_jupyter=False)
 
 
 @contextmanager
@@ -131,32 +129,6 @@ def _steps(console: RichConsole, first: str = "Load modules") -> Iterator[Progre
         yield report
 
 
-@contextmanager
-def _notebook_steps(least_change: float = 0.01) -> Iterator[Progress]:
-    """Display steps in a notebook; rich would need ipywidgets. Each update is a message to the browser."""
-    from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]  # there in a notebook
-
-    done: list[str] = []
-    running: dict[str, float] = {}
-    drawn: dict[str, float] = {}
-    output = display(HTML(""), display_id=True)
-
-    def report(step: str, fraction: float, result: str = "") -> None:
-        running[step] = fraction
-        if step in drawn and fraction < min(drawn[step] + least_change, 1.0):
-            return
-        drawn[step] = fraction
-        if fraction >= 1.0:
-            del running[step], drawn[step]
-            done.extend([f"{DONE}{step}: {result}"] if result else [])
-        output.update(HTML(_as_steps(done, running)))
-
-    try:
-        yield report
-    finally:
-        output.update(HTML(_as_steps(done, {})))  # no bar remains after an error
-
-
 def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> None:
     """Print a line, in one piece in a pipe; on a terminal words are wrapped in their column."""
     text, name = printable(text), printable(name)
@@ -170,13 +142,3 @@ def _print_line(console: RichConsole, mark: str, text: str, name: str = "") -> N
         grid.add_column(min_width=min(NAME_WIDTH, console.width // 3))
     grid.add_row(*([mark] if mark else []), *([Text(name)] if name else []), Text(text))
     console.print(grid, soft_wrap=False)
-
-
-def _as_steps(done: Sequence[str], running: Mapping[str, float]) -> str:
-    """Write steps as HTML: a line for each that has ended, a bar for each in progress."""
-    lines = [escape(line) for line in done]
-    for step, fraction in running.items():
-        value = f' value="{fraction:.3f}"' if fraction > 0.0 else ""
-        lines.append(f'<progress max="1"{value} style="width:12em"></progress> {escape(step)}')
-    style = "padding-left:1.3em;text-indent:-1.3em"
-    return '<div style="margin:.3em 0">' + "".join(f'<div style="{style}">{line}</div>' for line in lines) + "</div>"

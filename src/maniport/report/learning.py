@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -11,10 +10,10 @@ from maniport.errors import argument
 from maniport.learning.agreement import Agreement
 from maniport.learning.mixture import points_each
 from maniport.pipeline.learned import LearnedProfile
-from maniport.report.metrics import describe, in_axes, listed, notes, numbers, status_of, warnings_of
+from maniport.report.metrics import describe, in_axes, listed, notes, numbers, status_of, table_of, warnings_of
 from maniport.report.recording import RECORDING
 from maniport.report.runs import software
-from maniport.report.values import Metric, Report, Section, Summary, Table
+from maniport.report.values import Metric, Report, Section, Summary
 
 AGREE, IN_PART = 0.2, 0.5  # Shares of the variance between demonstrations up to which they agree, and agree in part
 
@@ -124,17 +123,16 @@ def _profile(learned: LearnedProfile) -> Section:
 def _demonstrations(learned: LearnedProfile) -> Section:
     """List the demonstrations."""
     found, held = learned.agreement, learned.agreement.held_out
-    rows: list[tuple[str, ...]] = []
-    values: list[dict[str, Any]] = []
-    for i, one in enumerate(learned.demonstrations):
-        fit, alone = one.fit, float(found.alone[i])
-        left = None if held is None else float(held.learned[i])
-        rows.append((one.name, f"{np.ptp(fit.time):.2f} s", str(len(fit)), str(fit.arm.side), f"{alone:.2f}",
-                     "" if left is None else f"{left:.2f}"))  # fmt: skip
-        values.append({"name": one.name, "start_s": float(fit.time[0]), "stop_s": float(fit.time[-1]),
-                       "frames": len(fit), "side": fit.arm.side, "from_others": alone, "left_out": left,
-                       "segment_lengths_m": fit.segment_lengths})  # fmt: skip
-    columns = ("demonstration", "duration", "frames", "arm", "from the others", "held out")
+    values = [
+        {"name": one.name, "start_s": float(one.fit.time[0]), "stop_s": float(one.fit.time[-1]),
+         "frames": len(one.fit), "side": one.fit.arm.side, "from_others": float(found.alone[i]),
+         "left_out": None if held is None else float(held.learned[i]), "segment_lengths_m": one.fit.segment_lengths}
+        for i, one in enumerate(learned.demonstrations)
+    ]  # fmt: skip
+    columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
+               "arm": "{side}", "from the others": "{from_others:.2f}"}  # fmt: skip
+    if held is not None:
+        columns["held out"] = "{left_out:.2f}"
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
     outlier = None if found.outlier is None else learned.names[found.outlier]
     metrics = (
@@ -144,7 +142,7 @@ def _demonstrations(learned: LearnedProfile) -> Section:
                found.outlier),
         *notes(_preparation(learned)),
     )  # fmt: skip
-    table = Table(columns, tuple(rows), caption, "demonstrations", values)
+    table = table_of(values, columns, caption, "demonstrations")
     return Section("Demonstrations", metrics, (table,), "demonstrations")
 
 

@@ -1,19 +1,19 @@
 """Registries of metrics, warnings and reports.
 
-`facts_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
+`report_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
 (`maniport.report.page`) and the table of a batch render the same report.
 """
 
 import importlib
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.report.values import AMBER, GREEN, NOTE, RED, WARNING, Metric, Report, at_time
+from maniport.report.values import AMBER, GREEN, NOTE, RED, WARNING, Metric, Report, Table, at_time
 
 MODULES = {
     "arms": "robot",
@@ -30,20 +30,8 @@ Value = ArrayLike | tuple[str, Any] | None
 """Value of a metric for each waypoint, or its text and its value for programs, or nothing."""
 
 
-@dataclass(frozen=True)
-class Definition:
-    """A metric of a robot's motion: the attributes as in `Metric`, and the function that returns its value."""
-
-    key: str
-    label: str
-    unit: str
-    description: str
-    main: bool
-    value: Callable[[Any], Value]
-
-
-METRICS: dict[str, Definition] = {}
-"""Metrics of a robot's motion by key, in the order in which they are reported."""
+METRICS: dict[str, tuple[Metric, Callable[[Any], Value]]] = {}
+"""Metrics of a robot's motion by key, in the order in which they are reported, and the functions of their values."""
 
 WARNINGS: dict[str, tuple[str, Callable[[Any], Iterable[str]]]] = {}
 """Status and function of the warnings of a robot's motion by key."""
@@ -52,10 +40,10 @@ WARNINGS: dict[str, tuple[str, Callable[[Any], Iterable[str]]]] = {}
 def metric(
     key: str, label: str, unit: str = "", description: str = "", *, main: bool = False
 ) -> Callable[[Callable[[Any], Value]], Callable[[Any], Value]]:
-    """Register a function of a motion as a metric; see `Definition`."""
+    """Register a function of a motion as a metric; with the attributes of `Metric`."""
 
     def register(function: Callable[[Any], Value]) -> Callable[[Any], Value]:
-        METRICS[key] = Definition(key, label, unit, description, main, function)
+        METRICS[key] = Metric(label, "", description, key, unit=unit, main=main), function
         return function
 
     return register
@@ -79,19 +67,20 @@ def status_of(keys: Iterable[str]) -> str:
 
 def measured(run: Any, time: ArrayLike | None) -> list[Metric]:
     """Return all registered metrics of a motion; `time`: times of the waypoints [s]."""
-    values = {key: one.value(run) for key, one in METRICS.items()}
+    values = {key: function(run) for key, (_, function) in METRICS.items()}
     return [as_metric(key, value, time) for key, value in values.items() if value is not None]
 
 
 def as_metric(key: str, value: Any, time: ArrayLike | None = None) -> Metric:
     """Return a registered metric with a value, see `Value`."""
-    one = METRICS[key]
+    template, _ = METRICS[key]
     if isinstance(value, tuple):
-        return Metric(one.label, value[0], one.description, key, value[1], one.unit, main=one.main)
-    return statistics(one.label, key, value, time, one.unit, one.description, main=one.main)
+        return replace(template, text=value[0], value=value[1])
+    measured = statistics(template.label, key, value, time, template.unit)
+    return replace(template, text=measured.text, value=measured.value)
 
 
-def facts_of(thing: Any) -> Report:
+def report_of(thing: Any) -> Report:
     """Return the `Report` of a result, an arm, a recording, an adapter or another object of maniport.
 
     Parameters
@@ -142,15 +131,7 @@ def sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
 
 
-def statistics(
-    label: str,
-    key: str,
-    values: ArrayLike,
-    time: ArrayLike | None = None,
-    unit: str = "",
-    description: str = "",
-    main: bool = False,
-) -> Metric:
+def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "") -> Metric:
     """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
     array = np.asarray(values, dtype=float)
     index = int(np.nanargmax(array))
@@ -161,7 +142,15 @@ def statistics(
     place = f"at index {index}" if time is None else at_time(where["max_at_s"])
     texts = (f"{number:.2f}{suffix}" for number in (median, p95, array[index]))
     text = "{} (median), {} (95th percentile), {} (max {})".format(*texts, place)
-    return Metric(label, text, description, key, value, unit, main=main)
+    return Metric(label, text, "", key, value, unit)
+
+
+def table_of(
+    records: Sequence[Mapping[str, Any]], columns: Mapping[str, str], caption: str = "", key: str = ""
+) -> Table:
+    """Return a table of records: format strings by column name."""
+    rows = tuple(tuple(form.format(**record) for form in columns.values()) for record in records)
+    return Table(tuple(columns), rows, caption, key, list(records))
 
 
 def in_axes(distance: float) -> str:

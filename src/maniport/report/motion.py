@@ -1,19 +1,19 @@
 """Metrics of a robot's motion, and the thresholds of its warnings."""
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from maniport.arms.collisions import Collisions
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.arm_motion import rms_ratio
 from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, STATUSES
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.report.metrics import WARNINGS, Value, as_metric, describe, listed, measured, metric, warning, warnings_of
-from maniport.report.motion_warnings import Run, collision_texts, collision_warnings, missed_points
-from maniport.report.robot import assumed_limits
+from maniport.report.motion_warnings import Run, collision_texts, missed_points
+from maniport.report.robot import assumed_limits, collision_warnings
 from maniport.report.values import Report, Section, at_time
 from maniport.util.validation import Array
 
@@ -30,9 +30,10 @@ def motion_report(motion: ArmMotion | RobotMotion) -> Report:
 def motion_section(run: Run) -> Section:
     """Describe a motion by all registered metrics and warnings."""
     plan, collisions = run.plan, None if run.result is None else run.result.collisions
+    unchecked = () if collisions is None else collisions.unchecked
     warned = [warning(key, text) for key, (_, function) in WARNINGS.items() for text in function(run)]
     if plan is not None and plan.limits is not None:
-        warned += [*assumed_limits(plan.limits), *collision_warnings(plan.clearance, collisions)]
+        warned += [*assumed_limits(plan.limits), *collision_warnings(plan.clearance, unchecked)]
     return Section("Robot motion", (*warned, *measured(run, run.time)), key="motion")
 
 
@@ -210,7 +211,7 @@ def limits_value(limits: MotionLimits, motion: Trajectory, time: Array) -> tuple
     return text, {"used": used, "sources": limits.sources}
 
 
-def group_section(motion: RobotMotion, time: Array, collisions: Collisions | None) -> Section:
+def group_section(motion: RobotMotion, time: Array, unchecked: Sequence[str] = ()) -> Section:
     """Describe what concerns several arms together; `time`: reported times of the waypoints [s]."""
     clearance, trajectory = motion.clearance, motion.trajectory
     at = float(np.interp(clearance.time, trajectory.time, time))
@@ -223,7 +224,7 @@ def group_section(motion: RobotMotion, time: Array, collisions: Collisions | Non
         values["limits"] = limits_value(motion.limits, trajectory, time)
     if motion.relative_error is not None:
         values["relative_position_error"] = 1e3 * motion.relative_error.max(axis=1)
-    warned = [*warnings_of("collision", collision_texts(clearance, at)), *collision_warnings(clearance, collisions)]
+    warned = [*warnings_of("collision", collision_texts(clearance, at)), *collision_warnings(clearance, unchecked)]
     return Section("All arms", (*warned, *(as_metric(key, value, time) for key, value in values.items())), key="arms")
 
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.arms.collisions import Collisions
 from maniport.errors import argument
 from maniport.motion import ArmMotion
 from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.plan.relaxation import FAR
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.results import ArmResult
-from maniport.report.metrics import listed, warning, warns
-from maniport.report.robot import missing_meshes, unchecked_links
-from maniport.report.values import RED, Metric, at_time
+from maniport.report.metrics import listed, warns
+from maniport.report.values import RED, at_time
 from maniport.util.validation import Array
 
 
@@ -144,10 +142,3 @@ def collision_texts(clearance: Clearance, at: float) -> Iterator[str]:
     """Warn of a collision; `at`: time of the smallest clearance [s]."""
     if clearance.known and clearance.share:
         yield f"the robot collides in {clearance.share:.1%} of the time: {' and '.join(clearance.pair)} {at_time(at)}"
-
-
-def collision_warnings(clearance: Clearance, collisions: Collisions | None) -> list[Metric]:
-    """Warn of what was not checked for collisions."""
-    if not clearance.known:
-        return [warning("unchecked-collisions", f"collisions are not checked: {clearance.why}")]
-    return [*missing_meshes(clearance.stand_ins), *unchecked_links([] if collisions is None else collisions.unchecked)]

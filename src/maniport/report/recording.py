@@ -25,7 +25,7 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.report.metrics import describe, listed, notes, numbers, statistics, warning, warnings_of
+from maniport.report.metrics import describe, listed, notes, numbers, statistics, table_of, warning, warnings_of
 from maniport.report.renderings import escaped
 from maniport.report.values import Metric, Report, Section, Table, at_time
 from maniport.util.defaults import AUTO
@@ -35,7 +35,7 @@ RECORDING, FIT = "recording", "human-model"
 
 
 @describe.register
-def recording_facts(
+def recording_report(
     recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO, command: str = ""
 ) -> Report:
     """Describe a recording and the roles of its points."""
@@ -209,10 +209,9 @@ def person_section(fit: ArmFit) -> Section:
         *notes(fit.notes),
     ]  # fmt: skip
     residuals = fit.residual_summary()
-    rows = tuple(
-        (name, *(f"{one[key]:.2f}°" for key in ("median", "p95", "max")), at_time(one["max_at_s"]))
-        for name, one in residuals.items()
-    )
+    columns = {"direction of": "{name}", "median": "{median:.2f}°", "95 %": "{p95:.2f}°", "max": "{max:.2f}°",
+               "when": "at {max_at_s:.1f} s"}  # fmt: skip
+    table = table_of([{"name": name, **one} for name, one in residuals.items()], columns)
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
-    table = Table(("direction of", "median", "95 %", "max", "when"), rows, caption, "residual_deg", residuals)
+    table = replace(table, caption=caption, key="residual_deg", value=residuals)
     return Section("Human arm", tuple(metrics), (table,), "person")

@@ -6,14 +6,13 @@ import os
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.metrics import facts_of, sentence
+from maniport.report.metrics import report_of, sentence
 from maniport.report.values import INFO, WARNING, Metric, Report, Section, Table
 from maniport.util.atomic_io import written_whole
 
@@ -136,7 +135,7 @@ def _columns(metrics: Sequence[Metric]) -> list[str]:
     return lines
 
 
-def write_facts(path: str | os.PathLike[str], report: Report) -> None:
+def write_report(path: str | os.PathLike[str], report: Report) -> None:
     """Write a report to a ``.json`` file, or as Markdown, whole or not at all."""
     text = as_markdown(report)
     if Path(path).suffix == ".json":
@@ -167,19 +166,10 @@ def as_html(thing: Any) -> str:
     -------
     str
     """
-    report = thing if isinstance(thing, Report) else facts_of(thing)
-    parts = [f"<b>{escape(type(thing).__name__)}</b> {escape(report.title)}"]
-    parts += [f"<div>{escape(report.lead)}</div>"] if report.lead else []
-    if (summary := report.summary) is not None:
-        texts = " ".join(filter(None, (summary.status_text, summary.text)))
-        parts.append(f"<div><b>{escape(summary.title)}</b> {escape(texts)}</div>")
-    if report.warnings:
-        parts.append(_grid((), [("" if k else "warnings", text) for k, text in enumerate(report.warnings)]))
-    for section in report.sections:
-        rows = [(metric.label, metric.text) for metric in section.metrics if metric.text and metric.severity != WARNING]
-        parts += [_grid((), rows)] if rows else []
-        parts += [_grid(table.columns, table.rows) for table in section.tables]
-    return f'<div style="margin:.3em 0">{"".join(parts)}</div>'
+    report = thing if isinstance(thing, Report) else report_of(thing)
+    from maniport.report.page import templates  # slow to load
+
+    return templates().get_template("notebook.html").render(report=report, name=type(thing).__name__)
 
 
 def _section(section: Section) -> list[str]:
@@ -210,18 +200,3 @@ def _table(table: Table) -> list[str]:
 
 def _cells(texts: Sequence[str]) -> str:
     return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
-
-
-def _grid(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Write an HTML table whose styles do not depend on those of the notebook."""
-    cell = "text-align:left;padding:.1em 1.2em .1em 0;vertical-align:top;"
-    label, value = f"{cell}font-weight:normal;opacity:.7;white-space:nowrap", f"{cell}white-space:pre-wrap"
-    names = "".join(f'<th style="{label}">{escape(name)}</th>' for name in head)
-    body = "".join(
-        f'<tr><th style="{label}">{escape(first)}</th>'
-        + "".join(f'<td style="{value}">{escape(text)}</td>' for text in others)
-        + "</tr>"
-        for first, *others in rows
-    )
-    top = f"<thead><tr>{names}</tr></thead>" if head else ""
-    return f'<table style="border-collapse:collapse;margin:.3em 0">{top}<tbody>{body}</tbody></table>'

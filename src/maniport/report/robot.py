@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,30 +15,33 @@ from maniport.arms.loaders.packages import arm_names, packages_with
 from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement
 from maniport.motion.motion_limits import QUANTITIES, MotionLimits
-from maniport.report.metrics import as_metric, describe, listed, numbers, warning
+from maniport.motion.trajectory import Clearance
+from maniport.report.metrics import as_metric, describe, listed, numbers, table_of, warning
 from maniport.report.values import Metric, Report, Section, Table
 
 
 @describe.register
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
-    limits = {name: [low, high] for name, low, high in zip(arm.joint_names, arm.lower, arm.upper, strict=True)}
-    spans = [f"{low:.3f} to {high:.3f} {unit}" for low, high, unit in _ranges(arm)]
-    angles = np.degrees([arm.lower, arm.upper]).T
-    spans = [f"{span} ({low:.0f}° to {high:.0f}°)" if unit == "rad" else span
-             for span, (low, high), unit in zip(spans, angles, arm.joint_units, strict=True)]  # fmt: skip
+    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    rows, limits = [], {}
+    for name, unit, low, high, speed in zip(
+        arm.joint_names, arm.joint_units, arm.lower.tolist(), arm.upper.tolist(), speeds, strict=True
+    ):
+        degrees = f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" if unit == "rad" else ""
+        limit = f"{speed:.3g} {unit}/s" if speed < np.inf else "unknown"
+        rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", limit))
+        limits[name] = [low, high]
     metrics = (
         Metric("Arm", arm.name + (f", a human {arm.side} arm" if arm.side else ""), key="arm", value=arm.name),
         Metric("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
         *chain_metrics(arm),
         *_coupled(arm),
         Metric("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
-        *(
-            [] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))
-        ),  # no motion of a person is planned
+        # no motion of a person is planned
+        *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),
     )
-    rows = tuple(zip(arm.joint_names, spans, _speeds(arm), strict=True))
-    joints = Table(("joint", "position limits", "velocity limit"), rows, key="joints", value=limits)
+    joints = Table(("joint", "position limits", "velocity limit"), tuple(rows), key="joints", value=limits)
     return Report(arm.name, "", (Section("", metrics, (joints,)),))
 
 
@@ -93,19 +97,22 @@ def assumed_limits(limits: MotionLimits) -> list[Metric]:
     return found
 
 
-def missing_meshes(links: Sequence[str]) -> list[Metric]:
-    """Warn of links that are checked by their collision shapes because their meshes are missing."""
-    text = f"meshes of {listed(links)} are missing; the collision shapes of these links are checked instead"
-    return [warning("missing-meshes", text)] if links else []
+def collision_warnings(checked: Collisions | Clearance, unchecked: Sequence[str] = ()) -> list[Metric]:
+    """Warn of what is not checked for collisions: `unchecked` links without a shape, and pairs of links."""
+    if not checked.known:
+        return [warning("unchecked-collisions", f"collisions are not checked: {checked.why}")]
+    links = listed(checked.unchecked if isinstance(checked, Collisions) else unchecked)
+    meshes, found = listed(checked.stand_ins), []
+    if meshes:
+        text = f"meshes of {meshes} are missing; the collision shapes of these links are checked instead"
+        found.append(warning("missing-meshes", text))
+    if links:
+        text = f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet"
+        found.append(warning("unchecked-links", text))
+    return found
 
 
-def unchecked_links(links: Sequence[str]) -> list[Metric]:
-    """Warn of links without a shape, and of pairs of links, that are not checked for collisions."""
-    text = f"not checked for collisions: {listed(links)}; their shapes are unknown or convex hulls always meet"
-    return [warning("unchecked-links", text)] if links else []
-
-
-def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
+def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     """Describe the file of a robot: the chosen chain, if there is one, and the other end effectors."""
     others = [limb for limb in limbs if arm is None or limb.tip != arm.frame]
     rows = tuple((limb.tip, str(len(limb.joints)), " … ".join(dict.fromkeys((limb.joints[0], limb.joints[-1]))),
@@ -121,26 +128,8 @@ def robot_facts(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
         lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
         return Report(name, lead, (Section("", tuple(files)), *ends))
     own, *more = arm_report(arm).sections
-    metrics = (*(files if places else ()), *own.metrics, *([] if arm.side else _collision_warnings(arm)))
+    metrics = (*(files if places else ()), *own.metrics, *([] if arm.side else collision_warnings(Collisions.of(arm))))
     return Report(arm.name, "", (replace(own, metrics=metrics), *more, *ends))
-
-
-def _collision_warnings(arm: Arm) -> list[Metric]:
-    """Warn of what collision checking of a robot omits."""
-    collisions = Collisions.of(arm)
-    if not collisions.known:
-        return [warning("unchecked-collisions", f"collisions are not checked: {collisions.why}")]
-    return [*missing_meshes(collisions.stand_ins), *unchecked_links(collisions.unchecked)]
-
-
-def _ranges(arm: Arm) -> list[tuple[float, float, str]]:
-    return list(zip(arm.lower.tolist(), arm.upper.tolist(), arm.joint_units, strict=True))
-
-
-def _speeds(arm: Arm) -> list[str]:
-    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
-    pairs = zip(speeds, arm.joint_units, strict=True)
-    return [f"{speed:.3g} {unit}/s" if speed < np.inf else "unknown" for speed, unit in pairs]
 
 
 def _coupled(arm: Arm) -> list[Metric]:
@@ -158,35 +147,36 @@ def _is_prismatic(arm: Arm, name: str) -> bool:
     return any(joint.name == name and joint.kind == PRISMATIC for joint in arm.chain.joints)
 
 
-def _angles(placed: object) -> tuple[float, float, float]:
-    """Yaw, tilt and heading of a placement [degrees]."""
-    yaw, tilt, heading = (float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading"))
-    return yaw, tilt, heading
+def _angles(placed: Any) -> dict[str, float]:
+    """Return yaw, tilt and heading of a placement."""
+    return {f"{name}_deg": float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading")}
 
 
 @describe.register
 def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
-    rows, values = [], []
+    values = []
     for rank, one in enumerate(placed.candidates, 1):
-        yaw, tilt, heading = _angles(one)
-        median, p95, largest = (float(value) for value in np.percentile(one.distance, [50.0, 95.0, 100.0]))
-        middle = ", ".join(f"{value:.3f}" for value in one.offset)
-        rows.append((str(rank), f"{one.scale:.3f}", f"{yaw:.1f}", f"{tilt:.1f} to {heading:.1f}" if tilt else "0",
-                     middle, f"{median:.2f} / {p95:.2f} / {largest:.2f}", f"{one.rms:.2f}"))  # fmt: skip
-        values.append({"rank": rank, "scale": one.scale, "yaw_deg": yaw, "tilt_deg": tilt, "heading_deg": heading,
-                       "offset_m": one.offset.tolist(),
-                       "distance": {"median": median, "p95": p95, "max": largest, "rms": one.rms}})  # fmt: skip
+        median, p95, largest = np.percentile(one.distance, [50.0, 95.0, 100.0]).tolist()
+        distance = {"median": median, "p95": p95, "max": largest, "rms": one.rms}
+        values.append({"rank": rank, "scale": one.scale, **_angles(one), "offset_m": one.offset.tolist(),
+                       "distance": distance})  # fmt: skip
+    columns = {
+        "rank": "{rank}", "scale": "{scale:.3f}", "yaw [°]": "{yaw_deg:.1f}",
+        "tilt [°]": "{tilt_deg:.1f} to {heading_deg:.1f}",
+        "middle [m]": "{offset_m[0]:.3f}, {offset_m[1]:.3f}, {offset_m[2]:.3f}",
+        "distance, median / 95 % / max": "{distance[median]:.2f} / {distance[p95]:.2f} / {distance[max]:.2f}",
+        "rms": "{distance[rms]:.2f}",
+    }  # fmt: skip
     caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
-    columns = ("rank", "scale", "yaw [°]", "tilt [°]", "middle [m]", "distance, median / 95 % / max", "rms")
-    tables = (Table(columns, tuple(rows), caption, "candidates", values),) if rows else ()
+    tables = (table_of(values, columns, caption, "candidates"),) if values else ()
     section = replace(placement_section(placed), tables=tables)
     return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
 
 
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
-    yaw, tilt, heading = _angles(placed)
+    yaw, tilt, heading = _angles(placed).values()
     offset = placed.offset.tolist()
     out = int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0

@@ -125,7 +125,8 @@ def _group_sections(result: TransferResult | MotionResult) -> list[Section]:
     if result.motion is None or len(result.arms) == 1:
         return []
     time = result.time if isinstance(result, TransferResult) else result.motion.trajectory.time
-    return [group_section(result.motion, time, result.arms[0].collisions)]
+    collisions = result.arms[0].collisions
+    return [group_section(result.motion, time, () if collisions is None else collisions.unchecked)]
 
 
 def _settings(result: TransferResult | MotionResult) -> Section:

@@ -249,7 +249,6 @@ def _weaknesses(summary: Summary) -> list[Metric]:
         "rank_correlation": "rank correlation of distances {:.2f}",
         "rotated_axes": "longest axes rotated by {:.0f}° (median)",
         "identity_test": "changes the student's own ellipsoids by {:.3f}",
-        "unstable": "rotation differs by {:.0f}° (root mean square) between samples of the same domains",
     }
     return [
         Metric("", f"{sentence(label(summary.name))[:-1]}: {texts[one.code].format(one.value)}.",

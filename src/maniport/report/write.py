@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from maniport.errors import InvalidInputError
-from maniport.motion.exports import FORMATS, NEEDED, SCENE, export_motion
+from maniport.motion.exports import FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
 from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
-from maniport.report.metrics import facts_of
-from maniport.report.renderings import PAGE, SUMMARY, files_of, write_facts
+from maniport.report.metrics import report_of
+from maniport.report.renderings import PAGE, SUMMARY, files_of, write_report
 from maniport.report.values import Report
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, Step
@@ -78,7 +78,7 @@ def write_results(
     arms = [] if isinstance(result, LearnedProfile) else [arm.name for arm in result.arms]
     own: tuple[str, ...] = LEARNED_FILES if isinstance(result, LearnedProfile) else (*result.data_files, *REPORT_FILES)
     require_free_for_arms(Path(folder), arms if len(arms) > 1 else (), own, overwrite)
-    step, report = Step(progress, "Write results"), facts_of(result)
+    step, report = Step(progress, "Write results"), report_of(result)
     with folder_written_whole(folder, own, overwrite) as staging:
         write_run(result, report, formats, staging)
         if result.config is not None:
@@ -91,7 +91,7 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
     """Write data, summaries, exports and the page of a result to a folder that exists."""
     result.write_data(folder)
     for name in SUMMARIES[:2]:
-        write_facts(folder / name, report)
+        write_report(folder / name, report)
     for name, file in formats.items():
         if name != SCENE:
             _export(result, name, file, folder)
@@ -109,7 +109,7 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
 
 def _export(result: TransferResult | MotionResult, name: str, file: str, folder: Path) -> None:
     """Write the motion in another format: of the robot, or of each arm where the format takes one arm."""
-    if FORMATS[name].robot == NEEDED and len(result.arms) > 1:
+    if FORMATS[name].needs_robot and len(result.arms) > 1:
         for arm in result.arms:
             assert arm.motion is not None
             export_motion(folder / arm.name / file, arm.motion, name, arm.robot)

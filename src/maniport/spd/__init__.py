@@ -1,10 +1,9 @@
 """The space of symmetric positive-definite (SPD) matrices, where manipulability ellipsoids live.
 
-The functions here use the affine-invariant metric; `maniport.spd.log_euclidean` holds the same names for the
-log-Euclidean one. Every function takes any batch shape (..., d, d) with d from 2 to 12 and checks its input.
+The metric is the affine-invariant one. Every function takes any batch shape (..., d, d) with d from 2 to 12 and checks
+its input.
 """
 
-from maniport.spd import log_euclidean
 from maniport.spd.affine_invariant import distance, exp, geodesic, inner, log, transport
 from maniport.spd.ellipsoid import axes, condition, lengths, volume
 from maniport.spd.matrix_functions import expm, from_vector, invsqrtm, logm, powm, sqrtm, to_vector
@@ -25,7 +24,6 @@ __all__ = [
     "invsqrtm",
     "lengths",
     "log",
-    "log_euclidean",
     "logm",
     "mean",
     "power",

@@ -73,7 +73,7 @@ def study(
     """Evaluate methods on the motions, by (motion, method)."""
     methods, robot = tuple(methods), load_arm(ROBOT)
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
-    options = {"rows": (*ROWS, *FITTED_METHODS), "draws": 5, **options}
+    options = {"rows": (*ROWS, *FITTED_METHODS), **options}
     found = {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)

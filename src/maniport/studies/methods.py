@@ -46,12 +46,12 @@ def compare_methods(
 ) -> Comparison:
     """Measure methods on the motions; where every row is asked for, transports of whole clouds come last."""
     further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(EVERY_ROW) else None
-    found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows, draws=0)
+    found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows)
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
 
 
 @describe.register
-def comparison_facts(comparison: Comparison) -> Report:
+def comparison_report(comparison: Comparison) -> Report:
     """Tell of all methods, in short and motion by motion."""
     tables = (
         replace(evaluation_section(one, explained=not index), title=motion, key=motion, metrics=())

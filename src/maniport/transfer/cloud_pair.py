@@ -1,7 +1,7 @@
 """Distance between two clouds under a rotation, without matching them.
 
-Rotations are compared by the mean distance between all pairs, half of the energy distance (18) of `docs/method.md` up
-to a constant, with its sampling error.
+Rotations are compared by the mean distance between all pairs, half of the energy distance up to a constant
+(`docs/method/identifiability.md`, equation 18), with its sampling error.
 """
 
 from collections.abc import Sequence

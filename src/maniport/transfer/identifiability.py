@@ -1,4 +1,4 @@
-"""Identifiability of the rotation between two domains (`docs/method.md`, section 6).
+"""Identifiability of the rotation between two domains (`docs/method/identifiability.md`).
 
 The fitted rotation is perturbed by 30° in every direction; the change of the distance between the clouds is measured
 without matching (see `CloudPair`). In symmetric clouds that share ellipsoids, these coincide only at one rotation.

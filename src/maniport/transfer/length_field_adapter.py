@@ -45,7 +45,7 @@ class LengthField(DomainAdapter):
     samples. φ(x) = x, or where the student's first joint goes round features that no turn about its axis changes. The
     map is smooth also where two lengths are equal, its results are SPD for every input, and far from the samples it is
     k Tˢ. The coefficients come in rounds: the projector finds the nearest feasible ellipsoids to the images, a weighted
-    ridge regression moves the lengths toward them. `docs/method.md`, section 13.
+    ridge regression moves the lengths toward them. See `docs/method/length_field.md`.
 
     Where the map folds it has no inverse. `inverse_transform` refuses images that are found to come from several
     ellipsoids, and all images of a map that folds at too many of its centers.

@@ -54,8 +54,8 @@ def prepare(
     if base_rotation is None:
         base_rotation = getattr(given, "base_rotation", None)
     turn = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
-    students = _loaded(robot, both)
-    for student in _each(students):
+    students = robot if isinstance(robot, Arm | ArmGroup) else (load_arms if both else load_arm)(robot)
+    for student in as_group(students).arms:
         require_trackable(student)
     source = None if recording is None else read_recording(recording)
     persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
@@ -66,7 +66,7 @@ def prepare(
         options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
     shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
     sides = []
-    for teacher, student, base in zip(persons, _each(students), bases, strict=True):
+    for teacher, student, base in zip(persons, as_group(students).arms, bases, strict=True):
         bank = SeedBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
         methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
@@ -88,16 +88,6 @@ def _both(side: str, robot: Any, adapter: Any) -> bool:
     if both and isinstance(robot, Arm):
         raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
     return both
-
-
-def _loaded(robot: Any, both: bool) -> Arm | ArmGroup:
-    if isinstance(robot, (Arm, ArmGroup)):
-        return robot
-    return load_arms(robot) if both else load_arm(robot)
-
-
-def _each(robot: Arm | ArmGroup) -> tuple[Arm, ...]:
-    return as_group(robot).arms
 
 
 def _person(

@@ -153,20 +153,9 @@ class Onlooker:
         if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
             return
         frame = Frame(
-            teacher_joints=moment.person,
-            teacher_skeleton=self._person.skeleton(moment.person),
-            demonstrated_ellipsoid=moment.demonstrated,
-            target_ellipsoid=moment.target,
-            target_tip=None,
-            student_joints=moment.joint_positions,
-            student_skeleton=self._robot.skeleton(moment.joint_positions),
-            student_links=self._robot.link_poses(moment.joint_positions),
-            achieved_ellipsoid=moment.achieved,
-            base_rotation=np.eye(3),
-            distance=moment.distance,
-            position_error=moment.tip_error,
-            note=moment.state,
-        )
+            self._person, self._robot, moment.person, moment.joint_positions, moment.demonstrated, moment.target,
+            moment.achieved, moment.distance, np.eye(3), position_error=moment.tip_error, note=moment.state,
+        )  # fmt: skip
         with self._server.atomic():
             if self._scene is None:
                 surfaces = find_surfaces(self._robot)[0]

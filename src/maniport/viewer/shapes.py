@@ -1,5 +1,6 @@
 """Shapes of the page: ellipsoids, an arm as tubes and balls, a robot with its surface."""
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -22,14 +23,9 @@ def quaternion(rotation: Array) -> Array:
 
 def roll_pitch_yaw(rotation: Array) -> Array:
     """Roll, pitch and yaw of a rotation about fixed axes, as in URDF, shape (3,) [degrees]."""
-    # at a pitch of ±90° one of the other two is arbitrary, and SciPy warns; any will do here
-    x, y, z = rotation[:, 0]
-    pitch = np.arctan2(-z, np.hypot(x, y))
-    if np.hypot(x, y) > 1e-9:
-        roll, yaw = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(y, x)
-    else:
-        roll, yaw = 0.0, np.arctan2(-rotation[0, 1], rotation[1, 1])
-    return np.degrees([roll, pitch, yaw])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # at a pitch of ±90° one of the other two is arbitrary
+        return np.asarray(Rotation.from_matrix(rotation).as_euler("xyz", degrees=True))
 
 
 def from_roll_pitch_yaw(degrees: Array) -> Array:
@@ -59,13 +55,12 @@ def rings(corners: int = 64) -> Array:
 def bones(skeleton: Array) -> tuple[Array, Array, Array]:
     """Quaternions (k − 1, 4) that turn z along the lines of a polyline (k, 3), their starts and their lengths."""
     edges = np.diff(skeleton, axis=0)
-    lengths = np.linalg.norm(edges, axis=1)
-    directions = np.where(lengths[:, None] > 1e-9, edges / np.maximum(lengths, 1e-9)[:, None], [0.0, 0.0, 1.0])
+    lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-6)
     # half-way between z and the direction lies the axis of half a turn that takes the one to the other
-    half = directions + np.array([0.0, 0.0, 1.0])
-    size = np.linalg.norm(half, axis=1, keepdims=True)
-    half = np.where(size > 1e-6, half / np.maximum(size, 1e-6), [1.0, 0.0, 0.0])
-    return np.concatenate([np.zeros((len(half), 1)), half], axis=1), skeleton[:-1], np.maximum(lengths, 1e-6)
+    half = edges / lengths[:, None] + [0.0, 0.0, 1.0]
+    half[np.linalg.norm(half, axis=1) < 1e-6] = [1.0, 0.0, 0.0]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    return np.concatenate([np.zeros((len(half), 1)), half], axis=1), skeleton[:-1], lengths
 
 
 class Skeleton:
@@ -125,7 +120,11 @@ class RobotBody:
         self, scene: Any, name: str, surfaces: tuple[Surface, ...], frame: Frame, joints: tuple[str, ...] = ()
     ):
         self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
-        self._meshes = [_add_mesh(scene, f"{name}/surface/{surface.joint}", surface) for surface in surfaces]
+        look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
+        self._meshes = [
+            scene.add_mesh_simple(f"{name}/surface/{one.joint}", one.points.astype(np.float32), one.triangles, **look)
+            for one in surfaces
+        ]
         self._skeleton = None
         if not surfaces:
             self._skeleton = Skeleton(scene, f"{name}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
@@ -146,13 +145,6 @@ class RobotBody:
         poses = frame.student_links[self._joints]
         for mesh, turn, pose in zip(self._meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
             mesh.wxyz, mesh.position = turn, pose[:3, 3]
-
-
-def _add_mesh(scene: Any, name: str, surface: Surface) -> Any:
-    points: Array = surface.points.astype(np.float32)
-    return scene.add_mesh_simple(
-        name, points, surface.triangles, color=(203, 206, 211), flat_shading=False, side="double"
-    )
 
 
 class Shell:

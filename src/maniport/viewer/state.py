@@ -12,7 +12,7 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
-from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path, place_paths
+from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
 from maniport.motion.follow.tracker import follow
 from maniport.motion.limits import BrakingLimit
@@ -61,20 +61,34 @@ class Target:
 class Frame:
     """What the page shows of one arm of person and robot, each in its own base frame."""
 
+    teacher: Arm
+    student: Arm
     teacher_joints: Array
-    teacher_skeleton: Array  # Polyline from base to hand, shape (k, 3) [m]
+    student_joints: Array
     demonstrated_ellipsoid: Array
     target_ellipsoid: Array
-    target_tip: Array | None
-    student_joints: Array
-    student_skeleton: Array
-    student_links: Array  # Poses of the robot's base and of what follows each joint, shape (joints + 1, 4, 4)
     achieved_ellipsoid: Array
-    base_rotation: Array
     distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
-    position_error: float | None  # Of the robot's end effector [m]
-    note: str  # Why the target is not new, or another method's
+    base_rotation: Array
+    target_tip: Array | None = None
+    position_error: float | None = None  # Of the robot's end effector [m]
+    note: str = ""  # Why the target is not new, or another method's
     at_limit: tuple[str, ...] = ()  # Names of the robot's joints that are at a limit
+
+    @cached_property
+    def teacher_skeleton(self) -> Array:
+        """Polyline from base to hand, shape (k, 3) [m]."""
+        return self.teacher.skeleton(self.teacher_joints)
+
+    @cached_property
+    def student_skeleton(self) -> Array:
+        """Polyline from base to end effector, shape (k, 3) [m]."""
+        return self.student.skeleton(self.student_joints)
+
+    @cached_property
+    def student_links(self) -> Array:
+        """Poses of the robot's base and of what follows each joint, shape (joints + 1, 4, 4)."""
+        return self.student.link_poses(self.student_joints)
 
 
 class Side:
@@ -141,21 +155,12 @@ class Side:
         at_limit = (q <= arm.lower + margin) | (q >= arm.upper - margin)
         damped = (self.objective.damped(ellipsoid) for ellipsoid in (target.ellipsoid, achieved))
         return Frame(
-            teacher_joints=target.joints,
-            teacher_skeleton=self.teacher.skeleton(target.joints),
-            demonstrated_ellipsoid=target.demonstrated,
-            target_ellipsoid=target.ellipsoid,
-            target_tip=target.tip,
-            student_joints=q,
-            student_skeleton=arm.skeleton(q),
-            student_links=arm.link_poses(q),
-            achieved_ellipsoid=achieved,
-            base_rotation=base_rotation,
-            distance=float(distance_unchecked(*damped)),
+            self.teacher, arm, target.joints, q, target.demonstrated, target.ellipsoid, achieved,
+            float(distance_unchecked(*damped)), base_rotation, target.tip,
             position_error=None if target.tip is None else float(np.linalg.norm(tip - target.tip)),
             note=target.note,
             at_limit=tuple(name for name, near in zip(arm.joint_names, at_limit, strict=True) if near),
-        )
+        )  # fmt: skip
 
     def gaps(self, ellipsoid: Array) -> dict[str, float | None]:
         """Feasibility gap of each method's image of an ellipsoid, an upper bound by a search of 4 ms a method."""
@@ -223,10 +228,8 @@ class ViewState:
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
         turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
         damping = banks[0].damping
-        if isinstance(self.robot, ArmGroup):
-            places = place_paths(hands, targets, self.robot.arms, turn=turn, yaw=0.0, damping=damping, banks=banks)
-        else:
-            places = (place_path(hands[0], targets[0], self.robot, turn=turn, yaw=0.0, damping=damping, bank=banks[0]),)
+        arms = as_group(self.robot).arms
+        places = place_path(hands, targets, arms, turn=turn, yaw=0.0, damping=damping, bank=banks)
         for side, place in zip(self.sides, places, strict=True):
             side.place = place
 

@@ -1,4 +1,4 @@
-"""What an arm collides with: itself, a table, obstacles."""
+"""Collisions of arms with themselves, a table and obstacles."""
 
 from maniport.arms.collisions.checker import Collisions, Nearest, as_collisions, free_postures
 from maniport.arms.collisions.hulls import Lowest

@@ -1,4 +1,4 @@
-"""Whether an arm or a pair collides, its clearance, and how that changes with the joints."""
+"""Collision checks of an arm or a group, clearance and its gradient."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ from maniport.util.validation import Array, as_generator, as_number
 
 
 class Nearest(NamedTuple):
-    """The smallest distance at each configuration, shapes (...), and between what."""
+    """Smallest distance at each configuration, and names of the two bodies; shapes (...)."""
 
     distance: Array
     first: NDArray[np.str_]
@@ -34,33 +34,32 @@ class Nearest(NamedTuple):
 
 
 class Collisions(NotebookDisplay):
-    """Collisions of an arm or a group of arms with itself, a table and obstacles. Make one with `Collisions.of`.
+    """Collisions of an arm or a group of arms with itself, a table and obstacles; made by `Collisions.of`.
 
-    Every pair of bodies that no joint joins directly is checked: the links of the arm, its gripper, and the rest of the
-    robot, such as a head, legs or the other arm, which stands at zero. Each finger is the hull of its positions from
-    open to closed. Each link is a convex hull of its visual meshes, see `maniport.arms.Arm.surfaces`, or several;
-    smaller hollows are filled. The hull of the link that carries the end effector reaches to it.
+    Every pair of bodies that is not connected by a joint is checked: links of the arm, its gripper, and the rest of the
+    robot, such as a head, legs or the other arm, at zero. A link is the convex hull of its visual meshes, see
+    `maniport.arms.Arm.surfaces`, or several hulls; a finger is the hull of its positions from open to closed. The hull
+    of the link that carries the end effector contains it.
 
-    Not checked are links that one joint joins, tools of which the description knows nothing, and `unchecked`.
-
-    Each arm of a group is checked with itself and with the others; shared bodies, such as a torso, count once.
+    Links that a joint connects, tools that are not in the description, and `unchecked` are not checked. Each arm of a
+    group is checked with itself and with the others; shared bodies, such as a torso, count once.
 
     Attributes
     ----------
     known, why : bool, str
-        Whether anything is checked, which it is not where no surface of the arm is known, and why not.
+        Whether shapes of the arm are known, so that pairs are checked; the reason if not.
     obstacles : bool
-        Whether obstacles were given.
+        Whether there are obstacles.
     padding : float
-        What comes nearer than this collides [m]; links with at most two coordinates between, which are always near one
-        another, collide within a quarter of it.
+        Distance that counts as a collision [m]; for links with at most two coordinates between them, which are always
+        close, a quarter of it.
     pairs : tuple of (str, str)
-        Names of what is checked against one another. Where the links of two robots have the same names all are called
-        ``left_…`` and ``right_…``, after the names of the arms.
+        Names of the checked pairs, with the names of the arms as prefixes, such as ``left_…``, if two robots have links
+        of the same names.
     always, never : tuple of (str, str)
-        Names of pairs that are not checked: their meshes meet in more than 90 % of 10 000 samples of the joint space
-        and at rest, or the pair stays apart in all samples by more than 10 cm (5 mm with at most two coordinates
-        between, 2 cm from table or obstacles), or with at most two coordinates between its meshes never meet.
+        Names of omitted pairs. Meshes of `always` intersect in more than 90 % of 10 000 samples of the joint space and
+        at rest. Pairs in `never` keep a distance above 10 cm in all samples (2 cm from table or obstacles, 5 mm with at
+        most two coordinates between them), or have at most two coordinates between them and disjoint meshes.
     """
 
     def __init__(
@@ -98,19 +97,19 @@ class Collisions(NotebookDisplay):
         ----------
         arm : Arm or ArmGroup
         table : float, optional
-            Height of a floor or table in the base frame [m]: nothing may be below it. What the base carries is exempt.
+            Height of a floor or table in the base frame [m], the lower limit of all bodies that joints move.
         obstacles : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
-            Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and perhaps yaw [rad] of each.
+            Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and optional yaw [rad] of each.
         srdf : path, optional
-            Pairs of links that it names under ``<disable_collisions>`` are not checked.
+            File whose ``<disable_collisions>`` list pairs of links that are not checked.
         padding : float
             Distance that counts as a collision [m].
 
         Raises
         ------
         InvalidInputError
-            When an argument has a wrong value, the table or a box goes through the base, the bases of two robots stand
-            in one another, or the SRDF is of another robot.
+            When an argument has a wrong value, the table or a box intersects the base, two bases intersect, or the SRDF
+            belongs to another robot.
         FileFormatError
             When obstacles or SRDF cannot be read.
         """
@@ -161,9 +160,9 @@ class Collisions(NotebookDisplay):
 
     @property
     def unchecked(self) -> tuple[str, ...]:
-        """Names of bodies that are not checked, because their shape is missing or unknown, and of such pairs.
+        """Names of bodies without a known shape, and of pairs that are not checked.
 
-        A pair is not checked where convex hulls meet nearly always although the meshes do not.
+        A pair is not checked if convex hulls nearly always intersect although the meshes do not.
         """
         arms = as_group(self.arm).arms
         if self.known:
@@ -173,9 +172,9 @@ class Collisions(NotebookDisplay):
 
     @property
     def stand_ins(self) -> tuple[str, ...]:
-        """Links of which the description's collision shapes are taken, since what is drawn of them is missing."""
+        """Links with collision shapes from the description, since visual meshes are missing."""
         arms = as_group(self.arm).arms
-        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins()))
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins))
 
     @property
     def table(self) -> float | None:
@@ -183,14 +182,14 @@ class Collisions(NotebookDisplay):
         return None if np.isinf(self._solids.table) else float(self._solids.table)
 
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
-        """Whether configurations (..., dof) collide, shape (...); False where nothing is known."""
+        """Return whether configurations (..., dof) collide, shape (...); False if nothing is checked."""
         flat, shape = self._flat(q)
         limit = self.padding * self._selected.share
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _parts(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal's distance decides of these
+            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal decides about these
             left = np.flatnonzero(near.any(axis=1))
-            while len(left):  # one pair of each at a time, since one is enough
+            while len(left):  # one pair of each configuration at a time, since one suffices
                 first = near[left].argmax(axis=1)
                 mask = np.arange(len(self._pairs)) == first[:, None]
                 distances = self._solids.distances(flat[part][left], self._pairs, mask, depths=False)[0]
@@ -200,14 +199,14 @@ class Collisions(NotebookDisplay):
         return hit.reshape(shape)
 
     def clearance(self, q: ArrayLike) -> Array:
-        """Smallest distance between two of the pairs at configurations (..., dof), shape (...) [m].
+        """Compute the smallest distance of the pairs at configurations (..., dof), shape (...) [m].
 
-        Negative where they are in one another; infinite where nothing is checked.
+        It is negative for intersections and infinite if nothing is checked.
         """
         return self.nearest(q).distance
 
     def nearest(self, q: ArrayLike) -> Nearest:
-        """`clearance`, and the names of what is nearest to one another; empty where nothing is checked."""
+        """Compute the clearance and the names of the closest pair; empty if nothing is checked."""
         flat, shape = self._flat(q)
         least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
         for part in _parts(len(flat)) if len(self._pairs) else ():
@@ -217,28 +216,27 @@ class Collisions(NotebookDisplay):
                 rows, columns = np.nonzero(near)
                 distances = self._solids.distances(flat[left], self._pairs, near)[0]
                 order = np.lexsort((columns, distances, rows))
-                found, at = np.unique(rows[order], return_index=True)
-                least[left[found]], which[left[found]] = distances[order][at], columns[order][at]
+                nearest, at = np.unique(rows[order], return_index=True)
+                least[left[nearest]], which[left[nearest]] = distances[order][at], columns[order][at]
                 left, reach = left[least[left] > reach], 2.0 * reach
         names = np.array([*self._names(self._pairs), ("", "")])[which]
         return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
 
     def gradient(self, q: ArrayLike, threshold: float) -> tuple[NDArray[np.intp], Array, Array]:
-        """Pairs nearer than a threshold, and how their distances change with the joints.
+        """Compute distances below a threshold [m] and their derivatives at configurations (n, dof).
 
-        For configurations (n, dof) and a threshold [m]: of which configuration each pair is, ascending; its distance
-        [m], minus the depth where the two are in one another; and its derivative in the configuration, (k, dof).
+        Returns for each of k pairs: index of the configuration, ascending; signed distance [m]; derivative (k, dof).
         """
         whole = np.ones(len(self._pairs))
         return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), whole).gradient(self._flat(q)[0])
 
     def watch(self, threshold: float) -> Watch:
-        """Return an object with such a `gradient`, quicker for configurations (n, dof) that change little.
+        """Return an object whose `gradient` is faster for configurations (n, dof) that change little.
 
-        Of links with at most two coordinates between, which need a quarter of the clearance, four times the distance is
-        returned.
+        Distances of links with at most two coordinates between them, which need a quarter of the clearance, are
+        multiplied by four.
         """
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._selected.share, ahead=True)
+        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._selected.share, cached=True)
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end
@@ -250,12 +248,12 @@ class Collisions(NotebookDisplay):
 
 
 def _parts(count: int, most: int = 8192) -> Iterator[slice]:
-    """Slices of so many configurations at most, which are worked on at a time."""
+    """Slices of at most so many configurations, to bound the memory."""
     return (slice(first, min(first + most, count)) for first in range(0, count, most))
 
 
 def as_collisions(value: Any, arm: Arm | ArmGroup | CooperativeArm) -> Collisions | None:
-    """Convert what is given for `collisions`: None and False to None, True to the arm's own with itself."""
+    """Convert the argument `collisions`: None and False to None, True to `Collisions.of(arm)`."""
     if value is None or value is False:
         return None
     if value is True:
@@ -290,10 +288,10 @@ def free_postures(
     while free.sum() < n:
         if len(q) >= 64 * n:
             raise InvalidInputError(
-                f"collisions: only {int(free.sum())} of {len(q)} sampled postures of {arm.name!r} are free; {n} are "
-                "asked for"
+                f"collisions: only {int(free.sum())} of {len(q)} sampled configurations of {arm.name!r} are free; "
+                f"{n} are required"
             )
-        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with what there is
+        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with q
         free = np.concatenate([free, ~checked.collides(more[len(q) :])])
         q = more
     return np.ascontiguousarray(q[free][:n])

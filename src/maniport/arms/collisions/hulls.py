@@ -22,14 +22,14 @@ class Hull:
     """A convex solid that moves with one joint of an arm."""
 
     name: str  # of the link, or of the box
-    joint: int  # it is fixed after so many joints of the chain; 0: to the base
+    joint: int  # number of joints of the chain that move it; 0: fixed to the base
     corners: Array  # (k, 3), in that joint's frame [m]
-    skin: float  # within this distance of the corners' hull lies all that the solid stands for [m]
+    skin: float  # largest distance of the enclosed points from the hull of the corners [m]
     solid: coal.Convex  # the corners' hull
 
     @classmethod
     def around(cls, name: str, joint: int, points: Array, most: int = 96) -> "Hull":
-        """The hull of points [m], with so many corners at most: those that stand out least are left out."""
+        """Enclose points [m] in a hull of at most `most` corners; the least prominent are omitted."""
         outline = _outline(points)
         corners = _outstanding(outline, most)
         hull = ConvexHull(corners)
@@ -47,12 +47,12 @@ class Hull:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Part:
-    """The shape of one body, or of a finger from open to closed, on the joint of a chain that moves it."""
+    """Shape of a body, or of a finger from open to closed, and the joint of the chain that moves it."""
 
     name: str  # of the link
-    joint: int  # after how many joints of the chain
-    mesh: Mesh  # in that joint's frame [m]; of a finger the hull of all of its poses
-    own: bool  # whether it is on the chain; False for bodies that are attached to it
+    joint: int  # number of joints of the chain that move it
+    mesh: Mesh  # in the frame of the last of them [m]; of a finger the hull of all poses
+    own: bool  # whether it is on the chain; False for attached bodies
 
 
 def parts_of(arm: Arm) -> tuple[Part, ...]:
@@ -63,7 +63,7 @@ def parts_of(arm: Arm) -> tuple[Part, ...]:
 @lru_cache(maxsize=16)
 def _parts(geometry: Geometry) -> tuple[Part, ...]:
     meshes: dict[str, list[Mesh]] = {}
-    for link, mesh in geometry.shapes():
+    for link, mesh in geometry.shapes:
         meshes.setdefault(link, []).append(mesh)
     frames, attached = geometry.chain.frames, geometry.chain.attached
     links = sorted(meshes, key=lambda name: (frames[name].joint, len(_fixed_to(geometry.chain, name))))
@@ -89,8 +89,8 @@ def _hull_mesh(points: Array) -> Mesh:
 def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
     """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
     frames = arm.chain.frames
-    shown = {link for link, _ in arm.geometry.shapes()}
-    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in shown), None)
+    links = {link for link, _ in arm.geometry.shapes}
+    carrier = next((name for name in _fixed_to(arm.chain, arm.frame) if name in links), None)
     tip = (*frames[arm.frame].placement[:3, 3].tolist(),) if part.own and part.name == carrier else None
     return _hulls(part, fine, tip)
 
@@ -106,10 +106,10 @@ def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple["Hull
 
 
 def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
-    """Points of a link, cut across where that makes the hulls smaller than that of the whole."""
-    points, triangles = reduced(mesh, 300) if len(mesh[1]) > 300 else mesh  # cuts are chosen on a sketch
+    """Points of a link, in several pieces if their hulls are smaller than that of the whole."""
+    points, triangles = reduced(mesh, 300) if len(mesh[1]) > 300 else mesh  # cuts are chosen on a coarse mesh
     pieces = [_Piece.of(points[triangles], ())]
-    worth, most = (0.97, 8) if fine else (0.85, 2)  # cut where that leaves less of the volume
+    worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
     whole: list[_Piece] = []
     while pieces and len(pieces) + len(whole) < most:
         piece = pieces.pop(int(np.argmax([piece.volume for piece in pieces])))
@@ -160,7 +160,7 @@ class _Piece:
         return [_Piece.of(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)]
 
     def taken_from(self, triangles: Array) -> Array:
-        """The same piece of other triangles (n, 3, 3)."""
+        """Return the same piece of other triangles (n, 3, 3)."""
         for axis, at, side in self.planes:
             triangles = _cut(triangles, axis, at)[side]
         return triangles
@@ -172,7 +172,7 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
     count = above.sum(axis=1)
     crossing = (count > 0) & (count < 3)
     split, upper = triangles[crossing], above[crossing]
-    lone = np.argmax(upper == (upper.sum(axis=1) == 1)[:, None], axis=1)  # the corner with a side for itself
+    lone = np.argmax(upper == (upper.sum(axis=1) == 1)[:, None], axis=1)  # the corner alone on its side
     rows = np.arange(len(split))
     a, b, c = (split[rows, (lone + k) % 3] for k in range(3))
     share = [(at - a[:, axis]) / (end[:, axis] - a[:, axis]) for end in (b, c)]
@@ -185,9 +185,9 @@ def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
 
 
 def _outline(points: Array) -> Array:
-    """Corners of the hull of points; those of something a little thicker where they lie in a plane or on a line."""
+    """Corners of the hull of points, thickened if the points are in a plane or on a line."""
     try:
-        if len(points) > 500:  # Qhull needs most of its time for points inside
+        if len(points) > 500:  # Qhull is slow for interior points
             faces = ConvexHull(points[_extreme(points)]).equations
             points = points[(points @ faces[:, :3].T + faces[:, 3] > -1e-9).any(axis=1)]
         return np.asarray(points[ConvexHull(points).vertices])
@@ -197,7 +197,7 @@ def _outline(points: Array) -> Array:
 
 
 def _fixed_to(chain: Chain, frame: str) -> list[str]:
-    """A frame and those on the same joint that it is attached to, one behind the other."""
+    """A frame and its ancestors on the same joint."""
     frames, names = chain.frames, [frame]
     while (above := frames[names[-1]].parent) is not None:
         if above in names or above not in frames or frames[above].joint != frames[frame].joint:
@@ -208,12 +208,12 @@ def _fixed_to(chain: Chain, frame: str) -> list[str]:
 
 def _extreme(points: Array) -> NDArray[np.intp]:
     """Indices of the points that are farthest along 26 directions."""
-    ways = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)])
-    return np.unique(np.argmax(points @ ways.T, axis=0))
+    directions = np.array([direction for direction in product((-1, 0, 1), repeat=3) if any(direction)])
+    return np.unique(np.argmax(points @ directions.T, axis=0))
 
 
 def _outstanding(outline: Array, most: int) -> Array:
-    """Corners of a hull, or as many as are allowed: in rounds those that stand out most from the hull of the others."""
+    """At most `most` corners of a hull, iteratively the most prominent from the hull of the others."""
     if len(outline) <= most:
         return outline
     chosen = _extreme(outline)
@@ -225,8 +225,8 @@ def _outstanding(outline: Array, most: int) -> Array:
         best = [face for face in np.argsort(-out, kind="stable") if out[face] > 1e-4]
         if not best:
             break
-        room = min(most - len(chosen), 1 + len(best) // 4)  # a corner taken may spare its neighbours
-        chosen = np.unique(np.concatenate([chosen, farthest[best[:room]]]))
+        count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
+        chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
     return np.asarray(outline[chosen])
 
 

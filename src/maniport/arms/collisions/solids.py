@@ -1,4 +1,4 @@
-"""Hulls on an arm or a pair and a table below it: which pairs come near, and how far they are apart."""
+"""Distances of the convex hulls of an arm or a group and a table, and poses of their links."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from maniport.arms.collisions.hulls import Hull
 from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
-TABLE = -1  # Stands in pairs for the table
+TABLE = -1  # index of the table in pairs
 
 Pairs = NDArray[np.int64]
 
@@ -94,13 +94,13 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 class Solids:
-    """Hulls that an arm or a pair moves, and a table at a height [m], in the form that compiled code takes."""
+    """Hulls of an arm or a group and a table at a height [m], as arrays for compiled code."""
 
     def __init__(self, tree: LinkTree, hulls: Sequence[Hull], table: float):
         self.hulls, self.table, self._tree = tuple(hulls), table, tree
         joints = np.array([hull.joint for hull in hulls], dtype=np.int64)
-        self._links = np.append(joints, 0)  # the last one is the table's, which is as the base
-        self._skins = np.array([*(hull.skin for hull in hulls), 0.0])  # so here
+        self._links = np.append(joints, 0)  # the last is the table, fixed to the base
+        self._skins = np.array([*(hull.skin for hull in hulls), 0.0])
         ends = np.array([(hull.corners.min(axis=0), hull.corners.max(axis=0)) for hull in hulls]).reshape(-1, 2, 3)
         self._arrays = (
             np.concatenate([np.empty((0, 3)), *(hull.corners for hull in hulls)]),
@@ -111,7 +111,7 @@ class Solids:
         )
 
     def maybe_near(self, q: Array, pairs: Pairs, margin: float | Array) -> NDArray[np.bool_]:
-        """Which pairs are not certainly farther apart than a margin [m], or its own, (n, pairs), for q (n, dof)."""
+        """Return whether pairs may be within a margin [m], common or per pair, (n, pairs), for q (n, dof)."""
         return np.asarray(
             self.distance_bounds(q, pairs, margin, np.ones((len(q), len(pairs)), dtype=np.bool_)) <= margin
         )
@@ -123,7 +123,7 @@ class Solids:
         return np.asarray(bounds - skins)
 
     def leverage(self, pairs: Pairs) -> Array:
-        """How far the distance of each pair changes at most with each degree of freedom, (dof, pairs) [m/rad or 1]."""
+        """Return bounds of the derivatives of the distances, (dof, pairs) [m/rad or 1]."""
         far = np.array([*(np.linalg.norm(hull.corners, axis=1).max() for hull in self.hulls), 0.0])
         return self._tree.leverage(self._links[pairs], far[pairs])
 
@@ -171,18 +171,18 @@ class Solids:
 
 
 class Watch:
-    """Pairs nearer than a threshold [m], for repeated queries, as `Collisions.gradient` returns them."""
+    """Repeated queries of `Collisions.gradient` with a threshold [m]."""
 
-    def __init__(self, solids: Solids, pairs: Pairs, threshold: float, share: Array, ahead: bool = False):
+    def __init__(self, solids: Solids, pairs: Pairs, threshold: float, share: Array, cached: bool = False):
         self._solids, self._pairs, self._threshold, self._share = solids, pairs, threshold * share, share
         self._sufficient = (
-            self._threshold + 0.03 if ahead else self._threshold
-        )  # what is farther is left alone for a while
-        self._leverage = solids.leverage(pairs) if ahead else None
+            self._threshold + 0.03 if cached else self._threshold
+        )  # farther pairs are skipped for a while
+        self._leverage = solids.leverage(pairs) if cached else None
         self._q, self._bounds = np.empty((0, 0)), np.empty((0, 0))
 
     def gradient(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """Rows, distances and slopes for configurations (n, dof)."""
+        """Return rows, distances and derivatives for configurations (n, dof)."""
         near = self._near(q)
         distance, normals, points = self._solids.distances(q, self._pairs, near)
         slope = self._solids.slopes(q, self._pairs, near, normals, points)
@@ -193,7 +193,7 @@ class Watch:
         return rows[kept], distance[kept] / share, slope[kept] / share[:, None]
 
     def free(self, q: Array, padding: float) -> bool:
-        """Whether configurations (n, dof) keep all pairs farther apart than `padding` [m]."""
+        """Return whether all pairs are farther apart than `padding` [m] at configurations (n, dof)."""
         limit = padding * self._share
         if self._leverage is None or not len(self._q):
             left = np.ones((len(q), len(self._pairs)), dtype=np.bool_)
@@ -207,7 +207,7 @@ class Watch:
         return bool((distances > limit[np.nonzero(left)[1]]).all())
 
     def _near(self, q: Array) -> NDArray[np.bool_]:
-        """Which pairs are not certainly farther apart than the threshold, shape (n, pairs)."""
+        """Whether pairs may be within the threshold, shape (n, pairs)."""
         if self._leverage is None or self._q.shape != q.shape:
             bounds = np.full((len(q), len(self._pairs)), -np.inf)
         else:
@@ -224,9 +224,9 @@ class Watch:
 def _fill_distance_bounds(  # type: ignore[no-untyped-def]
     all_turns, all_origins, corners, starts, joints, centres, sides, pairs, sufficient, table, mask, bounds
 ):
-    """Write how far pairs are apart at least; what is more than sufficient is not looked at any closer."""
+    """Fill lower bounds of the distances of pairs; bounds above `sufficient` are not refined."""
     middles, radii = np.empty((len(joints), 3)), np.empty(len(joints))
-    for h in range(len(joints)):  # by entry: a sum along an axis costs Numba 1.6 s of compiling, for its messages
+    for h in range(len(joints)):  # by entry: Numba compiles a sum along an axis 1.6 s longer
         radii[h] = np.sqrt(sides[h, 0] * sides[h, 0] + sides[h, 1] * sides[h, 1] + sides[h, 2] * sides[h, 2])
     for n in range(len(all_turns)):
         turns, origins = all_turns[n], all_origins[n]
@@ -259,7 +259,7 @@ def _fill_distance_bounds(  # type: ignore[no-untyped-def]
 
 @part
 def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
-    """Smallest product of a direction with corners, and whose it is."""
+    """Smallest product of a direction with corners, and the index of the corner."""
     least, where = np.inf, first
     for i in range(first, last):
         value = x * corners[i, 0] + y * corners[i, 1] + z * corners[i, 2]
@@ -272,9 +272,9 @@ def _least(corners, first, last, x, y, z):  # type: ignore[no-untyped-def]
 def _apart(  # type: ignore[no-untyped-def]
     turn_a, at_a, turn_b, at_b, corners, sides_a, sides_b, a0, a1, b0, b1, x, y, z, sufficient
 ):
-    """How much a plane leaves between two hulls: the first one found that leaves more than sufficient, or the best."""
+    """Distance of two hulls along separating directions: the first above `sufficient`, or the largest."""
     from_middle, most = (x, y, z), -1.0
-    for _ in range(12):  # a pair that so many directions do not separate is left to the exact test
+    for _ in range(12):  # after 12 directions the exact test decides
         square = x * x + y * y + z * z
         length = np.sqrt(square)
         if length <= 1e-12:

@@ -8,7 +8,6 @@ from math import inf
 from pathlib import Path
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup
 from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders.document import XACRO, parsed
@@ -111,8 +110,6 @@ def load_arm(
     >>> load_arm("panda", base="panda_link1", lock={"panda_joint3": 0.5}).joint_names
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
-    if isinstance(name_or_path, ArmGroup):
-        raise InvalidInputError("name_or_path must name one arm; found a group of arms")
     if not isinstance(name_or_path, (str, os.PathLike)):
         raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
     folders = _as_folders(mesh_folders)

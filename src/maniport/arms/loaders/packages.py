@@ -1,4 +1,4 @@
-"""Robots by name, out of packages that hold their files; none of these packages is imported."""
+"""Robots by name from packages of robot files; these packages are not imported."""
 
 import importlib
 import importlib.util
@@ -23,20 +23,20 @@ CATALOG = "robot_descriptions"
 class Package:
     """A package of robots."""
 
-    install: str  # what installs it
-    folders: Callable[[], Iterator[Path]]  # gives the folders in which its robots may lie
-    pattern: str  # of the robots' files, below one of these
-    arms: tuple[str, ...]  # names of its arms
-    pairs: tuple[str, ...] = ()  # names of its robots with two of them
-    files: Mapping[str, str] = field(default_factory=dict)  # stems of files that are not called as the robot
+    install: str  # command
+    folders: Callable[[], Iterator[Path]]  # returns the folders of its robots
+    pattern: str  # of robot files below these folders
+    arms: tuple[str, ...]  # names of arms
+    pairs: tuple[str, ...] = ()  # names of robots with two arms
+    files: Mapping[str, str] = field(default_factory=dict)  # stems of files whose name differs from that of the robot
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all arms that it is known to have."""
+        """Names of all arms of the package."""
         return (*self.arms, *(f"{robot}_{side}_arm" for robot in self.pairs for side in sorted(SIDES)))
 
     def found(self) -> dict[str, Path]:
-        """Files of the robots that are installed, by their names."""
+        """Return the installed files by robot name."""
         every: dict[str, Path] = {}
         for folder in self.folders():
             for path in sorted(folder.glob(self.pattern)):
@@ -45,14 +45,14 @@ class Package:
 
 
 def _of_module(name: str, below: str) -> Iterator[Path]:
-    """Folders of a module that may be installed."""
+    """Folders of a module, if it is installed."""
     spec = importlib.util.find_spec(name)
     for place in (spec.submodule_search_locations or ()) if spec is not None else ():
         yield Path(place, below)
 
 
 def _shared() -> Iterator[Path]:
-    """Where wheels, conda and ROS put what is neither a module nor a program."""
+    """Data folders of wheels, conda and ROS."""
     ros = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
     for prefix in (*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros):
         yield prefix / "share" / "example-robot-data" / "robots"
@@ -84,12 +84,12 @@ PACKAGES = {
         ("baxter", "gr1", "tiago"),
     ),
 }  # fmt: skip
-"""Packages by name. Where several have a robot of one name the first one gives it; ``package/name`` names any."""
+"""Packages by name, in order of priority; ``package/name`` selects one."""
 
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A robot's file, its name in a package, which of its arms is meant, if not all of it, and whether it has two."""
+    """A robot file, its name in a package, the side of a selected arm, and whether the robot has two arms."""
 
     path: Path
     folders: tuple[Path, ...] = ()
@@ -99,10 +99,10 @@ class RobotFile:
 
 
 def find_robot(name: str) -> RobotFile | None:
-    """The file of a robot in a package that is installed; None where no package is known to have one of that name."""
+    """Return the file of a robot in an installed package; None for names of no package."""
     title, _, robot = name.rpartition("/")
     if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOG):
-        hidden = not _in_catalog(robot) and os.path.isdir(name)  # packages of ROS are called so, too
+        hidden = not _in_catalog(robot) and os.path.isdir(name)  # also a suffix of ROS packages
         return None if hidden else _from_catalog(robot)
     if title and title not in PACKAGES:
         return None
@@ -116,8 +116,8 @@ def find_robot(name: str) -> RobotFile | None:
             return RobotFile(files[robot], name=robot, pair=robot in package.pairs)
         if title and files:
             raise unknown_name("robot", robot, {*package.names, *files}, f"in the package {title}")
-    missing = [one for one, package in packages.items() if title or robot in (*package.names, *package.pairs)]
-    if missing:  # or installed without that robot, which an earlier version may be
+    missing = [key for key, package in packages.items() if title or robot in (*package.names, *package.pairs)]
+    if missing:  # or an older version without that robot
         raise MissingPackageError(
             f"the robot {robot!r} comes with the package {missing[0]}, which is not installed: "
             f"{PACKAGES[missing[0]].install}"
@@ -126,32 +126,32 @@ def find_robot(name: str) -> RobotFile | None:
 
 
 def known_names() -> tuple[set[str], str]:
-    """Names of all arms that packages are known to have, and how to install those packages that are not there."""
+    """Return the names of all arms of packages, and how to install missing packages."""
     missing = [package.install for package in PACKAGES.values() if not package.found()]
     how = f"; for some of the robots: {', '.join(missing)}" if missing else ""
     return {name for package in PACKAGES.values() for name in package.names}, how
 
 
 def packages_with(name: str) -> tuple[str, ...]:
-    """All robots of one name that are installed, each with its package, the one that is taken first."""
+    """Return ``package/name`` for each installed package with a robot, the selected one first."""
     title, _, robot = name.rpartition("/")
     stem, side = _side(robot)
-    found = {one: (package, package.found()) for one, package in PACKAGES.items()}
-    places = [
-        f"{one}/{robot}" for one, (package, files) in found.items()
+    files_of = {key: (package, package.found()) for key, package in PACKAGES.items()}
+    matches = [
+        f"{key}/{robot}" for key, (package, files) in files_of.items()
         if robot in files or (side and stem in files and stem not in package.arms)
     ]  # fmt: skip
-    return tuple(sorted(places, key=lambda place: place != f"{title}/{robot}"))
+    return tuple(sorted(matches, key=lambda match: match != f"{title}/{robot}"))
 
 
 def arm_names(name: str) -> tuple[str, ...]:
-    """Names of the two arms of a robot in a package; none for other robots."""
+    """Return the names of the two arms of a robot in a package; none for other robots."""
     robots = {robot for package in PACKAGES.values() for robot in package.pairs}
     return tuple(f"{name}_{side}_arm" for side in sorted(SIDES)) if name.rpartition("/")[2] in robots else ()
 
 
 def _side(name: str) -> tuple[str, str | None]:
-    """Take a name such as ``talos_left_arm`` apart."""
+    """Split a name such as ``talos_left_arm`` into robot and side."""
     for side in SIDES:
         if name.endswith(f"_{side}_arm"):
             return name.removesuffix(f"_{side}_arm"), side
@@ -164,7 +164,7 @@ def _in_catalog(name: str) -> bool:
 
 
 def _from_catalog(name: str) -> RobotFile:
-    """A robot of the package robot_descriptions, which fetches it on first use."""
+    """A robot of robot_descriptions, downloaded on first use."""
     if importlib.util.find_spec(CATALOG) is None:
         raise MissingPackageError(
             f"robot {name!r}: names with '_description' need the package {CATALOG}: pip install {CATALOG}"
@@ -174,7 +174,7 @@ def _from_catalog(name: str) -> RobotFile:
         raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
     try:
         module = importlib.import_module(f"{CATALOG}.{name}")
-    except Exception as error:  # noqa: BLE001 - a download fails in many ways, all of them not ours
+    except Exception as error:  # noqa: BLE001 - downloads raise many types
         raise UnknownNameError(
             f"robot {name!r} could not be fetched by {CATALOG} (robot_descriptions pull {name} tries again): {error}"
         ) from None
@@ -188,11 +188,11 @@ def _from_catalog(name: str) -> RobotFile:
 
 
 def _expanded(name: str, module: ModuleType) -> str:
-    """The URDF of a xacro file, which robot_descriptions expands with the arguments that it keeps for it."""
+    """Expand the xacro file of a robot with the arguments of robot_descriptions."""
     xacrodoc()
     try:
-        with redirect_stderr(StringIO()):  # where xacro says what it finds old-fashioned
+        with redirect_stderr(StringIO()):  # deprecation warnings of xacro
             return str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
-    except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
+    except Exception as error:  # noqa: BLE001 - xacro files evaluate Python
         reason = " ".join(str(error).split())
         raise FileFormatError(f"robot {name!r}: {CATALOG} cannot expand its xacro file: {reason}") from None

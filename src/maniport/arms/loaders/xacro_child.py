@@ -1,7 +1,7 @@
-"""Expand a xacro file: run as a script, so that a file which never ends, or takes all memory, ends with its process.
+"""Expand a xacro file as a script, in a process with limits of time and memory.
 
-Arguments are the file, how many bytes it and each file that it includes may have, and the memory that all of it may
-take. The URDF goes to the standard output; where there is none the reason does, and the process ends with 1.
+Arguments are the file, the largest size of it and of each included file [bytes], and the memory limit [bytes]. The
+standard output is the URDF, or an error message with exit code 1.
 """
 
 import importlib
@@ -14,16 +14,16 @@ from typing import Any
 
 
 def expanded(path: str, most: int) -> str:
-    """The URDF that a file stands for."""
+    """Expand a file to a URDF."""
     xacro: Any = importlib.import_module("xacro")
 
     def regular(name: str, *args: Any, **options: Any) -> Any:
-        """Open a file that has an end."""
-        found = os.stat(name)
-        if not stat.S_ISREG(found.st_mode):
+        """Open a regular file of limited size."""
+        status = os.stat(name)
+        if not stat.S_ISREG(status.st_mode):
             raise ValueError(f"{name}: this is a pipe, a socket or a device")
-        if found.st_size > most:
-            raise ValueError(f"{name}: has {found.st_size} bytes; at most {most} are read")
+        if status.st_size > most:
+            raise ValueError(f"{name}: has {status.st_size} bytes; at most {most} are read")
         return open(name, *args, **options)
 
     xacro.open = regular
@@ -32,19 +32,19 @@ def expanded(path: str, most: int) -> str:
 
 
 def main() -> int:
-    """Write the URDF, or why there is none."""
+    """Write the URDF or the error message."""
     path, most, memory = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     try:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    except (ImportError, ValueError, OSError):  # Windows has none, macOS takes none
+    except (ImportError, ValueError, OSError):  # not on Windows and macOS
         pass
     failed = 0
-    with redirect_stderr(StringIO()), redirect_stdout(StringIO()):  # where xacro says what it finds old-fashioned
+    with redirect_stderr(StringIO()), redirect_stdout(StringIO()):  # deprecation warnings of xacro
         try:
             text = expanded(path, most)
-        except Exception as error:  # noqa: BLE001 - a file evaluates what it likes, which fails in many ways
+        except Exception as error:  # noqa: BLE001 - xacro files evaluate Python
             text, failed = str(error) or type(error).__name__, 1
     sys.stdout.buffer.write(text.encode(errors="replace"))
     return failed

@@ -1,4 +1,4 @@
-"""What an arm looks like: its skeleton, the poses of its links and the triangles that hang on them."""
+"""Geometry of an arm: skeleton, link poses, surfaces; operations on meshes and meshes of simple solids."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from maniport.arms.kinematics import Kinematics
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
-SIDES = 32  # Corners of the polygon that stands for a circle; its sides lie within 0.5 % of the radius
+SIDES = 32  # corners of the polygon for a circle, within 0.5 % of the radius
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,12 +21,12 @@ class Surface:
     Attributes
     ----------
     joint : int
-        They are fixed after so many joints of the chain; 0: to the base. The index of their pose in what
-        `maniport.arms.Arm.link_poses` returns.
+        Number of joints of the chain that move them (0: fixed to the base), an index into the poses of
+        `maniport.arms.Arm.link_poses`.
     points : ndarray, shape (n, 3)
-        Corners [m], in that joint's frame; read-only.
+        Corners [m] in the frame of the last of these joints; read-only.
     triangles : ndarray of int32, shape (m, 3)
-        Which three points make a triangle, counter-clockwise seen from outside where the file says so; read-only.
+        Indices of the points of each triangle, counter-clockwise from outside as in the file; read-only.
     """
 
     joint: int
@@ -38,20 +38,15 @@ class Surface:
 
 
 class Geometry:
-    """The look of the arm that a chain describes; positions are those of the chain's joints, shape (n, joints).
-
-    What is read of files is remembered.
-    """
+    """Geometry of a chain; positions are those of its joints, shape (n, joints). Files are read once."""
 
     def __init__(self, chain: Chain, kinematics: Kinematics):
         self.chain = chain
         self._kinematics = kinematics
-        self._shapes: tuple[tuple[str, Mesh], ...] | None = None
-        self._stand_ins: tuple[str, ...] = ()
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
 
     def skeleton(self, positions: Array) -> Array:
-        """Polylines from the base through the joints to the tip, shape (n, k, 3) [m]."""
+        """Compute polylines from the base through the joints to the end effector, shape (n, k, 3) [m]."""
         joints, tip = self.chain.joints, self.chain.frames[self.chain.frame]
         apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
         start = np.zeros(3) if self.chain.stand is None else self.chain.stand[:3, 3]
@@ -61,17 +56,17 @@ class Geometry:
         return np.concatenate(corners, axis=1)
 
     def link_poses(self, positions: Array) -> Array:
-        """Poses of the base and of the frame after each joint, shape (n, joints + 1, 4, 4)."""
+        """Compute the poses of the base and of the frame after each joint, shape (n, joints + 1, 4, 4)."""
         poses = np.empty((len(positions), len(self.chain.joints) + 1, 4, 4))
         poses[:, 0] = np.eye(4)
         poses[:, 1:] = self._kinematics.joint_poses(positions, [joint.name for joint in self.chain.joints])
         return poses
 
     def surfaces(self, most: int | None) -> tuple[Surface, ...]:
-        """The shapes of the arm's links on the joints that carry them, reduced to `most` triangles together."""
+        """Return the surfaces of each joint, reduced to `most` triangles in total."""
         if most not in self._surfaces:
-            meshes = [mesh for _, mesh in self.shapes()]
-            joints = [self.chain.frames[link].joint for link, _ in self.shapes()]
+            meshes = [mesh for _, mesh in self.shapes]
+            joints = [self.chain.frames[link].joint for link, _ in self.shapes]
             if most is not None:
                 meshes, joints = fewer(meshes, joints, most)
             self._surfaces[most] = tuple(
@@ -79,29 +74,36 @@ class Geometry:
             )
         return self._surfaces[most]
 
+    @cached_property
     def shapes(self) -> tuple[tuple[str, Mesh], ...]:
-        """Links of the arm, see `Chain.holds`, and their shapes in the frames of the joints that carry them."""
-        if self._shapes is None:
-            links = [link for link in self.chain.frames if self.chain.holds(link)]
-            found, instead = [], []
-            for shape in () if self.chain.shapes is None else self.chain.shapes(links):
-                placement = self.chain.frames[shape.link].placement
-                points, triangles = shape.mesh
-                instead += [shape.link] if shape.stand_in else []
-                found.append((shape.link, welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))))
-            self._shapes = tuple((link, mesh) for link, mesh in found if len(mesh[1]))
-            self._stand_ins = tuple(dict.fromkeys(instead))
-        return self._shapes
+        """Links, see `Chain.holds`, with their shapes in the frames of their joints."""
+        return tuple((link, mesh) for link, mesh, _ in self._own_shapes if len(mesh[1]))
+
+    @cached_property
+    def stand_ins(self) -> tuple[str, ...]:
+        """Links with collision shapes, since visual meshes are missing."""
+        return tuple(dict.fromkeys(link for link, _, stand_in in self._own_shapes if stand_in))
+
+    @cached_property
+    def _own_shapes(self) -> list[tuple[str, Mesh, bool]]:
+        shapes = []
+        links = [link for link in self.chain.frames if self.chain.holds(link)]
+        for shape in () if self.chain.shapes is None else self.chain.shapes(links):
+            placement = self.chain.frames[shape.link].placement
+            points, triangles = shape.mesh
+            mesh = welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))
+            shapes.append((shape.link, mesh, shape.stand_in))
+        return shapes
 
     @cached_property
     def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
-        """Shapes of the bodies that are attached to the chain, in their own frames, and names of those not readable."""
+        """Shapes of the bodies attached to the chain, in their own frames, and names of unreadable bodies."""
         names, shapes = [*self.chain.attached], self.chain.shapes
         meshes: dict[str, list[Mesh]] = {}
         missing = []
         try:
             read = [] if shapes is None or not names else [*shapes(names)]
-        except FileFormatError:  # of one body, perhaps, which must not hide the others
+        except FileFormatError:  # perhaps of a single body: read them one by one
             read = []
             for name in names:
                 try:
@@ -113,21 +115,16 @@ class Geometry:
         whole = {link: joined(parts) for link, parts in meshes.items()}
         return {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
 
-    def stand_ins(self) -> tuple[str, ...]:
-        """Links that have the shapes which they collide with, since meshes of what they look like are missing."""
-        self.shapes()
-        return self._stand_ins
-
 
 def _surface(joint: int, meshes: Sequence[Mesh]) -> Surface:
     points, triangles = joined(meshes)
-    for array in (points, triangles):  # they are remembered and handed out again
+    for array in (points, triangles):  # cached
         array.setflags(write=False)
     return Surface(joint, points, triangles)
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """One mesh of several."""
+    """Concatenate meshes."""
     starts = np.cumsum([0, *(len(points) for points, _ in meshes)])[:-1]
     points = np.concatenate([points for points, _ in meshes])
     triangles = np.concatenate([rows + start for (_, rows), start in zip(meshes, starts, strict=True)])
@@ -135,9 +132,9 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
-    """Make points one that fall into the same cell of a grid; drop degenerate and repeated triangles.
+    """Merge points in the same cell of a grid; drop degenerate and repeated triangles.
 
-    The smallest cell is a millionth of the mesh; what is not larger than a nanometre is no mesh.
+    Cells measure at least a millionth of the mesh. A mesh below a nanometer becomes empty.
     """
     points, triangles = mesh
     kept, rows = np.unique(triangles, return_inverse=True)
@@ -167,7 +164,7 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
         mesh = welded(mesh, cell)
         if simplify is not None and len(mesh[1]) > most:
             corner, size = mesh[0].min(axis=0), float(np.ptp(mesh[0], axis=0).max())
-            unit = ((mesh[0] - corner) / size).astype(np.float32)  # the algorithm counts in single precision
+            unit = ((mesh[0] - corner) / size).astype(np.float32)  # the algorithm uses single precision
             points, triangles = simplify(unit, mesh[1], target_count=max(most, 1))
             points = np.clip(points.astype(np.float64), unit.min(axis=0), unit.max(axis=0))
             smaller = welded((corner + size * points, triangles.astype(np.int32)))
@@ -177,21 +174,21 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
 
 
 def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh], list[int]]:
-    """Reduce meshes to at most `most` triangles together; where they are very many, those of a joint as one."""
+    """Reduce meshes to at most `most` triangles in total; many meshes are merged by joint."""
     counts = np.array([len(triangles) for _, triangles in meshes], dtype=np.int64)
     if counts.sum() <= most:
         return meshes, joints
     if len(meshes) * 20 > most and len(meshes) > len(set(joints)):
         carriers = sorted(set(joints))
-        as_one = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
-        return fewer([welded(mesh) for mesh in as_one], carriers, most)
+        merged = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
+        return fewer([welded(mesh) for mesh in merged], carriers, most)
     smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, _shares(counts, most), strict=True)]
     kept = [i for i, (_, triangles) in enumerate(smaller) if len(triangles)]
     return [smaller[i] for i in kept], [joints[i] for i in kept]
 
 
 def _shares(counts: np.ndarray, most: int) -> np.ndarray:
-    """How many triangles each mesh may keep: 200, and what is left in proportion to what it has beyond that."""
+    """Number of triangles of each mesh: 200, and a share of the rest in proportion to its excess."""
     least = np.minimum(counts, min(200, most // len(counts)))
     beyond = counts - least
     return np.asarray(least + beyond * (most - least.sum()) // max(beyond.sum(), 1))
@@ -204,11 +201,8 @@ def _first_of_each(rows: np.ndarray) -> np.ndarray:
     return np.sort(order[new])  # lexsort is stable: the first of a group is its earliest
 
 
-# ---- solids, each around its own centre, long axis along z ----------------------------------------------------------
-
-
 def box(size: Sequence[float]) -> Mesh:
-    """A box with edges of the lengths `size` [m]: 8 points, 12 triangles."""
+    """Return a box with edges `size` [m] around the origin: 8 points, 12 triangles."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * np.asarray(size)
     squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [triangle for a, b, c, d in squares for triangle in ((a, b, c), (a, c, d))]
@@ -216,30 +210,30 @@ def box(size: Sequence[float]) -> Mesh:
 
 
 def ellipsoid(radii: Sequence[float]) -> Mesh:
-    """An ellipsoid with semi-axes `radii` [m] along x, y and z."""
-    points, triangles = _turned(np.sin(_ARC), -np.cos(_ARC))
+    """Return an ellipsoid with semi-axes `radii` [m] along x, y and z."""
+    points, triangles = _revolved(np.sin(_ARC), -np.cos(_ARC))
     return points * np.asarray(radii), triangles
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """A cylinder of that length, with flat ends [m]."""
-    return _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([-1.0, -1.0, 1.0, 1.0]))
+    """Return a cylinder along z [m]."""
+    return _revolved(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([-1.0, -1.0, 1.0, 1.0]))
 
 
 def capsule(radius: float, length: float) -> Mesh:
-    """A cylinder of that length with a half ball on either end [m]."""
+    """Return a cylinder along z with a hemisphere at each end [m]."""
     half = len(_ARC) // 2
     arc = np.concatenate([_ARC[: half + 1], _ARC[half:]])
     shift = np.repeat([-0.5 * length, 0.5 * length], half + 1)
-    return _turned(radius * np.sin(arc), shift - radius * np.cos(arc))
+    return _revolved(radius * np.sin(arc), shift - radius * np.cos(arc))
 
 
 _ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upper
 
 
-def _turned(radii: Array, heights: Array) -> Mesh:
-    """The solid that an outline makes when it turns about z; its first and last point lie on the axis."""
-    from trimesh.creation import revolve  # here: it takes its time
+def _revolved(radii: Array, heights: Array) -> Mesh:
+    """Solid of revolution of an outline about z; its first and last point are on the axis."""
+    from trimesh.creation import revolve  # here: slow import
 
     solid = revolve(np.stack([radii, heights], axis=1), sections=SIDES)
     return np.array(solid.vertices), solid.faces.astype(np.int32)

@@ -1,8 +1,7 @@
 """Triangles of mesh files, read without native code.
 
-COLLADA is read here; what a file says of materials, cameras and motion is passed over, broken or not. The other kinds
-are read by trimesh, which is imported on first use.
-What a file announces is compared with what it can hold before that.
+COLLADA is read here, without materials, cameras and animations; trimesh, imported on first use, reads the others.
+Announced sizes are first compared with the size of the file.
 """
 
 import io
@@ -27,44 +26,44 @@ KINDS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")
 
 
 def scaled(mesh: Mesh, scale: Array) -> Mesh:
-    """A mesh in another scale; a negative one mirrors it, and triangles are turned so that their outside stays so."""
+    """Scale a mesh; a negative scale mirrors it, and reversed triangles keep their outside."""
     points, triangles = mesh
     return points * scale, np.ascontiguousarray(triangles[:, ::-1]) if np.prod(scale) < 0 else triangles
 
 
 def load_mesh(path: Path) -> Mesh:
-    """Points and triangles of a mesh file."""
+    """Read the points and triangles of a mesh file."""
     content = read_whole(path, KINDS, MESH_BYTES)
     read = _read_collada if path.suffix.lower() == ".dae" else _read_by_trimesh
     try:
-        with np.errstate(all="ignore"):  # what is not finite is refused
+        with np.errstate(all="ignore"):  # `_checked` refuses nonfinite points
             parts = [_checked(path, *part) for part in read(path, content)]
     except FileFormatError:
         raise
-    except Exception as error:  # noqa: BLE001 - libraries trip over damaged files in all ways that Python has
+    except Exception as error:  # noqa: BLE001 - libraries raise anything for damaged files
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise FileFormatError(f"{path}: cannot be read as a mesh: {reason}") from None
     if not any(len(triangles) for _, triangles in parts):
-        raise FileFormatError(f"{path}: holds no triangle")
+        raise FileFormatError(f"{path}: has no triangle")
     points, triangles = joined(parts)
     require_at_most(len(triangles), TRIANGLES, "triangles", path)
     return points, triangles
 
 
 def _checked(path: Path, points: Any, triangles: Any) -> Mesh:
-    """A part whose triangles name points that there are, at places that there are."""
+    """Require valid indices and finite points."""
     points, triangles = np.asarray(points, dtype=np.float64).reshape(-1, 3), np.asarray(triangles).reshape(-1, 3)
     require_at_most(max(points.size, triangles.size) // 3, TRIANGLES, "points or triangles", path)
     if triangles.size and not (triangles.min() >= 0 and triangles.max() < len(points)):
-        wild = triangles[(triangles < 0) | (triangles >= len(points))][0]
-        raise FileFormatError(f"{path}: holds a triangle with point number {wild}; there are {len(points)}")
+        invalid = triangles[(triangles < 0) | (triangles >= len(points))][0]
+        raise FileFormatError(f"{path}: has a triangle with point number {invalid}; there are {len(points)}")
     if not np.all(np.isfinite(points)):
-        raise FileFormatError(f"{path}: holds points that are not finite")
+        raise FileFormatError(f"{path}: has points that are not finite")
     return points, triangles.astype(np.int32)
 
 
 def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
-    """Parts of a file in its own axes; larger polygons are cut into triangles."""
+    """Parts of a file in its own axes; polygons are triangulated."""
     from trimesh.exchange.load import mesh_loaders
     from trimesh.geometry import triangulate_quads
 
@@ -81,7 +80,7 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
         text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if binary else content
         _require_sane(path, json.loads(text.decode("utf-8")))
     loaded: dict[str, Any] = mesh_loaders[kind](
-        io.BytesIO(content), file_type=kind, resolver=_Beside(path), skip_materials=True
+        io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True
     )
     meshes = loaded.get("geometry", {"": loaded})
     poses = _placed(loaded["graph"]) if kind in ("gltf", "glb") else [(name, np.eye(4)) for name in meshes]
@@ -96,7 +95,7 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
 
 
 def _placed(graph: list[dict[str, Any]]) -> Iterator[tuple[str, Array]]:
-    """Names of the meshes of a glTF and their poses, once for each node that shows them."""
+    """Names and poses of the meshes of a glTF, for each node with a mesh."""
     above = {entry["frame_to"]: (entry["frame_from"], entry["matrix"]) for entry in graph}
     for entry in graph:
         if "geometry" in entry:
@@ -105,18 +104,20 @@ def _placed(graph: list[dict[str, Any]]) -> Iterator[tuple[str, Array]]:
                 frame, matrix = above[frame]
                 pose, steps = matrix @ pose, steps + 1
                 if steps > len(above):
-                    raise ValueError("its nodes stand within one another in a circle")
+                    raise ValueError("its nodes form a cycle")
             yield entry["geometry"], pose
 
 
 def _require_sane(path: Path, header: Any) -> None:
-    """Raise unless a glTF's arrays are no larger than what they are taken from and its nodes are a tree."""
+    """Require arrays of a glTF within their buffers, and nodes that form a tree."""
     require_at_most(len(header.get("nodes", ())), NODES, "nodes", path)
     views = header.get("bufferViews", ())
     for accessor in header.get("accessors", ()):
         count, view = accessor.get("count", 0), accessor.get("bufferView")
         if not isinstance(count, int) or count < 0 or view is None or "sparse" in accessor:
-            raise FileFormatError(f"{path}: has an accessor with count {count!r} of view {view!r}; that is not read")
+            raise FileFormatError(
+                f"{path}: has an accessor with count {count!r} of view {view!r}; that is not supported"
+            )
         most = int(views[view]["byteLength"])
         require_at_most(count, most, "entries announced by an accessor, more than bytes", path)
     children = [child for node in header.get("nodes", ()) for child in node.get("children", ())]
@@ -124,7 +125,7 @@ def _require_sane(path: Path, header: Any) -> None:
         raise FileFormatError(f"{path}: has a node within two others")
 
 
-class _Beside(dict[str, bytes]):
+class _Buffers(dict[str, bytes]):
     """Buffers in the folder of a glTF, by their names."""
 
     def __init__(self, path: Path):
@@ -141,7 +142,7 @@ class _Beside(dict[str, bytes]):
 
 
 def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
-    """Parts of a file in metres; the axis that it says to be upward is not heeded, as ROS does not."""
+    """Parts of a file in meters; as in ROS, the up axis is ignored."""
     require_at_most(content.count(b"<"), TAGS, "tags", path)
     root = fromstring(content)
     things: dict[str, Element] = {}
@@ -151,7 +152,7 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
     shown = root.find("scene/instance_visual_scene")
     scene = root.find("library_visual_scenes/visual_scene") if shown is None else things.get(shown.get("url", ""))
     if scene is None:
-        raise FileFormatError(f"{path}: cannot be read as a mesh: it shows no scene")
+        raise FileFormatError(f"{path}: cannot be read as a mesh: it has no scene")
     unit = root.find("asset/unit")
     start = np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0])
     parts: dict[int, list[Mesh]] = {}
@@ -166,13 +167,13 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
 
 
 def _shown(path: Path, scene: Element, pose: Array, things: dict[str, Element]) -> Iterator[tuple[Element, Array]]:
-    """Each geometry where a node shows it; nodes may show other nodes, which makes few many."""
+    """Geometries with the poses of their nodes; nodes may instantiate nodes, exponentially many."""
     waiting = [(scene, pose)]
     count = 0
     while waiting:
         node, pose = waiting.pop()
         count += 1
-        require_at_most(count, NODES, "nodes, each counted as often as it is shown", path)
+        require_at_most(count, NODES, "nodes, counted for each instance", path)
         below = []
         for child in node:
             if child.tag == "node":
@@ -190,7 +191,7 @@ def _shown(path: Path, scene: Element, pose: Array, things: dict[str, Element]) 
 
 
 def _step(element: Element) -> Array:
-    """What one of the transformations of a node does; those of cameras and what is none do nothing."""
+    """Transformation of an element of a node; identity for other elements."""
     step = np.eye(4)
     if element.tag == "matrix":
         return _matrix(element)
@@ -202,7 +203,7 @@ def _step(element: Element) -> Array:
         *axis, degrees = _floats(element)
         step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
     elif element.tag == "skew":
-        raise ValueError("a node is skewed, which is not read")
+        raise ValueError("<skew> is not supported")
     return step
 
 
@@ -211,17 +212,21 @@ def _matrix(element: Element | None) -> Array:
 
 
 def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
-    """Points and triangles of each list of polygons, of the points those that it uses."""
+    """Points and triangles of each list of polygons."""
     for shape in geometry.iterfind("mesh/*"):
         offsets = [int(entry.get("offset", "0")) for entry in shape.findall("input")]
         vertex = next((entry for entry in shape.findall("input") if entry.get("semantic") == "VERTEX"), None)
         if shape.tag in ("tristrips", "trifans"):
-            raise ValueError(f"it holds <{shape.tag}>, which are not read; write triangles")
+            raise ValueError(f"it holds <{shape.tag}>, which are not supported; write triangles")
         if shape.tag not in ("triangles", "polylist", "polygons") or vertex is None:
             continue
         width, column = max(offsets) + 1, int(vertex.get("offset", "0"))
         lists = [_integers(p).reshape(-1, width)[:, column] for p in shape.findall("p")]
-        counts = _integers(shape.find("vcount")) if shape.tag == "polylist" else np.array([len(each) for each in lists])
+        counts = (
+            _integers(shape.find("vcount"))
+            if shape.tag == "polylist"
+            else np.array([len(corners) for corners in lists])
+        )
         corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
         rows = corners.reshape(-1, 3) if shape.tag == "triangles" else _fans(corners, counts)
         if len(rows):
@@ -242,7 +247,7 @@ def _positions(vertices: Element, things: dict[str, Element]) -> Array:
 
 
 def _used(points: Array, rows: np.ndarray) -> Mesh:
-    """A mesh without the points that none of its triangles has; several lists may share very many."""
+    """The mesh without unused points, since several lists may share many points."""
     if rows.min() < 0 or rows.max() >= len(points):
         raise ValueError(f"a triangle names the point {rows.max() if rows.max() >= len(points) else rows.min()}")
     kept, rows = np.unique(rows, return_inverse=True)
@@ -250,7 +255,7 @@ def _used(points: Array, rows: np.ndarray) -> Mesh:
 
 
 def _fans(corners: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Triangles of polygons, one behind the other in `corners`, of so many corners each; shape (n, 3)."""
+    """Triangles (n, 3) of concatenated polygons with `counts` corners."""
     if counts.sum(dtype=np.float64) != len(corners) or counts.min(initial=0) < 0:
         raise ValueError(f"its polygons announce {counts.sum(dtype=np.float64):.0f} corners; there are {len(corners)}")
     most = np.maximum(counts - 2, 0)

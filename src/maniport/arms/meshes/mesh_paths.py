@@ -1,8 +1,7 @@
-"""Where mesh files are, by the names that robot files give them, and where a robot's file may send its reader.
+"""Paths of mesh files by their names in robot files, restricted to allowed folders.
 
-A robot's file may have been written by anybody. What it names must lie in its own folder, in the one above it (where
-``urdf/`` stands beside ``meshes/``), in its package, in a package that it names and that lies near it, or where ROS
-keeps packages; whoever wants more names the folders.
+Robot files are not trusted. Meshes must be in the folder of the file, its parent (``urdf/`` next to ``meshes/``), its
+package, a named package near it, a package of ROS, or a folder that the user allows.
 """
 
 import os
@@ -21,27 +20,27 @@ _PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
 
 @dataclass(frozen=True)
 class MeshPaths:
-    """Where the meshes of one robot may be."""
+    """Allowed paths of the meshes of one robot."""
 
     path: Path  # the robot's file
-    more: Sequence[Path] = ()  # folders that are allowed besides; packages are looked for in them, too
-    read: dict[Path, Mesh] = field(default_factory=dict)  # so that a mesh that is shown often is read once
+    more: Sequence[Path] = ()  # folders that the user allows, also searched for packages
+    read: dict[Path, Mesh] = field(default_factory=dict)  # cache
 
     def mesh(self, file: Path) -> Mesh:
-        """The content of a mesh file."""
+        """Read a mesh file once."""
         if file not in self.read:
             self.read[file] = load_mesh(file)
         return self.read[file]
 
     def find(self, name: str) -> Path | None:
-        """The file that a URDF means by a mesh's name; None when it is not there."""
+        """Return the file of a mesh name in a URDF; None if it is missing."""
         file = next((place for place in self._candidates(name) if is_file(place)), None)
         if file is not None:
             self.require_allowed(file, name)
         return file
 
     def require_allowed(self, file: Path, name: str) -> None:
-        """Raise `FileFormatError` unless a file that is named lies where it may, symbolic links followed."""
+        """Raise `FileFormatError` for a file outside the allowed folders, with symbolic links resolved."""
         package, real = _PACKAGE.fullmatch(name), file.resolve()
         named = () if package is None or package[1] in ("..", ".") else self._packages(package[1])
         folders = (*self._own(), *_ros_folders(), *self.more, *named)
@@ -52,7 +51,7 @@ class MeshPaths:
             )
 
     def rule(self, name: str) -> str:
-        """Where `find` looks for a mesh, in words."""
+        """Describe where `find` searches for a mesh."""
         package = _PACKAGE.fullmatch(name)
         if package is None:
             return f"at {str(next(self._candidates(name)))!r}"
@@ -62,15 +61,15 @@ class MeshPaths:
         )
 
     def _candidates(self, name: str) -> Iterator[Path]:
-        """Where a mesh may be, in the order of the search."""
+        """Candidates for a mesh, in the order of the search."""
         package = _PACKAGE.fullmatch(name)
         if package is None:
             yield self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
-        else:  # a package's folder may have been given another name
+        else:  # the folder of a package may have been renamed
             yield from (place / package[2] for place in (*self._packages(package[1]), *self._own()))
 
     def _packages(self, title: str) -> Iterator[Path]:
-        """Folders of a package that may be read; more than three folders up only what is marked as a package."""
+        """Folders of a package; more than three levels up they must be marked as packages."""
         folder = self.path.parent
         for i, place in enumerate([folder, *folder.parents]):
             for package in (place, place / title) if place.name == title else (place / title,):
@@ -82,7 +81,7 @@ class MeshPaths:
             yield place / title
 
     def _own(self) -> Iterator[Path]:
-        """The folder of the robot's file, the one above it, and its package, also where a link to the file leads."""
+        """Folder of the robot file, its parent and its package, also those of the target of a symbolic link."""
         for path in dict.fromkeys((self.path, self.path.resolve())):
             folder = path.parent
             yield folder
@@ -92,7 +91,7 @@ class MeshPaths:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; no file has a name that is too long or that may not be looked at."""
+    """Whether a file exists; False for names that are too long or not accessible."""
     try:
         return path.is_file()
     except OSError:
@@ -100,18 +99,18 @@ def is_file(path: Path) -> bool:
 
 
 def _origins(folder: Path) -> list[Path]:
-    """Where the marks of a package come from, symbolic links followed; nothing where a folder is no package."""
+    """Folders of the marker files of a package, with symbolic links resolved; empty without a package."""
     marks = ("package.xml", "manifest.xml")
     return [(folder / mark).resolve().parent for mark in marks if is_file(folder / mark)]
 
 
 def _holds_home(folder: Path) -> bool:
-    """Whether a folder is the user's home or above it, and so holds much else."""
+    """Whether a folder is the home folder of the user or above it."""
     return Path(os.path.expanduser("~")).is_relative_to(folder) or folder == Path(folder.anchor)
 
 
 def _ros_folders() -> list[Path]:
-    """Folders in which ROS keeps packages: whoever set them trusts them."""
+    """Folders of ROS packages, which the user trusts."""
     ros = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
     ament = [Path(entry) / "share" for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
     return [*ros, *ament]

@@ -1,6 +1,6 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -20,12 +20,12 @@ from maniport.motion.follow.control import Control
 from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.plan.plan_motion import of_each, plan_motion
+from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import ArmPlanner, Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.problem import as_costs
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule, as_limits, speed_limits
+from maniport.motion.schedule import Schedule, as_limits, of_each, speed_limits
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.defaults import DAMPING
@@ -53,33 +53,27 @@ def track(
 ) -> RobotMotion:
     """Move arms so that their ellipsoids follow target ones, and their end effectors target paths.
 
-    A profile or path that the arm cannot follow is no error: the result says where and by how much. Where the quadratic
-    program of a step has no solution, the arm is brought to rest and tries again.
+    Profiles and paths may be infeasible. Where the quadratic program of a step has no solution, the arm brakes.
 
     Parameters
     ----------
     arm : Arm or ArmGroup
         With at least three joints, and a joint for each degree of freedom.
     profile : array_like, shape (n, d, d)
-        Target ellipsoids in the base frame, without damping, n ≥ 2. For a group, here and in `path`,
-        `weights` and `rotations`, a sequence with one for each arm.
+        Target ellipsoids in the base frame, without damping, n ≥ 2; `path`, `weights`, `rotations` and this are
+        sequences for a group, with an item for each arm.
     time : array_like, shape (n,)
         Increasing [s].
-    path : array_like, shape (n, 3), optional
-        Target positions of the end effector in the base frame [m].
+    path, rotations : array_like, shapes (n, 3) and (n, 3, 3), optional
+        Target positions [m] and orientations of the end effector in the base frame.
     start : array_like, shape (dof,), optional
         First configuration. Default: the first of the reference, else that of a planned motion.
     reference : array_like, shape (n, dof), optional
-        Joint positions to stay near, such as a plan's, where path and ellipsoids leave freedom [rad or m].
-    spec : EllipsoidSpec
-        Which ellipsoids.
-    damping : float or Regularization
-        Added to the eigenvalues of all ellipsoids before they are compared; above zero, since arms pass singular
-        configurations. A number is relative to the arm's mean eigenvalue: `maniport.motion.objective.as_damping`.
+        Configurations to stay near where path and ellipsoids leave freedom, such as a plan's [rad or m].
+    spec, damping
+        As in `maniport.motion.plan_motion`; the damping is above zero, since arms pass singular configurations.
     weights : array_like, shape (n, m, m), optional
         Weights of the directions of the ellipsoids, see `maniport.learning.tracking_weights`; m = d (d + 1) / 2.
-    rotations : array_like, shape (n, 3, 3), optional
-        Target orientations of the end effector in the base frame; see `orientation_axes` and `orientation_weight`.
     collisions : Collisions or bool, optional
         Collision model; True: of the arm with itself, and with the other arms of the group.
     bank : SeedBank, optional
@@ -87,63 +81,65 @@ def track(
     random_state, progress : optional
         Random seed; called with the name of a step and the fraction done.
     **control
-        rate, interpolation, velocity_limits, acceleration_limits, lm_damping, position_cost, orientation_axes,
-        orientation_weight, costs and limits; see `maniport.motion.Control`.
-
-    Returns
-    -------
-    RobotMotion
-        With the errors of each arm, also where there is only one.
+        Of `maniport.motion.Control`.
 
     Raises
     ------
-    InvalidInputError
-        When an argument has a wrong shape or value, the start lies outside the limits, an arm has fewer than three
-        joints or coupled ones, or the bank was made for another arm.
-    NotSPDError
-        When an ellipsoid is asymmetric or indefinite.
+    InvalidInputError, NotSPDError
+        When an argument has a wrong shape or value, an ellipsoid is asymmetric or indefinite, an arm has fewer than
+        three joints or coupled ones, or the bank was made for another arm.
     """
-    settings, group = Control(**control), as_group(arm)
-    for own in group.arms:
-        require_trackable(own, spec)
-    model = as_collisions(collisions, arm)
+    settings, group, model = Control(**control), as_group(arm), as_collisions(collisions, arm)
     near = None if reference is None else group.require_within_limits(reference, "reference")
-    values: dict[str, Any] = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    if isinstance(arm, ArmGroup):
-        arguments = [of_each(value, name, len(group)) for name, value in values.items()]
-    else:
-        arguments = [(value,) for value in values.values()]
-    objectives, schedules = [], []
-    specs = group.specs(spec) if isinstance(arm, ArmGroup) else (spec,)
-    parts = zip(group.arms, specs, group.columns, zip(*arguments, strict=True), strict=True)
-    for own, own_spec, columns, (ellipsoids, positions, own_weights, axes) in parts:
-        objective = Objective.of(own, own_spec, damping, settings.position_cost, positive=True)
-        objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
-        own_near = None if near is None else near[..., columns]
-        schedules.append(Schedule.checked(objectives[-1], ellipsoids, time, positions, own_weights, axes, own_near))
+    arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
+    objectives, schedules = _targets(arm, settings, time, spec, damping, arrays, near)
     begin = _as_start(group, near[0] if start is None and near is not None else start)
     speeds = speed_limits(arm, settings.velocity_limits)
     accelerations = as_limits(arm, settings.acceleration_limits, "acceleration_limits")
-    controller = Controller(
-        arm,
-        BrakingLimit(arm.lower, arm.upper, speeds, accelerations),
-        CollisionLimit(model) if model is not None and model.known else None,
-        as_costs(settings.costs, arm, schedules[0].time),
-        settings.limits,
-        settings.lm_damping,
-    )
+    braking = BrakingLimit(arm.lower, arm.upper, speeds, accelerations)
+    distances = CollisionLimit(model) if model is not None and model.known else None
+    costs = as_costs(settings.costs, arm, schedules[0].time)
+    controller = Controller(arm, braking, distances, costs, settings.limits, settings.lm_damping)
     step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work
     if begin is None:
         begin = _planned_start(arm, schedules, objectives, spec, settings, bank, random_state)
-    sampled = [
-        own.sampled(objective, settings.rate, settings.interpolation)
-        for own, objective in zip(schedules, objectives, strict=True)
-    ]
+    parts = list(zip(objectives, schedules, group.columns, strict=True))
+    sampled = [own.sampled(objective, settings.rate, settings.interpolation) for objective, own, _ in parts]
     joints, held = follow(controller, begin, sampled, objectives, between(step, planned, 1.0))
     motions = tuple(
         _evaluated(objective, own, sampled[0].time, joints[:, columns], held, speeds[columns])
-        for objective, own, columns in zip(objectives, schedules, group.columns, strict=True)
+        for objective, own, columns in parts
     )
+    result = _joined(group, motions, model)
+    step.end()
+    return result
+
+
+def _targets(
+    arm: Arm | ArmGroup,
+    settings: Control,
+    time: ArrayLike,
+    spec: EllipsoidSpec,
+    damping: Damping,
+    arrays: Mapping[str, Any],
+    reference: Array | None,
+) -> tuple[list[Objective], list[Schedule]]:
+    """Check the targets of each arm."""
+    group, alone = as_group(arm), isinstance(arm, Arm)
+    columns = [(value,) if alone else of_each(value, name, len(group)) for name, value in arrays.items()]
+    specs = (spec,) if alone else group.specs(spec)
+    objectives, schedules = [], []
+    for i, (profile, path, weights, rotations) in enumerate(zip(*columns, strict=True)):
+        require_trackable(group.arms[i], spec)
+        objective = Objective.of(group.arms[i], specs[i], damping, settings.position_cost, positive=True)
+        objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
+        near = None if reference is None else reference[..., group.columns[i]]
+        schedules.append(Schedule.checked(objectives[i], profile, time, path, weights, rotations, near))
+    return objectives, schedules
+
+
+def _joined(group: ArmGroup, motions: tuple[ArmMotion, ...], collisions: Collisions | None) -> RobotMotion:
+    """Join the motions of all arms."""
     names = ("joint_positions", "control_positions", "control_velocities", "control_accelerations")
     trajectory = Trajectory(
         joint_names=group.joint_names,
@@ -152,9 +148,7 @@ def track(
         control_time=motions[0].control_time,
         **{name: group.joined(*(getattr(motion, name) for motion in motions)) for name in names},
     )
-    result = RobotMotion(group, trajectory, motions, clearance=Clearance.of(model, trajectory))
-    step.end()
-    return result
+    return RobotMotion(group, trajectory, motions, clearance=Clearance.of(collisions, trajectory))
 
 
 def follow(
@@ -230,18 +224,19 @@ def _planned_start(
         own = ArmPlanner(limits, ReachabilityMap(arm, spec, random_state=random), bank)
         planner = Planner(limits, spec, (own,))
     columns = [(own.ellipsoids, own.positions, own.weights, own.rotations) for own in schedules]
-    targets: list[Any] = [None if values[0] is None else values for values in zip(*columns, strict=True)]
-    if not isinstance(arm, ArmGroup):
-        targets = [None if values is None else values[0] for values in targets]
+    profiles, paths, weights, rotations = (
+        None if values[0] is None else values for values in zip(*columns, strict=True)
+    )
+    assert profiles is not None
     plan = plan_motion(
-        arm,
-        targets[0],
+        as_group(arm),
+        profiles,
         time=schedules[0].time,
-        paths=targets[1],
+        paths=paths,
         spec=spec,
         damping=objectives[0].damping,
-        weights=targets[2],
-        rotations=targets[3],
+        weights=weights,
+        rotations=rotations,
         planner=planner,
         planning_effort=QUICK,
         position_tolerance=1e-3,

@@ -6,13 +6,14 @@ request the placement is then moved until all waypoints of the whole path are in
 """
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.motion.effort import Effort
 from maniport.motion.placement.joint_descent import descend_jointly
-from maniport.motion.placement.problem import HEADING, TILT, PlacementGroup, PlacementProblem
+from maniport.motion.placement.problem import HEADING, TILT, PlacementGroup
 from maniport.motion.plan.optimizer import CLEARANCE, TrajectoryCost, TrajectoryTerms, optimize, time_weights
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import IN_PLACE, shortest_path
@@ -67,8 +68,10 @@ def best_placements(
             "workspace: the path does not fit into it, at its smallest scale of "
             f"{np.exp(group.common.least[0]):.3g} and whatever else is free"
         )
-    first = min((some[0] for some in results if some), key=_cost)  # the first of a search has all points in reach
-    return [first, *sorted((one for one in found if one is not first), key=_cost)]
+    first = min(
+        (some[0] for some in results if some), key=attrgetter("cost")
+    )  # the first of a search has all points in reach
+    return [first, *sorted((one for one in found if one is not first), key=attrgetter("cost"))]
 
 
 def _search(
@@ -79,12 +82,10 @@ def _search(
     progress: Part,
 ) -> list[PlannedPlacement]:
     whole = group if reached is None else reached
-    coarse = group.thinned(STAGES).changed(lambda problem: problem.weighing(WEIGHT))
+    coarse = group.thinned(STAGES)
     free = bool(group.common.free.any())
     places = _shortlist(group, seed, planning_effort) if free else _inside(group, group.common.given[None])
-    terms = [
-        _terms(coarse.common.time, reachability_map, planning_effort) for reachability_map in coarse.reachability_maps
-    ]
+    terms = [_terms(coarse.common.time, own, planning_effort) for own in coarse.reachability_maps]
     without_collisions = [replace(one, collisions=None) for one in terms]  # collision checks take most of the time
     progress(0.3)
     found = []
@@ -94,20 +95,16 @@ def _search(
             planned = _improved(coarse, whole, planned, without_collisions)
         found.append(_evaluated(coarse, terms, planned.place, planned.q))
     progress(0.7)
-    found.sort(key=_cost)
+    found.sort(key=attrgetter("cost"))
     if not free or not found:
         return found
     found = [_improved(coarse, whole, placement, terms) for placement in found]
-    found.sort(key=_cost)
+    found.sort(key=attrgetter("cost"))
     progress(1.0)
     if reached is not None and out_of_reach(whole, found[0].place):
         moved = (_moved_into_reach(coarse, whole, one, terms) for one in found)
         found[0] = next((one for one in moved if not out_of_reach(whole, one.place)), found[0])
     return found
-
-
-def _cost(placement: PlannedPlacement) -> float:
-    return placement.cost
 
 
 def _shortlist(group: PlacementGroup, seed: np.random.Generator, planning_effort: Effort) -> list[Array]:
@@ -140,12 +137,9 @@ def _terms(time: Array, reachability_map: ReachabilityMap, planning_effort: Effo
     """Cost of trajectories, as means over time."""
     duration = time[-1] - time[0] if len(time) > 1 else 1.0
     weights = time_weights(time) / duration if len(time) > 1 else np.ones(1)
+    smoothness = 0.06 / duration, 3e-4 / duration
     return TrajectoryTerms(
-        0.06 / duration,
-        3e-4 / duration,
-        weights,
-        collisions=reachability_map.collisions,
-        rel_tol=planning_effort.rel_tol,
+        *smoothness, weights, collisions=reachability_map.collisions, rel_tol=planning_effort.rel_tol
     )
 
 
@@ -185,7 +179,7 @@ def _improved(
 ) -> PlannedPlacement:
     """Improve a placement and its trajectories at once."""
     improved = _evaluated(group, terms, *descend_jointly(group, whole, start.place, start.q, terms))
-    return min(start, improved, key=_cost)
+    return min(start, improved, key=attrgetter("cost"))
 
 
 def _moved_into_reach(
@@ -202,24 +196,20 @@ def _moved_into_reach(
 
 def out_of_reach(group: PlacementGroup, place: Array) -> bool:
     """Whether some arm has no collision-free configuration for some waypoint at a placement (7,)."""
-    return any(
-        _out_of_reach(problem, reachability_map, place)
-        for problem, reachability_map in zip(group.problems, group.reachability_maps, strict=True)
-    )
-
-
-def _out_of_reach(problem: PlacementProblem, reachability_map: ReachabilityMap, place: Array) -> bool:
-    targets = problem.targets(place)
-    assert targets.positions is not None
-    far = targets[np.linalg.norm(reachability_map.offsets(targets.positions), axis=1) > NEAR * reachability_map.spacing]
-    if not len(far):
-        return False
-    nodes = reachability_map.nodes(far, 120, np.random.default_rng(0))
-    owner = np.repeat(np.arange(len(far)), np.diff(nodes.first))
-    good = np.linalg.norm(far[owner].tip_offset(nodes.q), axis=1) <= IN_PLACE
-    if reachability_map.collisions is not None:  # with less clearance, trajectories leave the path
-        good[good] = reachability_map.collisions.clearance(nodes.q[good]) >= 0.5 * CLEARANCE
-    return len(np.unique(owner[good])) < len(far)
+    for problem, reachability_map in zip(group.problems, group.reachability_maps, strict=True):
+        targets, near = problem.targets(place), NEAR * reachability_map.spacing
+        assert targets.positions is not None
+        far = targets[np.linalg.norm(reachability_map.offsets(targets.positions), axis=1) > near]
+        if not len(far):
+            continue
+        nodes = reachability_map.nodes(far, 120, np.random.default_rng(0))
+        owner = np.repeat(np.arange(len(far)), np.diff(nodes.first))
+        good = np.linalg.norm(far[owner].tip_offset(nodes.q), axis=1) <= IN_PLACE
+        if reachability_map.collisions is not None:  # with less clearance, trajectories leave the path
+            good[good] = reachability_map.collisions.clearance(nodes.q[good]) >= 0.5 * CLEARANCE
+        if len(np.unique(owner[good])) < len(far):
+            return True
+    return False
 
 
 def within_reach(group: PlacementGroup, place: Array) -> Array:

@@ -5,7 +5,7 @@ path's center [m]. The path is turned about the vertical by the yaw; the base le
 that the vertical turns by the inverse in its frame.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,26 +67,17 @@ class PlacementProblem:
         """Which numbers of a placement are searched, shape (7,)."""
         return np.isnan(self.given)
 
-    def rows(self, count: int) -> NDArray[np.intp]:
-        """Rows of `count` evenly spaced waypoints."""
-        return evenly_spaced(len(self.path), count)
-
     def thinned(self, count: int) -> "PlacementProblem":
         """The same with `count` evenly spaced waypoints."""
-        rows = self.rows(count)
+        rows = evenly_spaced(len(self.path), count)
         return replace(self, path=self.path[rows], profile=self.profile[rows], time=self.time[rows])
-
-    def weighing(self, position_weight: float) -> "PlacementProblem":
-        """The same with another weight of the position error [1/m]."""
-        return replace(self, objective=replace(self.objective, position_weight=position_weight))
 
     def placed(self, places: Array) -> tuple[Array, Array]:
         """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
         rotations, spec = path_rotations(places), self.objective.spec
         scale = np.exp(places[:, SCALE])[:, None, None]
         positions = scale * self.path @ np.swapaxes(rotations, 1, 2) + places[:, None, OFFSET]
-        turned = rotations if spec.size == 3 else np.stack([spec.rotation(one) for one in rotations])
-        return positions, congruence(turned[:, None], self.profile)
+        return positions, congruence(spec.rotation(rotations)[:, None], self.profile)
 
     def targets(self, place: Array) -> Targets:
         """Targets of the arm at a placement (7,)."""
@@ -134,8 +125,7 @@ class PlacementProblem:
         shifts = np.cross(axes, positions[:, None]).swapaxes(1, 2)
         shifts[:, :, SCALE] = positions
         shifts[:, :, OFFSET] = np.eye(3)
-        generators = np.stack([self.objective.spec.rotation(np.cross(np.eye(3), axis)) for axis in axes])
-        return shifts, generators
+        return shifts, self.objective.spec.rotation(np.cross(np.eye(3), axes[:, None]))
 
 
 @dataclass(frozen=True)
@@ -165,30 +155,18 @@ class PlacementGroup:
     def costs(self, places: Array, samples: int) -> Array:
         """As `PlacementProblem.costs`, summed over the arms."""
         pairs = zip(self.problems, self.reachability_maps, strict=True)
-        return np.asarray(
-            np.sum([problem.costs(reachability_map, places, samples) for problem, reachability_map in pairs], axis=0)
-        )
+        return np.asarray(sum(problem.costs(own, places, samples) for problem, own in pairs))
 
     def centers(self, count: int, seed: np.random.Generator) -> Array:
         """Means of positions that the arms reach, shape (count, 3) [m]."""
-        reached = [
-            reachability_map.reach[
-                seed.choice(len(reachability_map.reach), count, replace=len(reachability_map.reach) < count)
-            ]
-            for reachability_map in self.reachability_maps
-        ]
-        return np.asarray(np.mean(reached, axis=0))
+        positions = (samples.reach for samples in self.reachability_maps)
+        chosen = [reach[seed.choice(len(reach), count, replace=len(reach) < count)] for reach in positions]
+        return np.asarray(np.mean(chosen, axis=0))
 
-
-def with_paths(group: PlacementGroup, paths: tuple[Array, ...]) -> PlacementGroup:
-    """The same with other paths (m, 3) around their center; their ellipsoids and times mean nothing."""
-    problems = (
-        replace(
-            problem,
-            path=path,
-            profile=np.tile(np.eye(problem.objective.spec.size), (len(path), 1, 1)),
-            time=np.arange(len(path), dtype=float),
-        )
-        for problem, path in zip(group.problems, paths, strict=True)
-    )
-    return replace(group, problems=tuple(problems))
+    def with_paths(self, paths: Sequence[Array]) -> "PlacementGroup":
+        """The same with other paths (m, 3) around their center; their ellipsoids and times mean nothing."""
+        problems = []
+        for problem, path in zip(self.problems, paths, strict=True):
+            profile = np.tile(np.eye(problem.objective.spec.size), (len(path), 1, 1))
+            problems.append(replace(problem, path=path, profile=profile, time=np.arange(len(path), dtype=float)))
+        return replace(self, problems=tuple(problems))

@@ -23,7 +23,6 @@ from maniport.motion.search.pointwise import (
     improved_from,
     interpolated_distance,
     pointwise_best,
-    search_pointwise,
 )
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -155,7 +154,7 @@ class PlannedGroup:
         rows = evenly_spaced(len(q), POINTWISE_POINTS)
         for i, (task, columns) in enumerate(zip(self.plan.tasks, self.plan.planner.group.columns, strict=True)):
             if self.coupled and task.pointwise is None:
-                found = improved_from(replace(self.problem.targets[i][rows], rotations=None), q[rows][:, columns])
+                found = improved_from(replace(self.problem.targets[i][rows], rotations=None), q[rows][:, None, columns])
                 best[i] = interpolated_distance(rows, np.minimum(best[i][rows], found.distance), len(q))
         return best
 
@@ -167,7 +166,7 @@ class PlannedGroup:
         starts = np.empty((len(rows), STARTS, q.shape[1]))
         for own, targets, at in zip(self.plan.planner.arms, problem.targets, columns, strict=True):
             starts[..., at] = own.bank.starts_for(targets, STARTS)
-        best = problem.distances(search_pointwise(problem, starts, [q[rows]]).joint_positions)
+        best = problem.distances(pointwise_best(problem, starts, q[rows]).joint_positions)
         return [interpolated_distance(rows, distance, len(q)) for distance in best]
 
 
@@ -184,6 +183,7 @@ def _relative(problem: MotionProblem, group: ArmGroup) -> MotionProblem:
 
 def _pointwise_distance(problem: MotionProblem, bank: SeedBank, q: Array) -> Array:
     """Search the pointwise optimum (n,) of one arm, also from the configurations of a motion (n, dof)."""
-    rows, (targets,) = evenly_spaced(len(problem), POINTWISE_POINTS), problem.targets
-    distance = pointwise_best(replace(targets[rows], rotations=None), bank, q[rows]).distance
+    rows = evenly_spaced(len(problem), POINTWISE_POINTS)
+    targets = replace(problem.targets[0][rows], rotations=None)
+    distance = pointwise_best(targets, bank.starts_for(targets, STARTS), q[rows]).distance
     return interpolated_distance(rows, distance, len(problem))

@@ -15,7 +15,7 @@ from maniport.motion.plan.plan_control import PlanControl
 from maniport.motion.plan.planner import Planner
 from maniport.motion.problem import Cost, as_costs
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule, require_few, require_rows
+from maniport.motion.schedule import Schedule, of_each, require_few, require_rows
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.validation import as_choice, as_finite, as_generator
@@ -134,13 +134,3 @@ def _tasks(
         raise InvalidInputError("paths must be of all arms or of none")
     require_few(np.ptp(tasks[0].schedule.time) / settings.speed_scale * settings.rate)
     return tasks
-
-
-def of_each(value: Sequence[Any] | None, name: str, count: int) -> Sequence[Any]:
-    """Require one value for each of `count` arms, or none."""
-    if value is None:
-        return (None,) * count
-    if not hasattr(value, "__len__") or len(value) != count:
-        size = f"{len(value)} of them" if hasattr(value, "__len__") else type(value).__name__
-        raise InvalidInputError(f"{name} must be a sequence of {count}, one for each arm of the group; found {size}")
-    return value

@@ -207,7 +207,7 @@ def stages_of(time: Array, longest: float) -> NDArray[np.intp]:
     return np.array(rows)
 
 
-def interpolated(known: Array, q: Array, time: Array) -> Array:
+def interpolated(known: NDArray[Any], q: Array, time: NDArray[Any]) -> Array:
     """Joint positions at times (n,), linear between those at known times (m,)."""
     return np.stack([np.interp(time, known, column) for column in q.T], axis=1)
 

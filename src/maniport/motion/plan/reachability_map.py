@@ -234,7 +234,7 @@ class ReachabilityMap:
             allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
             rotations = self.axis.rotations(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
-            ellipsoids = congruence(self._for_spec(rotations), ellipsoids)
+            ellipsoids = congruence(self.spec.rotation(rotations), ellipsoids)
         values = eigh(congruence(targets.whitening[:, None], targets.objective.damped(ellipsoids)))[0]
         square = np.sum(np.log(np.maximum(values, np.finfo(np.float64).tiny)) ** 2, axis=-1)
         if targets.turned:
@@ -272,13 +272,4 @@ class ReachabilityMap:
         """Ellipsoids (n, d, d) after the arm has turned back by angles (n,)."""
         if self.axis is None:
             return ellipsoids
-        return congruence(self._for_spec(self.axis.rotations(-angles)), ellipsoids)
-
-    def _for_spec(self, rotations: Array) -> Array:
-        """Rotations of ellipsoids (..., d, d) from those of space (..., 3, 3)."""
-        d = self.spec.size
-        if d == 3:
-            return rotations
-        double = np.zeros((*rotations.shape[:-2], d, d))
-        double[..., :3, :3] = double[..., 3:, 3:] = rotations
-        return double
+        return congruence(self.spec.rotation(self.axis.rotations(-angles)), ellipsoids)

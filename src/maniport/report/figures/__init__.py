@@ -34,13 +34,12 @@ from maniport.report.figures.curves import curves, panel_figure  # noqa: E402
 from maniport.report.figures.space import (  # noqa: E402
     arms,
     diffusion_map,
-    ellipsoid_views,
     ellipsoids,
     map_figure,
 )
 
 __all__ = [
-    "arms", "curves", "diffusion_map", "ellipsoid_views", "ellipsoids", "panel_figure", "save", "write_figures",
+    "arms", "curves", "diffusion_map", "ellipsoids", "panel_figure", "save", "write_figures",
 ]  # fmt: skip
 
 # Settings of the user must not change the figures; letters remain letters, which a paper sets in its own font.

@@ -1,7 +1,7 @@
 """Ellipsoids in rows along a motion, arms in space, and domains on a map."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +24,6 @@ from maniport.report.figures.curves import (
     legend,
     with_breaks,
 )
-from maniport.report.roles import PERSON, REFERENCE, TARGET
 from maniport.report.series import is_gap
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes
@@ -40,22 +39,11 @@ from maniport.util.validation import (
     require_shape,
 )
 
-DASHES = (0, (1.6, 1.1))
-
 VIEWS = {
     2: {"in the plane (x right, y up)": [0, 1]},
     3: {"from above (x right, y up)": [0, 1], "from the front (y right, z up)": [1, 2]},
 }
 """Titles of the views, and the coordinates to the right and up."""
-
-
-class _Row(NamedTuple):
-    """Ellipsoids (n, d, d) in a row, filled with some opacity; None draws dashed outlines over all rows."""
-
-    name: str
-    points: Array
-    color: str
-    fill: float | None
 
 
 def ellipsoids(
@@ -69,59 +57,30 @@ def ellipsoids(
     times = as_times(time)
     checked = check_profiles(profiles, len(times))
     frames = _frames(times)
-    fills = np.linspace(0.45, 0.1, len(checked)).tolist()  # rows differ in grey, too
-    colors = colors_of(checked, roles)
-    rows = [_Row(*row) for row in zip(checked, (x[frames] for x in checked.values()), colors, fills, strict=True)]
-    decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
-    return _stacked(rows, unit, [f"{t:.{decimals}f}" for t in times[frames]], axis)
-
-
-def ellipsoid_views(
-    teacher: ArrayLike,
-    adapted: ArrayLike,
-    truth: ArrayLike,
-    names: Sequence[str] = ("teacher", "adapted", "truth"),
-    count: int = 9,
-) -> Figure:
-    """Draw ellipsoids of the teacher and, below, the adapted ones, with the truth as dashed outlines."""
-    if len(tuple(names)) != 3 or len(set(names)) != 3:
-        raise InvalidInputError(f"names must be three different words; found {names!r}")
-    checked = check_profiles(dict(zip(names, (teacher, adapted, truth), strict=True)))
-    total, d, _ = next(iter(checked.values())).shape
-    if d != 3:
-        raise InvalidInputError("ellipsoids must be 3×3 to be seen from two sides; found 2×2")
-    chosen = evenly_spaced(total, as_count(count, "count"))
-    looks = (PERSON.color, 0.45), (TARGET.color, 0.1), (REFERENCE.color, None)
-    rows = [_Row(name, points[chosen], *look) for (name, points), look in zip(checked.items(), looks, strict=True)]
-    return _stacked(rows, UNIT, [str(k + 1) for k in chosen], "number of the ellipsoid")
-
-
-def _stacked(rows: Sequence[_Row], unit: str, labels: Sequence[str], axis: str) -> Figure:
-    """Draw rows below one another, once in each view, with one scale."""
-    reach = float(np.sqrt(max(np.diagonal(row.points, axis1=1, axis2=2).max() for row in rows)))
+    points = [profile[frames] for profile in checked.values()]
+    reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in points)))
     if reach == 0:
         raise InvalidInputError("there must be an ellipsoid of positive size to draw; all are zero")
-    filled, over = [row for row in rows if row.fill is not None], [row for row in rows if row.fill is None]
-    pitch, views = 2.15 * reach, VIEWS[rows[0].points.shape[-1]]
-    places = max(len(labels), 6)  # space for the title of a row of few ellipsoids
-    figure = column_figure(0.55 + len(views) * (len(filled) * 3.2 / places + 0.3))
+    # rows differ in grey, too
+    looks = list(zip(colors_of(checked, roles), np.linspace(0.45, 0.1, len(checked)).tolist(), strict=True))
+    pitch, views = 2.15 * reach, VIEWS[points[0].shape[-1]]
+    places = max(len(frames), 6)  # space for the title of a row of few ellipsoids
+    figure = column_figure(0.55 + len(views) * (len(points) * 3.2 / places + 0.3))
     panels = list(figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0])
     for panel, (view, plane) in zip(panels, views.items(), strict=True):
-        for number, row in enumerate(filled):
-            for drawn in (row, *over):
-                _row(panel, drawn, drawn.points[:, plane][:, :, plane], pitch, -pitch * number)
+        for number, (row, look) in enumerate(zip(points, looks, strict=True)):
+            _draw_row(panel, row[:, plane][:, :, plane], look, pitch, -pitch * number)
         panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), yticks=[])
-        panel.set_ylim(-(len(filled) - 0.5) * pitch, 0.5 * pitch)
+        panel.set_ylim(-(len(points) - 0.5) * pitch, 0.5 * pitch)
         panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
         panel.spines[["left", "right", "top"]].set_visible(False)
         panel.tick_params(labelsize=TEXT, length=2)
-    every = -(-len(labels) // 15)  # more labels would overlap
-    panels[-1].set_xticks(np.arange(0, len(labels), every) * pitch, labels[::every])
+    decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
+    panels[-1].set_xticks(np.arange(len(frames)) * pitch, [f"{t:.{decimals}f}" for t in times[frames]])
     panels[-1].set_xlabel(axis, fontsize=TEXT)
     _scale_bar(panels[0], reach, pitch, (places - 0.5) * pitch, unit)
-    handles = [Patch(facecolor=(row.color, row.fill), edgecolor=row.color, linewidth=0.9, label=row.name)
-               for row in filled if row.fill is not None]  # fmt: skip
-    legend(figure, [*handles, *(Line2D([], [], color=row.color, lw=1.1, ls=DASHES, label=row.name) for row in over)])
+    legend(figure, [Patch(facecolor=look, edgecolor=look[0], linewidth=0.9, label=name)
+                    for name, look in zip(checked, looks, strict=True)])  # fmt: skip
     return laid_out(figure)
 
 
@@ -135,18 +94,14 @@ def _frames(time: Array, count: int = 9) -> NDArray[np.intp]:
     return frames
 
 
-def _row(panel: Axes, row: _Row, blocks: Array, pitch: float, height: float) -> None:
-    """Draw 2×2 matrices as ellipses in a row, with a stroke along the longest axis of filled ones."""
+def _draw_row(panel: Axes, blocks: Array, look: tuple[str, float], pitch: float, height: float) -> None:
+    """Draw 2×2 matrices as ellipses in a row, with a stroke along the longest axis; `look`: color and opacity."""
     semi_axes, directions = axes(blocks)
     for k, (minor, major) in enumerate(semi_axes):
         center, along = np.array([k * pitch, height]), directions[k, :, 1]
         angle = float(np.degrees(np.arctan2(along[1], along[0])))
-        outline = Ellipse(tuple(center), 2 * major, 2 * minor, angle=angle, edgecolor=row.color)
-        if row.fill is None:
-            outline.set(facecolor="none", linewidth=1.1, linestyle=DASHES)
-        else:
-            outline.set(facecolor=(row.color, row.fill), linewidth=0.9)
-            panel.plot(*np.stack([center - major * along, center + major * along]).T, color=row.color, lw=0.5)
+        outline = Ellipse(tuple(center), 2 * major, 2 * minor, angle=angle, edgecolor=look[0], facecolor=look, lw=0.9)
+        panel.plot(*np.stack([center - major * along, center + major * along]).T, color=look[0], lw=0.5)
         panel.add_patch(outline)
 
 

@@ -75,7 +75,7 @@ def document(title: str, body: str, script: str, style: str = "", data: str = ""
     style = _colors() + _asset("page.css") + style
     hashes = {"script_hash": _hash(script), "style_hash": _hash(style)}
     values = {"title": title, "body": body, "script": script, "style": style, "data": data, "end": end}
-    return _templates().get_template("document.html").render(**values, **hashes, version=__version__)
+    return templates().get_template("document.html").render(**values, **hashes, version=__version__)
 
 
 def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> str:
@@ -105,7 +105,7 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
         })  # fmt: skip
     folded = next((place["id"] for place in places if place["section"].folded), "")
     body = (
-        _templates()
+        templates()
         .get_template("report.html")
         .render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
                 summary_cards=_cards(() if report.summary is None else report.summary.metrics))
@@ -144,7 +144,8 @@ def _note(animation: Animation, frames: int, surfaces: bool) -> str:
 
 
 @cache
-def _templates() -> jinja2.Environment:
+def templates() -> jinja2.Environment:
+    """Return the templates of pages and notebooks."""
     loader = jinja2.FunctionLoader(lambda name: files(__package__).joinpath("templates", name).read_text("utf-8"))
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"linked": _linked, "base64": lambda data: base64.b64encode(data).decode("ascii")}

@@ -41,7 +41,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     for arm in result.arms:
         for group, panels in panels_of(result, arm, spec):
             groups.setdefault(group, []).append(panels)
-    order, mean = list(STATES), np.mean([one.distance for one in moved] or [np.zeros(len(time))], axis=0)
+    order = list(STATES)
     return Animation(
         time,
         tuple(stages),
@@ -52,7 +52,6 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         legend={role: ROLES[role].about for role in profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(one.status for one in moved), strict=True)),
-        opening=float(time[np.argmin(np.abs(mean - np.median(mean)))]) if moved else None,
     )
 
 
@@ -151,34 +150,21 @@ def _ellipsoid_note(spec: EllipsoidSpec) -> str:
     return note + (" Drawn are the inverses of the force ellipsoids." if spec.kind == "force" else "")
 
 
-def regularized(
-    arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return domains and profiles of an arm by role, regularized as in the fit, in the robot's base frame."""
-    rotation, student = spec.rotation(base_rotation), arm.adapter.student_side
-
-    def teacher(points: Array) -> Array:
-        return np.asarray(rotation @ arm.adapter.teacher_side(points) @ rotation.T)
-
-    domains = {PERSON.name: teacher(arm.teacher_domain), ACHIEVED.name: student(arm.student_domain)}
-    profiles = {PERSON.name: teacher(arm.demonstrated_profile), TARGET.name: student(arm.target_profile)}
-    return domains, profiles
-
-
 def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: int = 40, dots: int = 300) -> DomainMap:
-    """Return the map of the domains, fitted to few points such that it takes less than 0.2 s."""
-    some = replace(
-        arm,
-        teacher_domain=arm.teacher_domain[evenly_spaced(len(arm.teacher_domain), dots)],
-        student_domain=arm.student_domain[evenly_spaced(len(arm.student_domain), dots)],
+    """Return the map of the domains, regularized as in the fit, in the robot's base frame; fitted to few points."""
+    rotation, student = spec.rotation(base_rotation), arm.adapter.student_side
+    human, robot = (one[evenly_spaced(len(one), dots)] for one in (arm.teacher_domain, arm.student_domain))
+    human, demonstrated = (
+        rotation @ arm.adapter.teacher_side(points) @ rotation.T for points in (human, arm.demonstrated_profile)
     )
-    domains, profiles = regularized(some, spec, base_rotation)
+    domains = {PERSON.name: human, ACHIEVED.name: student(robot)}
+    profiles = {PERSON.name: demonstrated, TARGET.name: student(arm.target_profile)}
     chart = map_of([*domains.values(), *profiles.values()], fitted)
     if arm.motion is not None and spec.kind == "velocity":
         placed = np.eye(3) if arm.placement is None else arm.placement.rotation
         back = spec.rotation(placed.T)  # the domain is that of the base before the path was placed
         moved = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-        profiles |= {role: arm.adapter.student_side(back @ points @ back.T, role) for role, points in moved.items()}
+        profiles |= {role: student(back @ points @ back.T, role) for role, points in moved.items()}
     names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: arm.robot.name}
     clouds, lines = (
         tuple(Cloud(names[role], role, chart.transform(points), points) for role, points in sets.items())

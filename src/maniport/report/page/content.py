@@ -136,7 +136,6 @@ class Animation:
     legend: Mapping[str, str] = field(default_factory=dict)  # descriptions of ellipsoids by role
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
-    opening: float | None = None  # time that is displayed first [s]
 
     def __post_init__(self) -> None:
         count = len(as_times(self.time))
@@ -166,7 +165,6 @@ def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
         "panels": {name: [_panel(panel, kept) for panel in panels] for name, panels in animation.panels.items()},
         "map": None if animation.map is None else _map(animation.map, kept),
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
-        "opening": 0.0 if animation.opening is None else float(animation.opening - time[0]),
     }
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element

@@ -67,37 +67,25 @@ def _joint_names(result: TransferResult | MotionResult, arm: ArmResult) -> Seque
 
 
 def alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tuple[Panel, ...]:
-    """Alternate panels of arms and name the arm in titles; the charts of a row have one axis."""
+    """Alternate panels of arms and name the arm in titles."""
     if len(panels) == 1:
         return tuple(panels[0])
     alternated: list[Panel] = []
     for row in zip_longest(*panels):
-        span = _common_span([panel for panel in row if panel is not None])
         for name, panel in zip(names, row, strict=True):
             if panel is not None:
                 title = panel.title if panel.strip else f"{panel.title[:1].lower()}{panel.title[1:]}"
-                alternated.append(replace(panel, title=f"{name.capitalize()}: {title}", span=panel.span or span))
+                alternated.append(replace(panel, title=f"{name.capitalize()}: {title}"))
     return tuple(alternated)
-
-
-def _common_span(panels: Sequence[Panel]) -> tuple[float, float] | None:
-    """Return the ends of a common axis of charts; None for strips, whose axes differ."""
-    values = np.concatenate([np.asarray(line.values) for panel in panels for line in panel.lines])
-    values = values[np.isfinite(values)]
-    if panels[0].strip or not len(values):
-        return None
-    low, high = np.log10([values.min(), values.max()]) if panels[0].logarithmic else (values.min(), values.max())
-    margin = 0.06 * (high - low) or 0.5
-    return (0.0 if low >= 0.0 and not panels[0].logarithmic else float(low - margin)), float(high + margin)
 
 
 def _errors(arm: ArmResult) -> list[Panel]:
     """Return panels of the distance, with the best pointwise one, and of the position error."""
-    motion, distance, error = arm.motion, METRICS["distance"], METRICS["position_error"]
+    motion, distance, error = arm.motion, METRICS["distance"][0], METRICS["position_error"][0]
     assert motion is not None
     lines = [Line("achieved", motion.distance)]
     if motion.pointwise_best is not None:
-        lines.append(Line(METRICS["pointwise_best"].label.lower(), motion.pointwise_best, REFERENCE.name, 1))
+        lines.append(Line(METRICS["pointwise_best"][0].label.lower(), motion.pointwise_best, REFERENCE.name, 1))
     panels = [Panel(distance.label, "", tuple(lines), distance.description)]
     if motion.position_error is not None:
         line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic

@@ -23,7 +23,7 @@ def toy_figures(seed: int = 0) -> dict[str, Figure]:
     points, truth = draw.evaluation[TOY[0]]
     fit_quietly(adapter, draw)
     names = ("transformed", "adapted", "Panda's own (truth)")
-    return {"toy-ellipsoids": figures.ellipsoid_views(points, adapter.transform(points), truth, names, count=10)}
+    return {"toy-ellipsoids": _adapted(adapter, points, truth, names)}
 
 
 def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
@@ -37,7 +37,7 @@ def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
     names = ("horizontal arm", "adapted", "vertical arm (truth)")
     return {
         "two-dof-arms": _arms(arms, size=0.25),
-        "two-dof-ellipsoids": figures.ellipsoid_views(points, adapter.transform(points), truth, names),
+        "two-dof-ellipsoids": _adapted(adapter, points, truth, names),
     }
 
 
@@ -56,7 +56,7 @@ def human_robot_figures(seed: int = 0) -> dict[str, Figure]:
     names = ("person", "adapted", "naive baseline")
     return {
         "human-robot-arms": _arms(arms, size=0.2),
-        "human-robot-ellipsoids": figures.ellipsoid_views(points, adapter.transform(points), truth, names),
+        "human-robot-ellipsoids": _adapted(adapter, points, truth, names),
         "human-robot-diffusion": figures.diffusion_map(domains, adaptation_steps(adapter, points)),
     }
 
@@ -84,6 +84,11 @@ def _fitted(
     adapter = our_adapter(row, base_rotation).set_params(random_state=seed)
     fit_quietly(adapter, Draw(seed, *domains, {}))
     return adapter
+
+
+def _adapted(adapter: DomainAdapter, points: Array, truth: Array, names: tuple[str, str, str]) -> Figure:
+    profiles = dict(zip(names, (points, adapter.transform(points), truth), strict=True))
+    return figures.ellipsoids(np.arange(1, len(points) + 1), profiles, axis="number of the ellipsoid")
 
 
 def _arms(arms: dict[str, tuple[Arm, Array]], size: float) -> Figure:

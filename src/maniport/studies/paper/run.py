@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from maniport.errors import InvalidInputError
-from maniport.report.metrics import facts_of
-from maniport.report.renderings import files_of, write_facts
+from maniport.report.metrics import report_of
+from maniport.report.renderings import files_of, write_report
 from maniport.studies.methods import compare_methods
 from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
@@ -63,7 +63,7 @@ def reproduce(
         reproduction = Reproduction(experiments, first, clock.perf_counter() - started, compared)
         if compared is not None:
             for suffix in (".md", ".json"):
-                write_facts(folder / f"{METHODS_FILE}{suffix}", facts_of(compared))
+                write_report(folder / f"{METHODS_FILE}{suffix}", report_of(compared))
         _write_page(reproduction, folder)
     return reproduction
 
@@ -76,7 +76,7 @@ def _write_page(reproduction: Reproduction, folder: Path) -> None:
         name: [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
         for name in (experiment.name for experiment in reproduction.experiments)
     }
-    write_page(folder / REPORT, facts_of(reproduction), pictures)
+    write_page(folder / REPORT, report_of(reproduction), pictures)
 
 
 def _run(name: str, seed: int, folder: Path, progress: Progress, draws: int) -> Experiment:
@@ -96,5 +96,5 @@ def _run(name: str, seed: int, folder: Path, progress: Progress, draws: int) -> 
     progress(step, 1.0, ", ".join(FIGURES[name]))
     (folder / f"{name}.csv").write_text(as_csv(experiment), encoding="utf-8")
     for suffix in (".md", ".json"):
-        write_facts(folder / f"{name}{suffix}", experiment_report(experiment, FIGURES[name]))
+        write_report(folder / f"{name}{suffix}", experiment_report(experiment, FIGURES[name]))
     return experiment

@@ -1,7 +1,7 @@
 """The rotation step: turn the teacher's ellipsoids onto their partners.
 
 Minimizes F(R) = Σ w_i d²(S_i, R T_i Rᵀ) over SO(d) (Reithmeir et al. 2022, eq. 15) by saddle-free Newton with the exact
-Hessian; `docs/method.md`, section 4, has the derivation, (13) to (15).
+Hessian; `docs/method/icp.md` has the equations, (13) to (15).
 """
 
 from dataclasses import dataclass

@@ -38,7 +38,7 @@ class Player {
     const redraw = () => { this.chart?.draw(); this.request(); };
     new ResizeObserver(redraw).observe(host);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors.known.clear(); redraw(); });
-    this.seek(motion.opening);
+    this.seek(0);
   }
 
   build() {

@@ -1,0 +1,257 @@
+"""Export of motions to files of controllers, players, simulators and tables."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.errors import InvalidInputError
+from maniport.motion.arm_model import model_prefixes
+from maniport.motion.arm_motion import ArmMotion
+from maniport.motion.objective import Objective
+from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.schedule import Schedule
+from maniport.motion.trajectory import Trajectory
+from maniport.util.atomic_io import written_whole
+from maniport.util.files import save_arrays
+from maniport.util.input_limits import as_path
+from maniport.util.optional import mcap_writer, parquet_writer, pyarrow, rerun
+from maniport.util.validation import Array, as_choice
+
+SCENE = "rerun"
+DECIMALS = 9, 7, 5  # of positions, velocities and accelerations in messages
+Columns = dict[str, tuple[Array, str]]  # values and their unit, by name
+
+MESSAGE = {
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "title": "time",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "name": {"type": "array", "items": {"type": "string"}},
+        **{key: {"type": "array", "items": {"type": "number"}} for key in ("position", "velocity", "acceleration")},
+    },
+}
+"""JSON schema of the messages of an MCAP file."""
+
+
+def write_ros2(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
+    """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
+    rows, seconds = _subsampled(motion)
+    names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
+    with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, and those for each second and second squared]\n")
+        stream.write("header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\n")
+        stream.write(f"joint_names: {names}\npoints:\n")
+        keys = ("- positions", "  velocities", "  accelerations")
+        states = [values for _, values, _ in motion.control_states]
+        for row, time in zip(rows, seconds, strict=True):
+            for key, values, digits in zip(keys, states, DECIMALS, strict=True):
+                stream.write(f"{key}: [{', '.join(f'{value:.{digits}f}' for value in values[row].tolist())}]\n")
+            sec, nanosec = divmod(round(1e9 * time), 10**9)
+            stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
+
+
+def write_mcap(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
+    """Write messages named as in sensor_msgs/msg/JointState, as JSON."""
+    package = mcap_writer()
+    rows, seconds = _subsampled(motion)
+    with written_whole(path) as temporary, open(temporary, "wb") as stream:
+        writer = package.Writer(stream)
+        writer.start(library="maniport")
+        schema = writer.register_schema("JointState", "jsonschema", json.dumps(MESSAGE).encode())
+        channel = writer.register_channel("/joint_states", "json", schema)
+        for number, (row, time) in enumerate(zip(rows, seconds, strict=True)):
+            nanoseconds = round(1e9 * time)
+            sec, nsec = divmod(nanoseconds, 10**9)
+            message: dict[str, Any] = {"timestamp": {"sec": sec, "nsec": nsec}, "name": list(motion.joint_names)}
+            for (name, values, _), digits in zip(motion.control_states, DECIMALS, strict=True):
+                message[name] = np.round(values[row], digits).tolist()
+            writer.add_message(channel, nanoseconds, json.dumps(message).encode(), nanoseconds, number)
+        writer.finish()
+
+
+def _subsampled(motion: Trajectory, rate: float = 100.0) -> tuple[NDArray[np.intp], Array]:
+    """Return the rows of control steps at about `rate` [Hz], and their times from 0 [s]; controllers interpolate."""
+    time = motion.control_time - motion.control_time[0]
+    stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
+    rows = np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1))
+    return rows, time[rows]
+
+
+def write_mujoco(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
+    """Write qpos and qvel of `mujoco.MjData`, and the positions of the robot's locked joints."""
+    held: dict[str, float] = {}
+    if robot is not None:
+        group = as_group(robot)
+        for prefix, arm in zip(model_prefixes(group), group.arms, strict=True):
+            held |= {prefix + name: value for name, value in arm.chain.locked.items()}
+    save_arrays(path, {
+        "qpos": motion.control_positions,
+        "qvel": motion.control_velocities,
+        "joint_names": np.array(motion.joint_names),
+        "timestep": np.array(np.ptp(motion.control_time) / (len(motion.control_time) - 1)),
+        "held_names": np.array(list(held), dtype=str),
+        "held_positions": np.array(list(held.values()), dtype=float),
+    })  # fmt: skip
+
+
+def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -> None:
+    """Write a row for each control step."""
+    arrow, parquet = pyarrow(), parquet_writer()
+    columns = {
+        "time": (motion.control_time - motion.control_time[0], "s"),
+        **{
+            f"{name}_{quantity}": (values[:, k], motion.joint_units[k] + per)
+            for quantity, values, per in motion.control_states
+            for k, name in enumerate(motion.joint_names)
+        },
+        **_ellipsoids(motion, robot),
+    }
+    fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
+    about = {"robot": motion.arm, "tip": motion.frame, "damping": repr(motion.damping.epsilon)}
+    about |= {"kind": motion.spec.kind, "part": motion.spec.part}
+    table = arrow.table(
+        [arrow.array(values, from_pandas=True) for values, _ in columns.values()],  # nan becomes null
+        schema=arrow.schema(fields, metadata=about),
+    )
+    with written_whole(path) as temporary:
+        parquet.write_table(table, temporary, compression="zstd")
+
+
+def _ellipsoids(motion: ArmMotion, robot: Arm) -> Columns:
+    """Return achieved and target ellipsoids and positions; targets are interpolated as by the tracker."""
+    q, time, spec = motion.control_positions, motion.control_time, motion.spec
+    objective = Objective.of(robot, spec, motion.damping)
+    begin, end, step = motion.time[0], motion.time[-1], time[1] - time[0]
+    inside = (time > begin - step) & (time < end + step)
+    target = Schedule(motion.time, motion.target, motion.path).at(objective, np.clip(time[inside], begin, end))
+    targets = target.targets(objective)
+    columns = {f"tip_{axis}": (values, "m") for axis, values in zip("xyz", robot.forward(q)[:, :3, 3].T, strict=True)}
+    columns |= _entries("achieved", robot.ellipsoids(q, spec), spec)
+    columns |= _entries("target", _spread(target.ellipsoids, inside), spec)
+    columns["distance"] = _spread(targets.distance(q[inside]), inside), ""
+    error = targets.tip_error(q[inside])
+    if target.positions is not None and error is not None:
+        positions = _spread(target.positions, inside)
+        columns |= {f"path_{axis}": (values, "m") for axis, values in zip("xyz", positions.T, strict=True)}
+        columns["tip_error"] = _spread(error, inside), "m"
+    return columns
+
+
+def _entries(prefix: str, ellipsoids: Array, spec: EllipsoidSpec) -> Columns:
+    """Entries of symmetric matrices (m, d, d) from the diagonal on, such as ``target_xy``."""
+    axes = {"translation": ("x", "y", "z"), "rotation": ("rx", "ry", "rz")}
+    names = axes.get(spec.part, axes["translation"] + axes["rotation"])
+    unit = f"({spec.unit})²" if spec.unit else ""
+    rows = zip(*np.triu_indices(len(names)), strict=True)
+    return {f"{prefix}_{names[i]}{names[j]}": (ellipsoids[:, i, j], unit) for i, j in rows}
+
+
+def _spread(values: Array, where: NDArray[np.bool_]) -> Array:
+    """Insert rows where a mask is true, nan elsewhere."""
+    result = np.full((len(where), *values.shape[1:]), np.nan)
+    result[where] = values
+    return result
+
+
+class Format(NamedTuple):
+    """A file format of motions."""
+
+    file: str  # name among a run's results
+    write: Callable[..., None] | None  # with path, motion and robot; None where the file contains a complete result
+    package: Callable[[], Any] | None = None  # imports the package that it requires, or raises `MissingPackageError`
+    needs_robot: bool = False  # then the motion is that of one arm
+
+    @property
+    def ready(self) -> str:
+        """Name of the file, after a check that the package is installed."""
+        if self.package is not None:
+            self.package()
+        return self.file
+
+
+FORMATS = {
+    "ros2": Format("joints.yaml", write_ros2),
+    "mcap": Format("joints.mcap", write_mcap, mcap_writer),
+    "mujoco": Format("joints_mujoco.npz", write_mujoco),
+    "parquet": Format("joints.parquet", write_parquet, parquet_writer, needs_robot=True),
+    SCENE: Format("motion.rrd", None, rerun),
+}
+"""All formats of exports by name, on the command line and in Python."""
+
+
+def export_motion(
+    path: str | os.PathLike[str], motion: Trajectory | RobotMotion, format: str, robot: Arm | ArmGroup | None = None
+) -> None:
+    """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
+
+    - ``"ros2"``, suffix ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second with
+      positions, velocities and accelerations, as ``ros2 topic pub`` and ``rosidl`` take it.
+    - ``"mcap"``, suffix ``.mcap``: about 100 messages a second on the topic ``/joint_states``, named as in
+      ``sensor_msgs/msg/JointState``, with accelerations, as JSON with its schema, for Foxglove and Rerun. It is
+      not the binary encoding of ROS, which ``ros2 bag play`` requires.
+    - ``"mujoco"``, suffix ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), at every control step, ``joint_names`` and
+      ``timestep`` [s]; with the robot also its locked joints, ``held_names`` and ``held_positions``.
+    - ``"parquet"``, suffix ``.parquet``: a row for every control step with ``time``, position, velocity and
+      acceleration of every joint, position of the end effector, entries of the achieved and target ellipsoids, their
+      distance with the motion's damping, and target position and its error where there is a path. Columns have units
+      in their metadata. Targets are interpolated on geodesics; outside the times of the profile they are null.
+
+    The first and the last control step are always included.
+
+    Parameters
+    ----------
+    path : str or path
+    motion : Trajectory, ArmMotion or RobotMotion
+        Of one arm or of several; ``"parquet"`` takes that of one: ``motion.arms[0]``.
+    format : {"ros2", "mcap", "mujoco", "parquet"}
+        ``"rerun"`` takes a complete result: see `maniport.write_results`.
+    robot : Arm or ArmGroup, optional
+        Required for ``"parquet"``; used for ``"mujoco"``.
+
+    Raises
+    ------
+    UnknownNameError
+        When the format is unknown.
+    InvalidInputError
+        When the suffix is not that of the format, the motion has another type, or the robot is missing or has other
+        joints.
+    MissingPackageError
+        When a package that the format requires is not installed.
+    OutputError
+        When the file cannot be written.
+    """
+    writer = FORMATS[as_choice(format, "format", FORMATS)]
+    if writer.write is None:
+        raise InvalidInputError(
+            f"export_motion takes only the motion; the format {format!r} contains a complete result: "
+            f"maniport.write_results(result, folder, exports={format!r}) writes it"
+        )
+    suffix = Path(writer.file).suffix
+    if as_path(path).suffix != suffix:
+        raise InvalidInputError(f"path must end with {suffix!r} for the format {format!r}; found {str(path)!r}")
+    if isinstance(motion, RobotMotion):
+        motion = motion.arms[0] if len(motion.arms) == 1 else motion.trajectory
+    if not isinstance(motion, Trajectory):
+        raise InvalidInputError(f"motion must be a motion, such as result.motion; found {type(motion).__name__}")
+    if writer.needs_robot and not isinstance(motion, ArmMotion):
+        raise InvalidInputError(
+            f"motion must be of one arm for the format {format!r}, such as motion.arms[0]; found {motion!r}"
+        )
+    names = robot.joint_names if isinstance(robot, Arm | ArmGroup) else None
+    if (robot is not None or writer.needs_robot) and names != motion.joint_names:
+        wrong = f"one with the joints {list(names)}" if names is not None else "none" if robot is None else repr(robot)
+        raise InvalidInputError(
+            f"robot must be the arm that moves, with the joints {list(motion.joint_names)}, for the format "
+            f"{format!r}; found {wrong}"
+        )
+    writer.write(path, motion, robot)
