@@ -249,7 +249,6 @@ def test_units_of_the_command_line_are_converted(track):
         (("--export", "ros"), "unknown export 'ros'; there are, nearest first: 'ros2'"),
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
-        (("--orientation", "demonstrated"), "--orientation must be free or a vector"),
         (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes must be 'pointing'"),
         (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1] must be a number above 0.5; found 0.2"),
     ],

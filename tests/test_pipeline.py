@@ -247,6 +247,7 @@ def test_tempo_and_placement(panda, own):
     [
         ({"time": None}, "no times"),
         ({"speed_scale": 0.0}, "speed_scale"),
+        ({"orientation": "demonstrated"}, "orientation"),
         ({"positions": np.zeros((20, 3))}, "shape"),
         ({"time": np.arange(20.0), "place": False}, "shape"),
     ],
