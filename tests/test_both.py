@@ -235,7 +235,7 @@ def test_verbs_that_move_one_arm_say_what_moves_both(verb, monkeypatch, tmp_path
 
 def test_a_pair_where_one_arm_is_asked_for_is_told_what_moves_it(recording, arms):
     """The main job of one arm names that of both."""
-    with pytest.raises(InvalidInputError, match="group of arms"):
+    with pytest.raises(InvalidInputError, match="ArmGroup"):
         mp.load_arm(arms)
     with pytest.raises(InvalidInputError, match="both"):
         mp.fit_arm(recording, side="both")
