@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from maniport.cli.recorded import Recorded
 
 from maniport.arms import load_arm
 from maniport.arms.meshes.mesh_files import load_mesh
@@ -15,6 +14,7 @@ from maniport.errors import FileFormatError, ManiportError
 from maniport.learning import ProfileGMM
 from maniport.mocap import read_recording
 from maniport.motion import SeedBank
+from maniport.pipeline.options import HumanOptions
 from maniport.transfer import IdentityMap, load_adapter
 from maniport.util import files
 from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path, read_settings, save_ellipsoids
@@ -25,7 +25,7 @@ READERS = {
     "r.urdf": load_arm,
     "r.xml": load_arm,
     "r.stl": load_mesh,
-    "m.json": lambda path: Recorded(markers=path).roles(),
+    "m.json": lambda path: HumanOptions(markers=str(path)).roles(),
     "r.npz": load_ellipsoids,
     "r.yaml": lambda path: read_settings(path, ("a",)),
 }

@@ -36,7 +36,7 @@ def forked(work: Command | Writer, which: int, log: Path) -> int:
         return child
     code = 1
     try:
-        signal.signal(signal.SIGINT, entry_point._end)
+        signal.signal(signal.SIGINT, entry_point._interrupt)
         tempfile.tempdir = str(work.target.parent)  # leftovers there are seen, too
         with open(log, "w") as stream:
             os.dup2(stream.fileno(), 1)
