@@ -198,7 +198,7 @@ HOSTILE = {
     "5000 nested bodies": (nested(5000), "at most 128"),
     "200 nested bodies": (nested(200), "at most 128"),
     "a million tags": ("<robot>" + "<a>" * 500_000 + "</a>" * 500_000 + "</robot>", "tags; at most 500000"),
-    "a circle": (serial(2, CIRCLE), "circle"),
+    "a circle": (serial(2, CIRCLE), "cycle"),
     "included": (
         '<mujoco><include file="/dev/zero"/><worldbody><body/></worldbody></mujoco>',
         "includes '/dev/zero', which lies outside",
@@ -209,8 +209,8 @@ HOSTILE = {
     "nan": (small(body='quat="1 0 nan 0"'), "<body> needs quat with 4 numbers"),
     "no rotation": (small(body='quat="0 0 0 0"'), "is no rotation"),
     "huge": (small(body='pos="1e308 0 0"'), "each below 1e"),
-    "huge mesh": (small(OWN_MESH.format("1e308 0 0 1 0 0 0 1 0 0 0 1"), shape=GEOM), "'m' make no solid"),
-    "flat mesh": (small(OWN_MESH.format("0 0 0 1 0 0 0 1 0 1 1 0"), shape=GEOM), "'m' make no solid"),
+    "huge mesh": (small(OWN_MESH.format("1e308 0 0 1 0 0 0 1 0 0 0 1"), shape=GEOM), "mesh 'm'"),
+    "flat mesh": (small(OWN_MESH.format("0 0 0 1 0 0 0 1 0 1 1 0"), shape=GEOM), "mesh 'm'"),
     "long name": (small(LONG_MESH, shape=GEOM), "is missing"),
 }
 
