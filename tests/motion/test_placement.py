@@ -98,9 +98,23 @@ def test_own_path_is_found_again(panda, known, motion):
     turn = rotation_about(2, 0.7)
     moved, turned = 0.8 * (path - [1.0, 2.0, 3.0]) @ turn.T, congruence(turn, profile)
     placed = place_path(moved, turned, panda, **known)
+    fixed = place_path(moved, turned, panda, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4), **known)
     assert placed.reachable.all()
     assert np.median(placed.distance) < 0.15
+    assert np.median(placed.distance) < 0.5 * np.median(fixed.distance)
     assert_allclose(placed.path, placed.apply(moved), atol=1e-12)
+
+
+def test_fixed_values_are_kept(panda, known, motion):
+    """A fixed scale, yaw and height are kept, and the placed path is similar to the given one."""
+    path, profile = motion
+    placed = place_path(path, profile, panda, scale=0.9, yaw=0.3, offset=(None, None, 0.5), **known)
+    assert placed.scale == pytest.approx(0.9, abs=1e-12)
+    assert placed.yaw == pytest.approx(0.3, abs=1e-12)
+    assert placed.offset[2] == 0.5
+    turn = rotation_about(2, 0.3)
+    assert_allclose(placed.path, 0.9 * (path - path.mean(axis=0)) @ turn.T + placed.offset, atol=1e-12)
+    assert_allclose(placed.profile, congruence(turn, profile), atol=1e-12)
 
 
 def test_far_path_is_reported(panda, known, motion):
