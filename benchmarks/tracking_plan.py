@@ -18,8 +18,8 @@ from maniport.feasibility import knowing
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import (
     ArmMotion,
+    MotionLimits,
     Placement,
-    PlanControl,
     Planner,
     place_path,
     plan_motion,
@@ -155,7 +155,7 @@ def found(case: Case) -> Found:
     time, hand, fit = recorded(case.recording)
     robot = mp.load_arm("panda", frame=case.frame)
     made = -clock.process_time()
-    planner = PlanControl(**case.control).planner(robot, VELOCITY, 0)
+    planner = Planner.of(MotionLimits.of(robot), VELOCITY)
     made += clock.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ManiportWarning)  # of a rotation that the clouds leave open
@@ -299,7 +299,7 @@ def twelve(outcomes: list[Outcome]) -> Iterator[Row]:
 def _planned(outcome: Outcome) -> tuple[ArmMotion, ArmMotion]:
     """The plan, and what the tracker does with the same margin of the joints' limits."""
     placed, first = outcome.placed, outcome.tracked
-    planner = PlanControl().planner(robot_arm(), VELOCITY, 0)
+    planner = Planner.of(MotionLimits.of(robot_arm()), VELOCITY)
     same = {"time": first.time, "path": placed.path, "damping": first.damping}
     planned = {"planner": planner, "paths": placed.path, "position_tolerance": 1e-3}
     (plan,) = plan_motion(robot_arm(), placed.profile, time=first.time, damping=first.damping, **planned).arms

@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
 from maniport.errors import ManiportError
-from maniport.motion import PlanControl, place_path, plan_motion, track
+from maniport.motion import MotionLimits, Planner, place_path, plan_motion, track
 from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from .inputs import DAMPING, Array
@@ -89,7 +89,7 @@ def chain(name: str, motion: Motion) -> Chain:
     adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
-    planner = PlanControl().planner(robot, VELOCITY, 0)
+    planner = Planner.of(MotionLimits.of(robot), VELOCITY)
     bank = planner.arms[0].bank
     placed = place_path(
         motion.hand,

@@ -10,9 +10,9 @@ from scipy.interpolate import make_interp_spline
 from maniport.arms import Arm
 from maniport.arms.collisions import Collisions
 from maniport.motion import BrakingLimit, Controller, ControlProblem, ControlState, Objective, nearest_feasible
-from maniport.motion.follow.tracker import follow
 from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.motion.schedule import Schedule, speed_limits
+from maniport.motion.tracker import follow
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper.trajectories import robot_arm
 
@@ -81,15 +81,15 @@ def _steps(outcome: Outcome, passes: int) -> list[Array]:
     time = result.time
     grid = np.arange(time[0], time[-1], PERIOD)
     schedule = Schedule(
+        Objective(robot, result.spec, result.damping, FOLLOWING_WEIGHT),
         grid,
         make_interp_spline(time, placed.profile, k=1)(grid),
         make_interp_spline(time, placed.path, k=1)(grid),
     )
-    objective = Objective(robot, result.spec, result.damping, FOLLOWING_WEIGHT)
     durations = []
     for _ in range(1 + passes):
         controller = ClockedController(robot)
-        follow(controller, result.joint_positions[0], [schedule], [objective])
+        follow(controller, result.joint_positions[0], [schedule])
         durations.append(np.diff(controller.began, axis=0))
     return durations[1:]  # the first pass compiles and fills caches
 

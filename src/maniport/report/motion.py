@@ -8,8 +8,8 @@ import numpy as np
 
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.arm_motion import rms_ratio
-from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, STATUSES
 from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.status import NEAR_DISTANCE, REACHED, STATUSES
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.report.metrics import WARNINGS, Value, as_metric, describe, listed, measured, metric, warning, warnings_of
 from maniport.report.motion_warnings import Run, collision_texts, missed_points

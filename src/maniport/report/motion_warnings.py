@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from maniport.errors import argument
 from maniport.motion import ArmMotion
-from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
-from maniport.motion.plan.relaxation import FAR
+from maniport.motion.plan.refinement import FAR
+from maniport.motion.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.results import ArmResult
 from maniport.report.metrics import listed, warns
