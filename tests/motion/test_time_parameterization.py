@@ -10,9 +10,8 @@ from scipy.optimize import linprog
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.plan.home_motion import with_approach
 from maniport.motion.plan.path_speed import fill_speeds
-from maniport.motion.plan.time_parameterization import retime
+from maniport.motion.plan.time_parameterization import retime, with_approach
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
 CRANE = Arm.from_dh("crane", [[0, 0, 0, 0], [0, 0, 0.5, 0]], [0, -2], [1, 2], kinds=["prismatic", "revolute"])

@@ -11,10 +11,10 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping, Objective
-from maniport.motion.plan.home_motion import with_approach
 from maniport.motion.plan.plan_control import PlanControl
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.refinement import planning_time_scale
+from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, of_each, require_few, require_rows

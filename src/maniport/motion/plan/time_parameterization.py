@@ -119,6 +119,55 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     return replace(timed, deviation=np.abs(timed.waypoints() - points).max(axis=0))
 
 
+def with_approach(
+    timed: Timed, limits: MotionLimits, home: ArrayLike, back: bool = True, *, share: float = 0.3
+) -> Timed:
+    """Begin at a home configuration, and end there, with straight motions in joint space from rest to rest.
+
+    Parameters
+    ----------
+    timed : Timed
+        A motion that begins and ends at rest.
+    limits : MotionLimits
+    home : array_like, shape (dof,)
+        Within the position limits [rad] or [m].
+    back : bool
+        Return after the motion.
+    share : float
+        Share of the limits of velocity, acceleration and jerk that is used.
+
+    Returns
+    -------
+    Timed
+        Longer; `begin` and `end` are those of the motion itself, and `at` is shifted.
+
+    Raises
+    ------
+    InvalidInputError
+        When the home configuration has another shape or is beyond the limits, or a motion takes more than 3 million
+        samples.
+    """
+    start = limits.arm.require_within_limits(home, "home")
+    if start.ndim != 1:
+        raise InvalidInputError(f"home must be one configuration, shape ({limits.arm.dof},); found shape {start.shape}")
+    rate = (len(timed.time) - 1) / timed.time[-1]
+    slow = replace(limits, **{quantity: share * getattr(limits, quantity) for quantity in DERIVATIVES})
+    before = _straight(slow, start, timed.positions[0], rate)
+    after = _straight(slow, timed.positions[-1], start, rate) if back else timed.positions[:0]
+    shift = len(before) / rate
+    positions = np.concatenate([before, timed.positions, after])
+    at, begin, end = timed.at + shift, timed.begin + shift, timed.end + shift
+    return Timed.of_positions(positions, rate, at, begin, end, timed.deviation)
+
+
+def _straight(limits: MotionLimits, first: Array, last: Array, rate: float) -> Array:
+    """Samples of a straight motion from rest to rest, shape (m, dof)."""
+    duration = float((np.abs(last - first) / limits.velocity).max())  # with velocity limits alone
+    if duration < 1e-6:
+        return np.repeat(first[None], REST + 1, axis=0)
+    return retime(limits, [0.0, duration], np.stack([first, last]), rate=rate).positions
+
+
 def _fastest(limits: MotionLimits, path: "JointPath", scale: Array) -> Array:
     """Parameter speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the acceleration limits."""
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
