@@ -13,33 +13,16 @@ GREEN, AMBER, RED = "green", "amber", "red"
 
 @dataclass(frozen=True)
 class Metric:
-    """A number, a setting, a note or a warning of a `Section`.
-
-    Attributes
-    ----------
-    label : str
-    text : str
-        The value with its unit, or sentences of a note or warning; if empty, the metric is in JSON only.
-    description : str
-    key : str
-        Name in JSON without the unit, or the kind of a warning; without one the metric is not in JSON.
-    value : number, str, list or dict
-    unit : str
-        Of all numbers in the value.
-    severity : str
-        "info", "note" or "warning".
-    main : bool
-        Whether the metric is in the summary of a result.
-    """
+    """A number, a setting, a note or a warning of a `Section`; without a key it is not in JSON."""
 
     label: str
-    text: str
+    text: str  # the value with its unit, or sentences of a note or warning; if empty, the metric is in JSON only
     description: str = ""
-    key: str = ""
-    value: Any = None
-    unit: str = ""
-    severity: str = INFO
-    main: bool = False
+    key: str = ""  # name in JSON without the unit, or the kind of a warning
+    value: Any = None  # number, str, list or dict
+    unit: str = ""  # of all numbers in the value
+    severity: str = INFO  # "info", "note" or "warning"
+    main: bool = False  # whether the metric is in the summary of a result
 
     @property
     def is_statistics(self) -> bool:
@@ -120,26 +103,13 @@ class Summary:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is reported of a result, see `report_of`.
-
-    Attributes
-    ----------
-    title : str
-    lead : str
-        What the result is.
-    sections : tuple of Section
-        Metrics and tables by topic.
-    summary : Summary or None
-        Outcome, status and next step.
-    data_warnings : tuple of Metric
-        Warnings about the data, which precede those of the sections.
-    """
+    """Everything that is reported of a result, see `report_of`."""
 
     title: str
-    lead: str = ""
+    lead: str = ""  # what the result is
     sections: tuple[Section, ...] = ()
     summary: Summary | None = None
-    data_warnings: tuple[Metric, ...] = ()
+    data_warnings: tuple[Metric, ...] = ()  # warnings about the data, which precede those of the sections
 
     @property
     def metrics(self) -> tuple[Metric, ...]:
