@@ -27,8 +27,8 @@ MODULES = {
 """Modules of this package that describe the classes of another package; they are imported when they are needed."""
 
 METRICS = {
-    one.key: one
-    for one in (
+    metric.key: metric
+    for metric in (
         Metric("Ellipsoid distance", "", "0.1: one axis is 5 % too long; 1: 65 %.", "distance", main=True),
         Metric("Position error", "", "Of the end effector; it has priority over ellipsoids.", "position_error",
                unit="mm", main=True),

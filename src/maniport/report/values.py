@@ -13,16 +13,32 @@ GREEN, AMBER, RED = "green", "amber", "red"
 
 @dataclass(frozen=True)
 class Metric:
-    """A number, a setting, a note or a warning of a `Section`; without a key it is not in JSON."""
+    """A number, a setting, a note or a warning of a `Section`.
+
+    Attributes
+    ----------
+    label : str
+    text : str
+        The value with its unit, or sentences of a note or warning; if empty, the metric is in JSON only.
+    description : str
+    key : str
+        Name in JSON without the unit, or the kind of a warning. Without a key, the metric is not in JSON.
+    value : number, str, list or dict
+    unit : str
+        Of all numbers in the value.
+    severity : {"info", "note", "warning"}
+    main : bool
+        Whether the metric is in the summary of a result.
+    """
 
     label: str
-    text: str  # the value with its unit, or sentences of a note or warning; if empty, the metric is in JSON only
+    text: str
     description: str = ""
-    key: str = ""  # name in JSON without the unit, or the kind of a warning
-    value: Any = None  # number, str, list or dict
-    unit: str = ""  # of all numbers in the value
-    severity: str = INFO  # "info", "note" or "warning"
-    main: bool = False  # whether the metric is in the summary of a result
+    key: str = ""
+    value: Any = None
+    unit: str = ""
+    severity: str = INFO
+    main: bool = False
 
     @property
     def is_statistics(self) -> bool:
