@@ -159,7 +159,7 @@ def evaluation_section(
     evaluation: Evaluation, explained: bool = True, choice: Choice | None = None, time: Array | None = None
 ) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, summary, first = [evaluation.student_noise, *evaluation.rows], evaluation.summary, evaluation.rows[0]
+    rows, summary, first = evaluation.rows, evaluation.summary, evaluation.rows[0]
     columns = [column for column in COLUMNS if any(map(column.cell, rows))]
     cells = [(row.name, *(column.cell(row) or "–" for column in columns)) for row in rows]
     caption = " ".join(sentence(f"{column.head}: {column.about}") for column in columns) if explained else ""
