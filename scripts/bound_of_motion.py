@@ -33,7 +33,7 @@ from maniport.motion.arm_motion import rms_ratio
 from maniport.motion.objective import EXACT_WEIGHT, Objective, Targets
 from maniport.motion.plan.optimizer import time_weights
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, shortest_path
-from maniport.motion.search.pointwise import pointwise_best
+from maniport.motion.search.descent import pointwise_best
 from maniport.studies.paper.trajectories import robot_arm
 from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.validation import Array

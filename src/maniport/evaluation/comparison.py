@@ -154,7 +154,7 @@ def _measured(name: str, adapter: DomainAdapter, data: _TestData, fitted: bool) 
 
 def _gaps(
     robot: Arm, images: dict[str, Array], count: int, own: Regularization, **search: Any
-) -> dict[str, dict[str, Gaps]]:
+) -> dict[str, dict[str, Any]]:
     """Search the feasibility gaps of the images of all methods at once: of `count` ellipsoids of a profile, and probes.
 
     A floor has no derivative: the search adds it to all eigenvalues instead, and the distance is measured with
@@ -168,7 +168,7 @@ def _gaps(
     distances = nearest.distance
     if own.eigenvalue_floor is not None:
         distances = distance_unchecked(own.apply(ellipsoids), own.apply(nearest.ellipsoids))
-    results = {}
+    results = dict[str, dict[str, Any]]()
     for name, gaps in zip(images, distances[inverse.ravel()].reshape(len(images), -1), strict=True):
         profile, domain = np.split(gaps, [len(along)])
         results[name] = {"feasibility_gap": Gaps.of(profile, along)}

@@ -161,11 +161,8 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
             f"original does not vary: all of its pairwise distances are {original_distances[0]:.3g}; distances are "
             "compared"
         )
-    varied = np.ptp(mapped_distances) > STILL
-    rank, angles = (
-        rank_correlation(mapped_distances, original_distances) if varied else 0.0,
-        axis_angles(images, own, -1),
-    )
+    angles, varied = axis_angles(images, own, -1), np.ptp(mapped_distances) > STILL
+    rank = rank_correlation(mapped_distances, original_distances) if varied else 0.0
     if not len(angles):
         return DistancePreservation(rank)
     return DistancePreservation(rank, float(np.median(angles)), float(np.mean(angles > AXIS_MOVED)))

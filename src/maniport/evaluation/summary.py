@@ -102,7 +102,7 @@ class Row:
             ((angle or 0.0) > AXIS_MOVED, "rotated_axes", angle or 0.0, AXIS_MOVED),
             ((self.identity or 0.0) > max_identity_test, "identity_test", self.identity or 0.0, max_identity_test),
         )
-        return tuple(Weakness(*fault) for present, *fault in faults if present)
+        return tuple(Weakness(code, value, limit) for present, code, value, limit in faults if present)
 
 
 @dataclass(frozen=True)
