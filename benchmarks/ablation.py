@@ -44,7 +44,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
-    "no joint descent of the placement": (placement_search, "_improved", lambda group, whole, start, terms: start),
+    "no joint descent of the placement": (placement_search, "_improved", lambda problem, start, terms: start),
     "1 planned placement": (placement_search, "PLANS", 1),
     "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (planner, "smoothness", lambda time, smoothness=planner.smoothness: smoothness(time) / 3.0),

@@ -139,7 +139,7 @@ def evaluation_report(found: Evaluation | Choice) -> Report:
 
 def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: Choice | None = None) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, summary, first = [evaluation.student_noise, *evaluation.rows], evaluation.summary, evaluation.rows[0]
+    rows, summary, first = evaluation.rows, evaluation.summary, evaluation.rows[0]
     columns = [column for column in COLUMNS if any(_cell(row, column) for row in rows)]
     cells = [(row.name, *(_cell(row, column) or "–" for column in columns)) for row in rows]
     caption = " ".join(sentence(f"{column}: {COLUMNS[column][-1]}") for column in columns) if explained else ""

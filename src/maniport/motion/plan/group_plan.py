@@ -18,12 +18,7 @@ from maniport.motion.plan.time_parameterization import Timed
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule
-from maniport.motion.search.pointwise import (
-    STARTS,
-    improved_from,
-    interpolated_distance,
-    pointwise_best,
-)
+from maniport.motion.search.descent import STARTS, improved_from, interpolated_distance, pointwise_best
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.progress import Part, pieces
