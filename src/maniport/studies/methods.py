@@ -1,4 +1,4 @@
-"""All methods of transfer beside one another on six motions of a human arm, for the Panda."""
+"""Comparison of all transfer methods on six motions of a human arm, for the Panda."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class Comparison(NotebookDisplay):
 def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
 ) -> Comparison:
-    """Measure methods on the motions; where every row is asked for, transports of whole clouds come last."""
+    """Measure methods on the motions; if every row is requested, transports of whole clouds come last."""
     further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(EVERY_ROW) else None
     found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows)
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
@@ -52,12 +52,12 @@ def compare_methods(
 
 @describe.register
 def comparison_report(comparison: Comparison) -> Report:
-    """Tell of all methods, in short and motion by motion."""
+    """Report all methods, in short and motion by motion."""
     tables = (
         replace(evaluation_section(one, explained=not index), title=motion, key=motion, metrics=())
         for index, (motion, one) in enumerate(comparison.evaluations.items())
     )
-    return Report("Methods beside one another", "", (replace(in_short(comparison), title="In short"), *tables))
+    return Report("Comparison of methods", "", (replace(in_short(comparison), title="In short"), *tables))
 
 
 def in_short(comparison: Comparison) -> Section:
@@ -67,7 +67,7 @@ def in_short(comparison: Comparison) -> Section:
     columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn", "identity test")
     values = {name: _summary(rows) for name, rows in found.items()}
     cells = tuple((name, *_cells(one)) for name, one in values.items())
-    return Section("Methods beside one another", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
+    return Section("Comparison of methods", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
 
 
 def _summary(rows: Sequence[Row]) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """Placement search: placements are compared by samples, then by planned trajectories, and improved together with them.
 
-Where several arms follow paths that keep together, the costs of the arms are summed. A trajectory is judged by means
+Where several arms follow paths that keep together, the costs of the arms are summed. A trajectory is rated by means
 over the path, to which a few waypoints out of reach, or only in reach where the arm collides, are next to nothing: on
 request the placement is then moved until all waypoints of the whole path are in reach.
 """
@@ -21,7 +21,7 @@ from maniport.util.progress import Part, nobody, pieces
 from maniport.util.sobol import sobol
 from maniport.util.validation import Array
 
-STAGES = 64  # Waypoints of the trajectories that placements are judged by
+STAGES = 64  # Waypoints of the trajectories that placements are rated by
 SAMPLES = 32  # Samples next to a waypoint that placements are compared by
 PLANS = 4  # Placements for which trajectories are planned
 SEPARATION = 0.1

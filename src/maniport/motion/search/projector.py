@@ -1,4 +1,4 @@
-"""Feasible ellipsoids nearest to many others, for fits that ask for them round after round.
+"""Feasible ellipsoids nearest to many others, for fits that need them in each iteration.
 
 `nearest_feasible` searches thoroughly and forgets; here each search continues from the last one and its neighbors.
 """

@@ -110,7 +110,7 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
         .render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
                 summary_cards=_cards(() if report.summary is None else report.summary.metrics))
     )  # fmt: skip
-    end = " Keys: space plays, ← and → step." if data else ""
+    end = " Keys: space to play, ← and → to step." if data else ""
     return document(report.title, body, _script(), data="\n".join(data), end=end)
 
 
