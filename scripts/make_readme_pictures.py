@@ -3,8 +3,8 @@
     python scripts/make_readme_pictures.py [--check FOLDER]
 
 Runs the demo, opens its page in a headless Chromium and writes ``docs/demo.webp``, ``docs/demo_ellipsoids.png``,
-``docs/report.png`` and ``docs/demo.json``, the figures in the README. With ``--check`` nothing is written: the figures of
-a result of ``maniport demo`` are compared with ``docs/demo.json``, so that outdated pictures and figures are noticed.
+``docs/report.png`` and ``docs/demo.json``, the figures in the README. With ``--check`` nothing is written: the figures
+of a result of ``maniport demo`` are compared with ``docs/demo.json``, so that outdated pictures are noticed.
 """
 
 import argparse
