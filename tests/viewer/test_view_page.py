@@ -146,7 +146,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         return [client.camera for client in view._server.get_clients().values()]
 
     with running(view):
-        browser.dress(1400, 900)
+        browser.dress(1000, 500)
         browser.go(view.url)
         browser.wait("!!document.body && document.body.innerText.includes('distance')")
         browser.wait(lambda: view.rate > 0)
@@ -154,7 +154,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.wait(lambda: np.allclose(cameras()[0].look_at, camera_for(cameras()[0].aspect)[1], atol=1e-3))
         browser.wait("document.querySelectorAll('[role=slider]').length > 8")
         thumb = "document.querySelector('[role=slider]').getBoundingClientRect()"
-        browser.wait(f"{thumb}.x > 900")
+        browser.wait(f"{thumb}.x > 600")
         before = panel.read(0.0).joints
 
         def moved():
@@ -166,7 +166,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         home = np.array(cameras()[0].position)
 
         def looks_from_elsewhere():
-            browser.drag((450, 100), (380, 120))
+            browser.drag((350, 100), (280, 120))
             return np.abs(cameras()[0].position - home).max() > 0.3
 
         browser.wait(moved)

@@ -90,9 +90,9 @@ def _next(result: TransferResult | MotionResult, status: str) -> tuple[str, str]
     if status == RED:
         broken = any(exceeded_limits(arm.motion) for arm in result.arms if arm.motion is not None)
         return ("Do not run it: give it more time.", _slower(result)) if broken else ("Do not run it.", "")
-    advices = (_next_of_arm(result, arm) for arm in result.arms)
+    by_arm = (_next_of_arm(result, arm) for arm in result.arms)
     run_it = "Run it" if status == GREEN else "Resolve the warnings before you run it"
-    return next((advice for advice in advices if advice[0]), (f"{run_it}: {RUN}", ""))
+    return next((advice for advice in by_arm if advice[0]), (f"{run_it}: {RUN}", ""))
 
 
 def _next_of_arm(result: TransferResult | MotionResult, arm: ArmResult) -> tuple[str, str]:

@@ -119,13 +119,25 @@ class Summary:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is reported of a result, see `report_of`."""
+    """Everything that is reported of a result, see `report_of`.
+
+    Attributes
+    ----------
+    title, lead : str
+        Title, and a sentence about the kind of result.
+    sections : tuple of Section
+        Metrics and tables by topic.
+    summary : Summary, optional
+        Result, advice and reasons.
+    data_warnings : tuple of Metric
+        Warnings about the data, which precede those of the sections.
+    """
 
     title: str
-    lead: str = ""  # what the result is
+    lead: str = ""
     sections: tuple[Section, ...] = ()
     summary: Summary | None = None
-    data_warnings: tuple[Metric, ...] = ()  # warnings about the data, which precede those of the sections
+    data_warnings: tuple[Metric, ...] = ()
 
     @property
     def metrics(self) -> tuple[Metric, ...]:

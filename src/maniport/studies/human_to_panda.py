@@ -101,5 +101,5 @@ def study(
                 **options,
             )
             found[motion.name, method] = (motion, evaluation)
-            tell.end(f"{evaluation.adapter.name} beside {len(evaluation.rows) - 1} more")
+            tell.end(f"{evaluation.adapter.name} and {len(evaluation.rows) - 1} more")
     return found

@@ -8,7 +8,7 @@ from maniport.errors import MissingPackageError
 
 
 def how_to_install(extra: str) -> str:
-    """Tell the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
+    """Return the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
     return f'pip install "maniport[{extra}]"'
 
 

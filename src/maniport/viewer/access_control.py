@@ -59,7 +59,7 @@ class AccessControl:
             return "it names no host, or more than one"
         name = hosts[0].rpartition(":")[0] or hosts[0]
         if self._names is not None and name.lower() not in self._names:
-            return f"it asks for the host {hosts[0][:LONGEST_TEXT]!r}"
+            return f"it requests the host {hosts[0][:LONGEST_TEXT]!r}"
         if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return f"it comes from {origins[0][:LONGEST_TEXT]!r}"
         given = path.partition("?")[0].strip("/").split("/")[0]

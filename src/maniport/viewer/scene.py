@@ -39,7 +39,7 @@ ONE_ARM, SEVERAL_ARMS = Layout(2.4, 2.9, 0.0), Layout(2.6, 4.2, 0.45)
 def camera_for(aspect: float, layout: Layout = ONE_ARM) -> tuple[Array, Array]:
     """Where to look from and to, so that person and robot are in a view of that width over height [m].
 
-    On phones the controls cover the lower part: the scene stands by 30 % of the height above the middle.
+    On phones the controls cover the lower part: the scene is moved up by 30 % of the height.
     """
     height = max(layout.height, layout.width / max(aspect, 0.2))
     distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD_OF_VIEW)))

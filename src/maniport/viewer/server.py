@@ -104,7 +104,7 @@ def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, st
         access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
 
     server.get_event_loop().set_exception_handler(log)
-    # any page in the browser could ask for it, and would hand this one to strangers
+    # any page in the browser could request it, and would hand this one to strangers
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()

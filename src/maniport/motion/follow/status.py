@@ -1,4 +1,4 @@
-"""How a motion is judged point by point: in words, from good to bad."""
+"""Status of each point of a motion, from good to bad."""
 
 import numpy as np
 from numpy.typing import NDArray

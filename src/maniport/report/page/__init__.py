@@ -110,7 +110,7 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
     template = templates().get_template("report.html")
     body = template.render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
                            summary_cards=cards)  # fmt: skip
-    end = " Keys: space plays, ← and → step." if data else ""
+    end = " Keys: space to play, ← and → to step." if data else ""
     return document(report.title, body, _script(), data="\n".join(data), end=end)
 
 
