@@ -8,7 +8,7 @@
 # make docs   the site, in build/docs, with every example run; whatever Sphinx warns of fails (about three minutes)
 # make links  whether the addresses of others that pages name still answer; needs the network
 # make dist   wheel and sdist, in dist/, each checked, installed and run outside the checkout
-# make lint   style, types and import contracts
+# make lint   style, types, import contracts and spelling
 # make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
 PYTHON ?= python3
@@ -61,6 +61,7 @@ lint: $(VENV)/.installed-lint
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/codespell
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m benchmarks

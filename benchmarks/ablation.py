@@ -31,8 +31,8 @@ from maniport.motion.plan import arm_planner, refinement
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
-from .tracking_motions import motions
-from .tracking_robots import FILES, ROBOTS
+from .motions import motions
+from .robots import ROBOTS, load_robot
 
 BUDGETS: dict[str, dict[str, Any]] = {
     "full": {},
@@ -44,7 +44,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
-    "no joint descent of the placement": (placement_search, "_improved", lambda group, whole, start, terms: start),
+    "no joint descent of the placement": (placement_search, "_improved", lambda problem, start, terms: start),
     "1 planned placement": (placement_search, "PLANS", 1),
     "planning time scale 2": (refinement, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (refinement, "smoothness", lambda time, smoothness=refinement.smoothness: smoothness(time) / 3.0),
@@ -69,10 +69,7 @@ def cases(names: list[str]) -> Iterator[tuple[str, Any, np.ndarray, np.ndarray, 
 
 def load(name: str) -> Arm:
     """Return a robot by name."""
-    if name == "Panda":
-        return mp.load_arm("panda")
-    file, options = ROBOTS[name]
-    return mp.load_arm(FILES / file, **options)
+    return mp.load_arm("panda") if name == "Panda" else load_robot(name)
 
 
 def changed(variant: str) -> ExitStack:
@@ -107,7 +104,8 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     result = follow_profile(arm, [target], clock, [path], **options)
                     seconds = time.process_time() - begin
                 motion, clearance = result.arm.motion, result.motion.clearance
-                assert motion is not None and motion.position_error is not None
+                assert motion is not None
+                assert motion.position_error is not None
                 row = {"variant": variant, "robot": robot, "motion": name, "seed": seed, "seconds": seconds} | {
                     "rms": float(np.sqrt(np.mean(motion.distance**2))),
                     "duration": float(motion.control_time[-1]),

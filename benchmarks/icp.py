@@ -1,87 +1,91 @@
-"""Complete ICP fits, human → Panda, random domains, damping 0.01."""
+"""ICP fits and single rotation steps, against PyManOpt and pyRiemann."""
 
+import json
+import sys
+import time
 import warnings
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+from scipy.stats import special_ortho_group
+
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer import Search
+from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 
-from .complete_fit import measure
-from .inputs import DAMPING, damped, domains
-from .measure import Row, duration, failed, faster, megabytes, race, within
+from .inputs import DAMPING, Array, damped, domains, recentred_domains
+from .measure import Row, compare, duration, faster, fresh_process, megabytes, peak_memory, within
 from .peers.paper_icp import PaperICP
-
-TIMEOUT = 300.0  # s
-
-AS_THE_PEER = {"search": Search(require_improvement=False)}
-"""The paper's method takes the cheapest rotation as it is and repeats no fit on resampled domains."""
+from .peers.pymanopt_rotation import PymanoptRotation
 
 
 def rows(quick: bool) -> Iterator[Row]:
-    """N = 400 against the peer, N = 20 000 for time and memory."""
-    yield _against_paper(100 if quick else 400)
-    yield _with_defaults(100 if quick else 400)
-    yield from _large(2_000 if quick else 20_000)
+    """Yield the rotation step, fits of 400 ellipsoids, and a fit of 20 000."""
+    yield from (_rotation_step(n, bound, 0.5 if quick else 5.0) for n, bound in ((100, 80), (400, 40)))
+    yield from _fits(100 if quick else 400)
+    n = 2_000 if quick else 20_000
+    run = fresh_process("-m", "benchmarks.icp", str(n))
+    yield within(f"ICP, N = {n:,} on both sides", run["seconds"], 10.0, duration)
+    yield within(f"ICP, N = {n:,}: peak memory of the process", run["megabytes"], 1000.0, megabytes)
 
 
-def fit_quietly(adapter: mp.RiemannianICP, teacher: Any, student: Any) -> None:
-    """Fit without the warning that human and robot domains leave the rotation open, which they do."""
+def _rotation_step(n: int, bound: float, seconds: float) -> Row:
+    student, teacher, weights = _matched_pairs(n)
+    starts = [np.eye(3), *special_ortho_group.rvs(3, size=3, random_state=0)]
+    ours, peer = RotationProblem(student, teacher, weights), PymanoptRotation(student, teacher, weights)
+    norms = [
+        max(float(np.linalg.norm(ours.derivatives(getattr(end, "rotation", end))[1])) for end in ends)
+        for ends in ([problem.minimize(start) for start in starts] for problem in (ours, peer))
+    ]
+    times = compare(
+        lambda: [ours.minimize(start) for start in starts], lambda: [peer.minimize(start) for start in starts], seconds
+    )
+    note = f"largest gradient norm {norms[0]:.1g}, PyManOpt {norms[1]:.1g}"
+    return faster(f"rotation step, N = {n}, 4 starts", times, "PyManOpt", bound, note, max(norms) < 1e-9)
+
+
+def _matched_pairs(n: int) -> tuple[Array, Array, Array]:
+    """Pairs S_i, T_i of the paper's score before any rotation, and their weights w³."""
+    teacher, student = recentred_domains(n)
+    index, score = ScoreMatcher(EllipsoidFeatures.of(teacher), EllipsoidFeatures.of(student)).query()
+    weights = score**3.0
+    return student[index], teacher, weights / weights.sum()
+
+
+def _fits(n: int) -> Iterator[Row]:
+    """Compare with the paper's algorithm, which takes the cheapest rotation; then time the defaults."""
+    teacher, student = domains(n)
+    damped_teacher, damped_student = damped(teacher), damped(student)
+    search = Search(require_improvement=False)
+    ours, peer = mp.RiemannianICP(damping=DAMPING, search=search, random_state=0), PaperICP()
+    default = mp.RiemannianICP(damping=DAMPING, random_state=0)
+    times = compare(lambda: fit(ours, teacher, student), lambda: peer.fit(damped_teacher, damped_student), 0.0, 2)
+    note = f"cost {ours.cost_:.3f}, peer {peer.cost_:.3f}"
+    agrees = ours.cost_ <= peer.cost_ * (1.0 + 1e-3)
+    yield faster(f"ICP, N = {n}, without acceptance test", times, "PyManOpt and pyRiemann", 300, note, agrees)
+    seconds = compare(lambda: fit(default, teacher, student), lambda: None).ours
+    yield within(f"ICP, N = {n}, default options", seconds, 0.06, duration)
+
+
+def fit(adapter: mp.RiemannianICP, teacher: Any, student: Any) -> None:
+    """Fit without the warning that the domains do not determine the rotation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         adapter.fit(teacher, student)
 
 
-def _against_paper(n: int) -> Row:
-    teacher, student = domains(n)
-    damped_teacher, damped_student = damped(teacher), damped(student)
-    ours, peer = mp.RiemannianICP(damping=DAMPING, **AS_THE_PEER, random_state=0), PaperICP()
-    times = race(
-        lambda: fit_quietly(ours, teacher, student),
-        lambda: peer.fit(damped_teacher, damped_student),
-        seconds=0.0,
-        least=2,
-    )
-    return faster(
-        f"complete ICP fit, N = {n}, multi-start",
-        times,
-        "PyManOpt + pyRiemann",
-        300,
-        "the peer is benchmarks/peers/paper_icp.py; cost reached (root mean squared distance of the "
-        f"matched pairs): ours {ours.cost_:.3f} from {ours.search.n_starts + 1} starts, "
-        f"{ours.n_iter_} iterations at best; "
-        f"peer {peer.cost_:.3f} in {peer.n_iter_} iterations of {peer.n_starts} starts each",
-        ours.cost_ <= peer.cost_ * (1.0 + 1e-3),
-    )
+def main(n: int) -> None:
+    """Print time and memory of one fit as JSON."""
+    adapter = mp.RiemannianICP(damping=DAMPING, random_state=0)
+    fit(adapter, *domains(64))  # loads the compiled functions
+    clouds = domains(n)
+    begin = time.perf_counter()
+    fit(adapter, *clouds)
+    print(json.dumps({"seconds": time.perf_counter() - begin, "megabytes": peak_memory()}))
 
 
-def _with_defaults(n: int) -> Row:
-    """Time of the defaults: multi-start, test of the improvement, and identifiability."""
-    teacher, student = domains(n)
-    full, bare = (mp.RiemannianICP(damping=DAMPING, random_state=0, **options) for options in ({}, AS_THE_PEER))
-    times = race(lambda: fit_quietly(full, teacher, student), lambda: fit_quietly(bare, teacher, student))
-    return within(
-        f"complete ICP fit, N = {n}, with the defaults",
-        times.ours,
-        0.04,
-        duration,
-        f"{1.0 / times.ratio:.3g} times as long as without multi-start, test and identifiability",
-    )
-
-
-def _large(n: int) -> Iterator[Row]:
-    work = f"complete ICP fit, N = {n:,} on each side"
-    try:
-        found = measure(n, TIMEOUT)
-    except TimeoutError:
-        yield failed(work, "≤ 10 s, ≤ 1000 MB", f"not finished within {duration(TIMEOUT)}")
-        return
-    yield within(f"{work}: time", found["seconds"], 10.0, duration, f"{found['iterations']} iterations of the best")
-    yield within(
-        f"{work}: peak memory",
-        found["megabytes"],
-        1000.0,
-        megabytes,
-        f"of the whole process; {megabytes(found['baseline'])} before the fit",
-    )
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

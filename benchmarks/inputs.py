@@ -1,4 +1,4 @@
-"""What the benchmarks work on: SPD matrices at random, and domains of a human arm and a Panda."""
+"""Inputs of the benchmarks: random SPD matrices, and domains of a human arm and a Panda."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ def ill_conditioned(n: int, d: int, seed: int, condition: float) -> Array:
 
 
 def load(name: str) -> Arm:
-    """An arm by name; the Panda to its flange, as in all figures since the first."""
+    """Load an arm by name; the Panda with its flange as end effector."""
     return mp.load_arm(name, frame="panda_link8" if name == "panda" else None)
 
 
@@ -51,7 +51,7 @@ def damped(points: Array) -> Array:
 
 
 def recentred_domains(n: int) -> tuple[Array, Array]:
-    """Return both domains about the identity and with the student's dispersion, as the matching sees them."""
+    """Return both domains about the identity and with the student's dispersion, as in the matching step of ICP."""
     teacher, student = (damped(domain) for domain in domains(n))
     mean_t, mean_s = mp.spd.mean(teacher), mp.spd.mean(student)
     ratio = mp.spd.dispersion(student, mean_s) / mp.spd.dispersion(teacher, mean_t)

@@ -66,5 +66,6 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "min_reported_time": 1e9,
     "reset_modules": ("curriculum.with_file",),
+    "parallel": True,  # as many processes as sphinx -j
     "abort_on_example_error": True,
 }

@@ -58,8 +58,8 @@ def main(folder):
         )
 
     # Is it better than doing nothing? The same measures for the identity baseline and other cheap alternatives.
-    chosen, pairs = fits["ICP, five pairs"], (few, hung(few))
-    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, pairs=pairs, n_domain=0)
+    chosen = fits["ICP, five pairs"]
+    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, n_domain=0)
     summary = evaluation.summary
     print(f"take {summary.recommended}: {summary.measure} {summary.best_value:.3f}, identity {summary.identity:.3f}")
     write_report(folder / "evaluation.md", mp.report.report_of(evaluation))

@@ -25,8 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.inputs import DAMPING, domains, spd_matrices
-from benchmarks.tracking_motions import motions
-from benchmarks.tracking_robots import FILES, ROBOTS, chain
+from benchmarks.motions import motions
+from benchmarks.robots import FILES, ROBOTS, transferred
 
 import maniport as mp
 from maniport.mocap import shipped_recording
@@ -72,13 +72,13 @@ def ladder(whole: bool) -> Iterator[Row]:
 
 def short_motions(whole: bool) -> Iterator[Row]:
     """Short motions on other robots: placed and planned, beside the tracker."""
-    chosen = [one for one in motions() if whole or one.name == "H-Eval-3"]
+    chosen = [motion for motion in motions() if whole or motion.name == "H-Eval-3"]
     names = [name for name in (ROBOTS if whole else ("UR5", "xArm7")) if (FILES / ROBOTS[name][0]).is_file()]
     for name in names:
         for motion in chosen:
-            done = chain(name, motion)
-            row = statistics(done.planned, done.planned_error, float("nan"), float(done.collisions[0]))
-            row |= {"tracker_rms": float(np.sqrt(np.mean(done.tracked**2))), "seconds": float(done.seconds[0])}
+            done = transferred(name, motion)
+            row = statistics(done.planned, done.planned_error, float("nan"), done.collisions)
+            row |= {"tracker_rms": float(np.sqrt(np.mean(done.tracked**2))), "seconds": done.seconds}
             yield f"{name}, {motion.name}", row
 
 

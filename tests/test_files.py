@@ -88,7 +88,7 @@ def test_unreadable_files_are_refused(tmp_path):
     ("text", "word"),
     [
         ("a: 1\n b: 2\n", "line 2, column 3"),
-        ("a: 1\na: 2\n", "the key 'a' stands twice"),
+        ("a: 1\na: 2\n", "the key 'a' occurs twice"),
         ("a: &x [1]\nb: *x\n", "aliases"),
         ("a: !!python/object/apply:os.system [true]\n", "could not determine a constructor"),
         ("- 1\n", "keys a, b; found list"),

@@ -13,7 +13,6 @@ from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError, ManiportError
 from maniport.learning import ProfileGMM
 from maniport.mocap import read_recording
-from maniport.motion import SeedBank
 from maniport.pipeline.options import HumanOptions
 from maniport.transfer import IdentityMap, load_adapter
 from maniport.util import files
@@ -77,10 +76,6 @@ WRITERS = {
     "profile model": (
         lambda path: ProfileGMM(n_components=1, random_state=0).fit(TIMES, ELLIPSOIDS).save(path),
         ProfileGMM.load,
-    ),
-    "start bank": (
-        lambda path: SeedBank.build(load_arm("panda"), 64, random_state=0).save(path),
-        lambda path: SeedBank.load(path, load_arm("panda")),
     ),
 }
 

@@ -65,7 +65,7 @@ def test_left_and_right_are_mirrored_and_said(people):
     """A left arm among right ones is shown by a right one, and the facts tell it."""
     assert people.arm.side == "right"
     assert people.agreement.after < 0.2
-    assert any("mirrored were lefty" in text for text in report_of(people).notes)
+    assert any("irrored to the right arm: lefty" in text for text in report_of(people).notes)
 
 
 def test_a_robot_follows_what_was_learned(people):

@@ -2,7 +2,7 @@
 
 Every error derives from `ManiportError` and from the builtin that callers of scientific Python expect
 (`ValueError`, `LookupError`, `OSError`), so that both ``except ManiportError`` and ``except ValueError`` work.
-A message says what is wrong, where (argument or file, index), what was found and what is allowed.
+A message states what is wrong, where (argument or file, index), what was found and what is allowed.
 """
 
 import json
@@ -74,7 +74,7 @@ class NotFittedError(ManiportError, ValueError, AttributeError):
 
 
 class NotInvertibleError(ManiportError, TypeError):
-    """A map that has no inverse was asked for one."""
+    """The inverse of a map without an inverse was requested."""
 
 
 class FileFormatError(ManiportError, ValueError):
@@ -86,7 +86,7 @@ class RecordingError(ManiportError, ValueError):
 
 
 class OutputError(ManiportError, OSError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the requested path."""
 
 
 class MissingPackageError(ManiportError, ImportError):
@@ -106,7 +106,7 @@ class IdentifiabilityWarning(ManiportWarning):
 
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
-    """Sort the names there are by their likeness to the name that was asked for."""
+    """Sort existing names by their similarity to the requested name."""
     asked = str(name).lower()
     return sorted(available, key=lambda other: (-SequenceMatcher(None, asked, other.lower()).ratio(), other))
 
@@ -119,7 +119,7 @@ def unknown_name(what: str, name: object, available: Iterable[str], where: str =
     what : str
         What was looked for, such as ``"robot"`` or ``"frame"``, or the argument that takes the name.
     name : object
-        The name that was asked for, or what was given in its place.
+        The requested name, or the value in its place.
     available : iterable of str
         The names that exist.
     where : str, optional
@@ -132,7 +132,7 @@ def unknown_name(what: str, name: object, available: Iterable[str], where: str =
 
 
 def as_text(path: str) -> str:
-    """A path, or what is said of one, that can be written: file systems take bytes that are no letters."""
+    """Make a path, or a text with one, printable: file systems accept bytes that are no characters."""
     return path.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
@@ -157,7 +157,7 @@ def spoken(name: str) -> str:
 
 
 def argument(name: str, value: Any = None, option: str | None = None) -> str:
-    """Say how an argument is given, to who calls functions (``unit='mm'``) or types commands (``--unit mm``)."""
+    """Format an argument as in calls of functions (``unit='mm'``) or as in commands (``--unit mm``)."""
     if not typed():
         return f"{name}=" if value is None else f"{name}={value!r}"
     option = option or _OPTIONS.get(name, "--" + name.replace("_", "-"))

@@ -1,7 +1,7 @@
 """Base of what is fitted: scikit-learn's protocol of estimators, without loading scikit-learn.
 
 `sklearn.base` imports `scipy.stats`, which takes 0.4 s of each fresh process, half as long as a first fit. What is
-here is what scikit-learn asks of estimators that it did not make: parameters are the arguments of the constructor,
+here is what scikit-learn requires of other estimators: parameters are the arguments of the constructor,
 stored as they are, and what was learned ends in an underscore.
 """
 
@@ -67,7 +67,7 @@ class Estimator:
         return f"{type(self).__name__}({', '.join(shown)})"
 
     def __sklearn_tags__(self) -> Any:
-        """Tell scikit-learn, which asks for it, that this learns from what is given, without labels."""
+        """Return the tags of scikit-learn of an estimator that needs no labels."""
         from sklearn.utils import Tags, TargetTags, TransformerTags
 
         transforms = TransformerTags() if hasattr(self, "transform") else None

@@ -1,4 +1,4 @@
-"""What a robot can make, handed to the methods of transfer that ask for it: the only place where the two meet."""
+"""Connects the feasible set of a robot to the transfer methods that use it."""
 
 import copy
 from typing import Any
@@ -15,7 +15,7 @@ def knowing(
     bank: SeedBank | None = None,
     random_state: Any = 0,
 ) -> DomainAdapter:
-    """Return an adapter that asks for what a robot can make, where its method does that and nobody was named to ask."""
+    """Return an adapter that uses the feasible set of a robot, where its method does and none is set."""
     parameters = adapter.get_params(deep=False)
     if robot is None or parameters.get("projector", robot) is not None or getattr(adapter, "from_samples_", False):
         return adapter

@@ -42,7 +42,7 @@ def chosen(request, tmp_path_factory):
     domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
     path = np.zeros((5, 7))
     path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
-    found = choose(*domains, person.manipulability(path), robot=robot, person=person, damping=0.01)
+    found = choose(*domains, person.manipulability(path), robot=robot, damping=0.01)
     return request.param, found, domains
 
 

@@ -27,7 +27,6 @@ from maniport.mocap import read_recording, shipped_recording
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.c3d import DEC, MIPS
 from maniport.mocap.readers.mot import RAJAGOPAL
-from maniport.motion import SeedBank
 from maniport.motion.motion_limits import MotionLimits
 from maniport.transfer import load_adapter
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
@@ -216,8 +215,6 @@ TARGETS = {
     "recording": Target(".npz", _recordings, _read_metres),
     "adapter": Target(".npz", _adapters, _read_adapter),
     "profile model": Target(".npz", _models, lambda path: ProfileGMM.load(path).predict([[0.5]])),
-    "start bank": Target(".npz", lambda: [_saved(SeedBank.build(panda(), 8, random_state=0).save)],
-                         lambda path: SeedBank.load(path, panda())),
     "limits": Target(".yaml", lambda: [
         b"default: {velocity: 1.5, jerk: 1e3}\njoints:\n  panda_joint1: {jerk: 300, lower: -1, upper: 1.5}\n"
         b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"

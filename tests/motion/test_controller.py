@@ -158,7 +158,7 @@ def test_results_are_written_and_read_back(panda, motion, tmp_path):
         assert tuple(arrays["status"]) == result.status
     assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], result.achieved)
     summary = as_numbers(report_of(result))["motion"]
-    assert summary["waypoints"] == {FOLLOWED: len(TIME)}
+    assert summary["waypoints"]["status"] == {FOLLOWED: len(TIME)}
     assert summary["position_error_mm"]["p95"] < 1
     with pytest.raises(OutputError):
         result.save_joints(tmp_path / "nowhere" / "joints.npz")

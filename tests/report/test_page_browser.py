@@ -1,5 +1,7 @@
 """The report in a real browser."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pages import map_with, written
@@ -7,7 +9,7 @@ from pages import map_with, written
 from maniport.report import report_of
 from maniport.report.page import Animation, Body, Line, Panel, Stage, write_page
 from maniport.report.page.animation import animation_of
-from maniport.report.page.panels import ellipsoid_panels
+from maniport.report.page.panels import semi_axis_panels
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,6 @@ def shown(motion):
     skeleton = np.concatenate([np.zeros((60, 1, 3)), arm.T.reshape(60, 2, 3)], axis=1)
     clouds = {"person": teacher[::3], "achieved": 2.0 * teacher[::3]}
     lines = {"person": teacher, "target": wanted}
-    names = {"person": "person", "target": "target"}
     bend = Panel("bend", "rad", (Line("", swing),), limits=(-1.0, 2.0), span=(-1.2, 2.2))
     return Animation(
         time,
@@ -28,7 +29,7 @@ def shown(motion):
             Stage("person", (Body("person", skeleton, {"person": teacher}),)),
             Stage("robot", (Body("robot", skeleton, {"target": wanted, "achieved": teacher}, skeleton[:, -1]),)),
         ),
-        {"Ellipsoids": ellipsoid_panels({"person": teacher, "target": wanted}, names, "m"), "Joints": (bend,)},
+        {"Ellipsoids": semi_axis_panels({"person": teacher, "target": wanted}, "m"), "Joints": (bend,)},
         map_with(clouds, lines),
         legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
         clocks={"robot": 4.0 * time},
@@ -68,10 +69,6 @@ def test_page_is_drawn_without_a_complaint(opened):
     assert opened.complaints == []
     assert len(opened.requests) == 1
     assert opened.requests[0].startswith("file:")
-
-
-def test_stages_show_more_than_their_background(opened):
-    """Both stages hold pixels of many colours: the arms are drawn."""
     drawn = opened.run(
         "new Promise(done => requestAnimationFrame(() => { const player = maniport.players[0]; player.show();"
         " done(player.stages.map(({stage}) => { const {gl, canvas} = stage;"
@@ -79,7 +76,7 @@ def test_stages_show_more_than_their_background(opened):
         " gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, all);"
         " return new Set(new Uint32Array(all.buffer)).size; })); }))"
     )
-    assert min(drawn) > 50
+    assert min(drawn) > 50, "more than their background"
 
 
 def test_keys_move_the_time(opened):
@@ -133,6 +130,28 @@ def test_the_first_screen_answers(browser, results, small_result):
     browser.run("document.querySelector('.card a').click()")
     browser.wait(f"Math.abs(maniport.players[0].now - {round(when, 1) - found.time[0]}) < 1e-3")
     assert browser.complaints == []
+
+
+def test_all_arms_are_drawn_in_one_view(browser, several, tmp_path):
+    """All fit into the view; curves of arms are side by side."""
+    animation = animation_of(several(2))
+    curves = {"Distance": animation.panels["Distance and position error"]}
+    browser.dress()
+    browser.open(written(tmp_path / "report.html", replace(animation, panels=curves)))
+    assert browser.complaints == []
+    low, high = (np.array(browser.run(f"maniport.players[0].bounds(maniport.players[0].motion.stages[0]).{end}"))
+                 for end in ("low", "high"))  # fmt: skip
+    corners = np.concatenate([body.skeleton.reshape(-1, 3) for body in animation.stages[0].bodies])
+    assert np.all(low <= corners.min(axis=0) + 1e-6)
+    assert np.all(high >= corners.max(axis=0) - 1e-6)
+    boxes = browser.run(
+        "[...document.querySelectorAll('.chart')].map(one => [one.getBoundingClientRect().left,"
+        " one.getBoundingClientRect().top])"
+    )
+    assert boxes[0][1] == boxes[1][1]
+    assert boxes[0][0] < boxes[1][0]
+    browser.dress(width=390, height=844)
+    assert browser.run("document.documentElement.scrollWidth") <= 390
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

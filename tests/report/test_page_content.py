@@ -103,5 +103,24 @@ def test_surfaces_have_the_poses_of_forward_kinematics(result, shown):
     assert len(robot.parts) == len(surfaces) > 1
     for part, surface in zip(robot.parts, surfaces, strict=True):
         np.testing.assert_array_equal(part.poses, poses[:, surface.joint])
-        np.testing.assert_array_equal(part.triangles, surface.triangles)
-        np.testing.assert_array_equal(part.points, surface.points)
+        corners = surface.points[surface.triangles].astype(np.float32)
+        np.testing.assert_array_equal(part.points[part.triangles], corners)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_every_arm_is_drawn(several, count):
+    """Each arm has a body with its own ellipsoids and panels that name it; equal surfaces are drawn once."""
+    shown = animation_of(several(count))
+    assert [len(stage.bodies) for stage in shown.stages] == [count, count]
+    assert all(set(body.ellipsoids) == {"target", "achieved"} for body in shown.stages[1].bodies)
+    parts = [len(body.parts) for body in shown.stages[1].bodies]
+    assert parts[0] > 0
+    assert parts[1:] == [0] * (count - 1)
+    names = ("Left", "Right", "Middle")[:count]
+    titles = [panel.title for panel in shown.panels["Distance and position error"]]
+    assert titles[:count] == [f"{name}: Ellipsoid distance" for name in names]
+    joints = [panel.title for panel in shown.panels["Joints of robot"]]
+    assert len(joints) == len(set(joints)) == 7 * count
+    assert shown.map is None
+    report = report_of(several(count))
+    assert len(as_html(report, {report.sections[0].key: [shown]}).encode()) < 6_000_000

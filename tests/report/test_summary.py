@@ -2,6 +2,7 @@
 
 import html
 import io
+import json
 import re
 import shlex
 from dataclasses import replace
@@ -17,9 +18,12 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_html, as_markdown, as_numbers, report_of
 from maniport.report.console import Console
+from maniport.report.metrics import statistics
 from maniport.report.motion import rounded_sum
 from maniport.report.page import as_html as as_page
 from maniport.report.page.animation import animation_of
+from maniport.report.values import Metric, Report, Section
+from maniport.report.write import EXECUTION_FILES, RUN_FILES
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +77,9 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
         collisions = mp.Collisions.of(complete.arm.robot, table=table)
         report = report_of(changed(complete, {"collisions": collisions}))
         assert report.warning_keys == key
-        points = as_numbers(report)["motion"]["lowest_points"]
-        assert points["panda_link5"]["height_mm"] == pytest.approx(1e3 * height)
+        lowest_point = as_numbers(report)["motion"]["lowest_point"]
+        assert lowest_point["link"] == "panda_link5"
+        assert lowest_point["height_mm"] == pytest.approx(1e3 * height)
         if key:
             assert "136 mm below the base plane" in report.warnings[0]
             assert "table=0" in report.warnings[0]
@@ -124,24 +129,75 @@ def test_the_next_command_keeps_the_configuration(result, changed):
         assert words[words.index(name) + 1] == value
 
 
-def test_the_summary_is_the_same_everywhere(result):
-    """Terminal, Markdown, JSON, notebook and page have the same sentences and metrics."""
-    report = report_of(result)
-    summary, screen = report.summary, Console()
+def test_all_renderings_have_the_same_sentences(result, changed):
+    """Terminal, Markdown, JSON, notebook and page have the summary, and the warnings in the same order."""
+    n, arm = len(result.time), result.arm
+    missed = changed(result, {"gap": arm.gap + 1.0}, status=("ellipsoid missed",) * n)
+    report, screen = report_of(replace(missed, warnings=("mind <the> step & the gap",))), Console()
     screen._out.file = io.StringIO()
     screen.tell(report, output="some folder")
-    terminal = screen._out.file.getvalue()
-    page = html.unescape(re.sub("<.*?>", "", as_page(report, {"motion": [animation_of(result)]})))
-    texts = as_markdown(report), page, html.unescape(as_html(result))
-    assert all(summary.title in " ".join(text.split()) for text in texts)
-    assert as_numbers(report)["summary"]["title"] == summary.title
-    assert summary.title[1:] in " ".join(terminal.split())
-    assert all(text[2:30] in " ".join(terminal.split()) for text in report.warnings)
+    terminal, title = " ".join(screen._out.file.getvalue().split()), report.summary.title
+    page = as_page(report, {"motion": [animation_of(missed)]})
+    texts = [re.sub(r"\\(?=[^\w\s])", "", html.unescape(re.sub(r"</?a\b.*?>", "", text)))
+             for text in (as_markdown(report), page, as_html(report))]  # fmt: skip
+    for text in texts:
+        at = [text.find(warning) for warning in report.warnings]
+        assert min(at) >= 0
+        assert at == sorted(at)
+        assert title in " ".join(text.split())
+    numbers = as_numbers(report)
+    assert [one["text"] for one in numbers["warnings"]] == list(report.warnings)
+    assert all(one["key"] for one in numbers["warnings"])
+    assert numbers["summary"]["title"] == title
+    assert title[1:] in terminal
     assert "some folder/report.html" in terminal
-    assert len(terminal.splitlines()) <= 40
-    for metric in summary.metrics[:2]:
+    assert len(screen._out.file.getvalue().splitlines()) <= 40
+    for metric in report.summary.metrics[:2]:
         assert metric.cells()[2] in terminal
         assert metric.cells()[1] in page
+
+
+def test_numbers_of_a_run(result):
+    """JSON has maxima with their times and units in the names; nothing in it is infinite."""
+    report, motion = report_of(result), result.arm.motion
+    numbers = as_numbers(report)
+    assert numbers["motion"]["distance"]["max"] == motion.distance.max()
+    assert numbers["motion"]["distance"]["max_at_s"] == result.time[np.argmax(motion.distance)]
+    assert numbers["motion"]["position_error_mm"]["max"] == pytest.approx(1e3 * motion.position_error.max())
+    assert numbers["run"]["base_rotation"] == np.eye(3).tolist()
+    assert "/root" not in json.dumps(numbers, allow_nan=False)
+
+
+def test_results_are_data_and_are_described_in_a_folder(small_result, alone, tmp_path):
+    """`save` writes data alone; `write_results` also what people read, and returns the report."""
+    small_result.save(tmp_path / "data")
+    saved = {entry.name for entry in (tmp_path / "data").iterdir()}
+    assert {name.split(".")[-1] for name in saved} == {"csv", "npz"}
+    assert saved < set(RUN_FILES)
+    alone.save(tmp_path / "motion")
+    assert {entry.name for entry in (tmp_path / "motion").iterdir()} < set(EXECUTION_FILES)
+    report = mp.write_results(alone, tmp_path / "motion", overwrite=True)
+    summary = json.loads((tmp_path / "motion" / "summary.json").read_text())
+    assert summary["status"] == report.summary.status
+    assert [one["text"] for one in summary["warnings"]] == list(report.warnings)
+
+
+def test_statistics_are_median_percentile_and_maximum():
+    """Of four values at four times; without times the index of the maximum is reported."""
+    metric = statistics("Error", "error", [1.0, 4.0, 2.0, 3.0], [0.0, 0.5, 1.0, 1.5], "mm")
+    assert metric.text == "2.50 mm (median), 3.85 mm (95th percentile), 4.00 mm (max at 0.5 s)"
+    assert metric.value == {"median": 2.5, "p95": pytest.approx(3.85), "max": 4.0, "max_at_s": 0.5}
+    assert statistics("Error", "error", [1.0, 4.0]).value["max_at"] == 1
+
+
+def test_metrics_without_text_are_in_json_alone():
+    """A number that nobody reads has a key; a sentence has none."""
+    metrics = Metric("", "", key="hidden", value=1, unit="°"), Metric("a", "b")
+    report = Report("t", "", (Section("s", metrics, key="k"),))
+    assert as_numbers(report)["k"] == {"hidden_deg": 1}
+    body = as_page(report).split("<body>")[1].split("<script>")[0]
+    assert "hidden" not in as_markdown(report) + as_html(report) + body
+    assert "- A: b." in as_markdown(report)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

@@ -30,7 +30,7 @@ def test_a_line_for_every_method_and_a_table_for_every_motion(small):
     page = as_markdown(report_of(told))
     assert page.count("| icp |") == 2
     assert page.count("\n## ") == 2
-    assert page.count("Methods beside one another") == 1
+    assert page.count("Comparison of methods") == 1
 
 
 def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatch, tmp_path):

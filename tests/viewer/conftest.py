@@ -11,9 +11,8 @@ from maniport import load_arm
 from maniport.arms import VELOCITY
 from maniport.domain import sample_domain
 from maniport.motion import Placement, SeedBank
-from maniport.viewer.maps import Methods, Refitting
-from maniport.viewer.playback import Playback
-from maniport.viewer.state import Side, ViewState
+from maniport.viewer.maps import Maps
+from maniport.viewer.state import Playback, Side, ViewState
 
 
 @pytest.fixture(scope="session")
@@ -29,9 +28,16 @@ def bank(arms):
 
 
 @pytest.fixture(scope="session")
-def methods(arms):
-    """All methods, on small domains."""
-    return Methods(sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1))
+def make_maps(arms):
+    """Make maps on small domains, with the methods of those that are given fitted."""
+    domains = sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1)
+
+    def make(fitted=None, **options):
+        maps = Maps(*domains, **options)
+        maps._fitted |= fitted or {}
+        return maps
+
+    return make
 
 
 @pytest.fixture(scope="session")
@@ -44,32 +50,29 @@ def place():
 
 
 @pytest.fixture(scope="session")
-def all_maps(methods):
+def all_maps(make_maps):
     """Maps of all methods at the identity, fitted once."""
-    return {name: methods.fit(name, np.eye(3)) for name in methods.names}
+    maps = make_maps()
+    return {name: maps.fit(name, np.eye(3)) for name in maps.names}
 
 
 @pytest.fixture(scope="module")
-def make_state(arms, bank, methods, all_maps, place):
-    """Make a state, of other methods or with a recording; its threads end with the module."""
+def make_state(arms, bank, make_maps, all_maps, place):
+    """Make a state, with other maps or with a recording; its threads end with the module."""
     made = []
 
-    def make(methods=methods, recorded=False):
+    def make(maps=None, recorded=False):
         playback = None
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
             playback = Playback(np.linspace(3.0, 5.0, 5), path)
-        known = all_maps if methods.names == tuple(all_maps) else None
-        refitting = Refitting(methods, np.eye(3), None if known is None else ())
-        if known is not None:
-            refitting._maps, refitting._todo = dict(known), []
-        side = Side(*arms, refitting, bank, place)
+        side = Side(*arms, maps or make_maps(all_maps), bank, place)
         made.append(ViewState(arms[1], [side], playback))
         return made[-1]
 
     yield make
     for state in made:
-        state.sides[0].refitting.close()
+        state.sides[0].maps.close()
 
 
 @pytest.fixture

@@ -8,13 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from maniport import Arm, load_arm
 from maniport.errors import FileFormatError
-from maniport.viewer.shapes import (
-    SIZE,
-    find_surfaces,
-    from_roll_pitch_yaw,
-    roll_pitch_yaw,
-    shell,
-)
+from maniport.viewer.panel import from_roll_pitch_yaw, roll_pitch_yaw
+from maniport.viewer.scene import SIZE, find_surfaces, shell
 
 
 def rotation_of_quaternion(wxyz):

@@ -13,10 +13,9 @@ from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportError
 from maniport.motion import SeedBank
 from maniport.viewer import prepare
-from maniport.viewer.maps import GIVEN, Methods, Refitting
-from maniport.viewer.playback import Playback
-from maniport.viewer.shapes import find_surfaces
-from maniport.viewer.state import Command, Side, ViewState
+from maniport.viewer.maps import GIVEN, Maps
+from maniport.viewer.scene import find_surfaces
+from maniport.viewer.state import Command, Playback, Side, ViewState
 from real_robots import NEEDS_ROBOTS
 from sizes import few_places
 
@@ -41,7 +40,7 @@ def test_every_method_can_be_chosen(make_state):
     state, targets = make_state(), {}
     for name in state.methods:
         frame = advance(state, name)
-        targets[name] = frame.target_ellipsoid
+        targets[name] = frame.target.ellipsoid
         assert state.robot.within_limits(frame.student_joints)
         assert np.isfinite(frame.distance)
         assert frame.position_error is None
@@ -51,8 +50,8 @@ def test_every_method_can_be_chosen(make_state):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
     turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
     advance(state, METHOD, base_rotation=turn)
-    assert state.sides[0].refitting.settle()
-    assert np.abs(advance(state, METHOD, base_rotation=turn).target_ellipsoid - targets[METHOD]).max() > 1e-3
+    assert state.sides[0].maps.settle()
+    assert np.abs(advance(state, METHOD, base_rotation=turn).target.ellipsoid - targets[METHOD]).max() > 1e-3
 
 
 def test_the_robot_comes_nearer_within_its_speed(make_state):
@@ -74,13 +73,13 @@ def test_the_end_effector_follows_on_request(make_state, place):
     state = make_state()
     state.sides[0].place = None
     frame = advance(state, tip_follows=True)
-    assert frame.target_tip is None
-    assert "placement" in frame.note
+    assert frame.target.tip is None
+    assert "placement" in frame.target.note
     state.sides[0].place = place
     for _ in range(60):
         frame = advance(state, tip_follows=True)
     assert frame.position_error < 2e-3
-    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target_tip) == pytest.approx(frame.position_error)
+    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target.tip) == pytest.approx(frame.position_error)
 
 
 @pytest.mark.parametrize("more", [{"joints": np.full(7, np.nan)}, {"joints": np.zeros(3)}, {"method": "magic"}])
@@ -94,40 +93,34 @@ def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, arms):
     """An adapter without damping cannot map the flat ellipsoid of a stretched arm."""
     domains = [sample_domain(arm, 256, i) for i, arm in enumerate(arms)]
 
-    class Given(Methods):
-        """The adapter alone."""
-
-        def __init__(self):
-            super().__init__(*domains, given=ParallelTransport().fit(*domains))
-            self.names = (GIVEN,)
-
-    state = make_state(Given())
+    maps = Maps(*domains, given=ParallelTransport().fit(*domains), first=(GIVEN,))
+    maps.names = maps._order = (GIVEN,)
+    state = make_state(maps)
     good = advance(state, GIVEN)
     flat = advance(state, GIVEN, np.zeros(7))
-    assert flat.note.startswith("no image")
-    assert flat.target_ellipsoid == pytest.approx(good.target_ellipsoid)
-    assert state.sides[0].gaps(flat.demonstrated_ellipsoid)[GIVEN] is None
-    assert advance(state, GIVEN).note == ""
+    assert flat.target.note.startswith("no image")
+    assert flat.target.ellipsoid == pytest.approx(good.target.ellipsoid)
+    assert state.sides[0].gaps(flat.target.demonstrated) == {}
+    assert advance(state, GIVEN).target.note == ""
 
 
 def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
     """Until the length field is fitted parallel transport is shown, and a note says so."""
-    gate, fit = threading.Event(), Methods.fit
-    monkeypatch.setattr(Methods, "fit", lambda *given: (given[1] == METHOD or gate.wait(60.0)) and fit(*given))
+    gate, fit = threading.Event(), Maps.fit
+    monkeypatch.setattr(Maps, "fit", lambda *given: (given[1] == METHOD or gate.wait(60.0)) and fit(*given))
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
         monkeypatch.setattr(prepare, name, size)
     with few_places():
         state, method, turn = prepare.prepare("rhuman", "panda")
-        refitting = state.sides[0].refitting
+        maps = state.sides[0].maps
         try:
             assert method == "length-field"
-            refitting.begin()
+            maps.begin()
             frame = advance(state, method, base_rotation=turn, tip_follows=True)
-            assert "length-field is being fitted; the target is that of parallel-transport" in frame.note
+            assert "length-field is being fitted; the target is that of parallel-transport" in frame.target.note
         finally:
             gate.set()
-            refitting._todo.clear()
-            refitting.close()
+            maps.close()
     assert state.sides[0].place is not None
 
 
@@ -156,8 +149,8 @@ def sides_of(robot):
     """The person's arms and a robot's, on small domains."""
     for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
         person = human_arm("rhuman", side)
-        methods = Methods(sample_domain(person, 128, 0), sample_domain(arm, 256, 1))
-        yield Side(person, arm, Refitting(methods, np.eye(3), (METHOD,)), SeedBank.build(arm, 512, 0), base=base)
+        maps = Maps(sample_domain(person, 128, 0), sample_domain(arm, 256, 1), first=(METHOD,))
+        yield Side(person, arm, maps, SeedBank.build(arm, 512, 0), base=base)
 
 
 def test_both_arms_move_as_each_alone(pandas):
@@ -168,14 +161,14 @@ def test_both_arms_move_as_each_alone(pandas):
         both = pair.frames(command(METHOD, np.tile(joints, 2)), 1.0 / 60.0)
         for frame, state in zip(both, alone, strict=True):
             expected = advance(state, METHOD, joints, seconds=1.0 / 60.0)
-            np.testing.assert_array_equal(frame.target_ellipsoid, expected.target_ellipsoid)
+            np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
             np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
     with few_places():
         pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
     left, right = pair.frames(command(METHOD, np.tile(POSE, 2), tip_follows=True), FRAME)
     hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
     scale = pair.sides[0].place.scale
-    distance = np.linalg.norm(right.target_tip - left.target_tip)
+    distance = np.linalg.norm(right.target.tip - left.target.tip)
     assert distance == pytest.approx(scale * np.linalg.norm(hands[1] - hands[0]))
     assert pair.sides[1].place.scale == scale
 

@@ -23,16 +23,16 @@ entry_point.main()
 
 ENDLESS = """
 import threading
-from maniport.viewer.maps import Methods
+from maniport.viewer.maps import Maps
 from maniport.viewer.state import ViewState
 ViewState.find_place = lambda *given: None
-fit = Methods.fit
+fit = Maps.fit
 def endless(self, name, base_rotation):
     if name != prepare.AT_ONCE:
         print("fitting", flush=True)
         threading.Event().wait()
     return fit(self, name, base_rotation)
-Methods.fit = endless
+Maps.fit = endless
 entry_point.main()
 """
 """The same, where a fit does not end."""

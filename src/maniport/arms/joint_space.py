@@ -89,7 +89,7 @@ class JointSpace(NotebookDisplay):
         return (q < self.lower - tolerance) | (q > self.upper + tolerance)
 
     def configurations(self, q: ArrayLike, name: str = "q") -> Array:
-        """Require finite configurations, shape (..., dof), within limits or not; `name` is said in messages."""
+        """Require finite configurations, shape (..., dof), within limits or not; `name` is for messages."""
         array = as_finite(q, name)
         if array.ndim < 1 or array.shape[-1] != self.dof:
             raise InvalidInputError(
@@ -158,12 +158,12 @@ class Manipulable(JointSpace):
         InvalidInputError
             When an argument has a wrong shape or value, or the velocity limits are not known.
         NotSPDError
-            When a force ellipsoid is asked for where the arm is singular.
+            When a force ellipsoid is requested where the arm is singular.
         """
         return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Manipulability matrices (..., d, d) as a specification asks for; see `manipulability`."""
+        """Manipulability matrices (..., d, d) of a specification; see `manipulability`."""
         return manipulability(self.jacobian(q), self.resolved(spec))
 
     def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 The velocity ellipsoid ``M = J W² Jᵀ`` holds the end-effector velocities ``ẋ = J q̇`` of all joint velocities with
 ``|W⁻¹ q̇| ≤ 1``; the force ellipsoid is its inverse ``(J W² Jᵀ)⁻¹`` (Yoshikawa 1985). ``W`` is the diagonal matrix
-of the joint weights, the identity by default. With W the joints' velocity limits, M says what the joints can
+of the joint weights, the identity by default. With W the joints' velocity limits, M describes what the joints can
 really do.
 """
 

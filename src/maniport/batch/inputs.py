@@ -90,7 +90,7 @@ def _matches(text: str) -> list[tuple[Path, str]]:
 
 
 def _has_frames(path: Path) -> bool:
-    """Whether a path is a folder of keypoints, one JSON file a frame: no result, and no recordings beside JSON."""
+    """Whether a path is a folder of keypoints, one JSON file a frame: no result, and no recordings in other formats."""
     if not path.is_dir() or not any(path.glob("*.json")):
         return False
     return not any(file.name in (ABOUT, SUMMARY) or _is_recording(file) for file in path.iterdir())

@@ -142,7 +142,7 @@ def work(task: Task) -> list[dict[str, Any]]:
                 if not human:
                     recording = task.order.human.read(task.source.path)
                     if content_of(task.source) != task.content:
-                        raise ManiportError(f"{task.source.path}: it was changed meanwhile; start again")
+                        raise ManiportError(f"{task.source.path}: it changed during the batch; start again")
                     fitted, texts = recorded(partial(stages.fit_human, recording, robot.job))
                     human.append((fitted.subsampled(task.order.profile_rate), texts))
                 rows.append(_pair(task, robot, settings, *human[0], begun))

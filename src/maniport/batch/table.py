@@ -31,14 +31,13 @@ PARTS = ("upper arm", "forearm", "hand")
 
 METRICS = (
     *(f"motion.{name}.{value}" for name in ("distance", "position_error_mm", "orientation_error_deg",
-                                            "major_axis_angle_deg", "feasibility_gap", "pointwise_best")
+                                            "major_axis_angle_deg", "feasibility_gap")
       for value in STATISTICS),
-    *(f"motion.semi_axes.{axis}.median" for axis in ("major", "middle", "minor")),
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("pointwise_ratio", "points.missed", "points.count", "jumps.points",
-                                    "duration_s.robot", "duration_s.person", "jerk.rms", "jerk.peak")),
+    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count", "jumps.points",
+                                    "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
     *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",

@@ -126,7 +126,7 @@ def evaluate(
     """Compare a fitted adapter with baselines."""
     from maniport.arms import load_arm
     from maniport.evaluation import evaluate
-    from maniport.evaluation.baselines import ROWS
+    from maniport.evaluation.baselines import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 
@@ -137,7 +137,7 @@ def evaluate(
         evaluation = evaluate(
             fitted, *sets, robot=arm, person=None if person is None else load_arm(person),
             truth=None if truth is None else load_ellipsoids(truth)[0], spec=config.transfer.spec,
-            rows=ROWS if methods is None else _rows(methods), random_state=config.seed, progress=progress,
+            rows=BASELINES if methods is None else _rows(methods), random_state=config.seed, progress=progress,
         )  # fmt: skip
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
@@ -176,8 +176,9 @@ def _require_report(output: Path | None) -> None:
 
 def _rows(methods: str) -> tuple[str, ...]:
     """Split names of rows at commas; "all" stands for every row."""
-    from maniport.evaluation.baselines import EVERY_ROW, as_row
+    from maniport.transfer import METHODS
+    from maniport.util.validation import as_choice
 
     if methods == "all":
-        return EVERY_ROW
-    return tuple(as_row(name.strip(), "method", "all") for name in methods.split(","))
+        return tuple(METHODS)
+    return tuple(as_choice(name.strip(), "method", (*METHODS, "all")) for name in methods.split(","))

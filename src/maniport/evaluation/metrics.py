@@ -1,4 +1,4 @@
-"""Metrics of mapped ellipsoids: error, steps, distance preservation and identity test.
+"""Metrics of mapped ellipsoids: error, successive distance, distance preservation and identity test.
 
 All take SPD matrices with the same regularization on both sides; distances at different ones are not comparable.
 """
@@ -72,29 +72,20 @@ class Smoothness:
 
 @dataclass(frozen=True)
 class DistancePreservation:
-    """Pairwise distances and principal axes of mapped ellipsoids, compared with the teacher's.
+    """Pairwise distances and longest axes of mapped ellipsoids, compared with the teacher's.
 
     Attributes
     ----------
     rank_correlation : float
         Rank correlation of the pairwise distances; zero where all are mapped to one ellipsoid.
-    distortion : float
-        Median of abs(log(d_mapped / (s d_original))) over the pairs, s being the median ratio: 0 for an isometry up
-        to scale. Infinite where most pairs collapse.
-    major_axis_angle, minor_axis_angle : float or None
-        Median angle between the longest and shortest axes of both [degrees]. None where no axis is distinct.
-    major_undefined, minor_undefined : int
-        Number of ellipsoids without a distinct longest or shortest axis, in the original or the mapped one.
+    major_axis_angle : float or None
+        Median angle between the longest axes of both [degrees]. None where no axis is distinct.
     major_axis_moved : float or None
         Fraction of the ellipsoids with distinct longest axes in which that angle exceeds 10°.
     """
 
     rank_correlation: float
-    distortion: float
-    major_axis_angle: float | None
-    minor_axis_angle: float | None
-    major_undefined: int
-    minor_undefined: int
+    major_axis_angle: float | None = None
     major_axis_moved: float | None = None
 
 
@@ -146,7 +137,7 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
 
 
 def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
-    """Compare pairwise distances and principal axes of mapped ellipsoids with those of the teacher's.
+    """Compare pairwise distances and longest axes of mapped ellipsoids with those of the teacher's.
 
     Parameters
     ----------
@@ -164,17 +155,17 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
     distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
-    rank, distortion = _compare_distances(*distances)
-    major, minor = (axis_angles(images, own, which) for which in (-1, 0))
-    return DistancePreservation(
-        rank,
-        distortion,
-        float(np.median(major)) if len(major) else None,
-        float(np.median(minor)) if len(minor) else None,
-        len(own) - len(major),
-        len(own) - len(minor),
-        float(np.mean(major > AXIS_MOVED)) if len(major) else None,
-    )
+    mapped_distances, original_distances = distances
+    if np.ptp(original_distances) <= STILL:
+        raise InvalidInputError(
+            f"original does not vary: all of its pairwise distances are {original_distances[0]:.3g}; distances are "
+            "compared"
+        )
+    angles, varied = axis_angles(images, own, -1), np.ptp(mapped_distances) > STILL
+    rank = rank_correlation(mapped_distances, original_distances) if varied else 0.0
+    if not len(angles):
+        return DistancePreservation(rank)
+    return DistancePreservation(rank, float(np.median(angles)), float(np.mean(angles > AXIS_MOVED)))
 
 
 def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -> float:
@@ -216,19 +207,3 @@ def as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, mini
 def moves(profile: Array) -> bool:
     """Whether ellipsoids (n, d, d) change at all."""
     return bool(np.max(distance_unchecked(profile[:1], profile)) > STILL)
-
-
-def _compare_distances(mapped: Array, original: Array) -> tuple[float, float]:
-    """Rank correlation and distortion of pairwise distances."""
-    if np.ptp(original) <= STILL:
-        raise InvalidInputError(
-            f"original does not vary: all of its pairwise distances are {original[0]:.3g}; distances are compared"
-        )
-    rank = rank_correlation(mapped, original) if np.ptp(mapped) > STILL else 0.0
-    distinct = original > STILL
-    ratios = mapped[distinct] / original[distinct]
-    scale = float(np.median(ratios))
-    if scale <= STILL:
-        return rank, float("inf")
-    with np.errstate(divide="ignore"):
-        return rank, float(np.median(np.abs(np.log(ratios / scale))))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.errors import unknown_name
-from maniport.evaluation.baselines import IDENTITY, LOOKUP, TRANSPORT
+from maniport.evaluation.baselines import IDENTITY, LOOKUP
 from maniport.evaluation.metrics import RMSE, STILL, DistancePreservation, Smoothness
 from maniport.transfer import METHODS
 from maniport.transfer.length_field.report import AXIS_MOVED, MIN_RANK_CORRELATION
@@ -22,22 +22,12 @@ from maniport.util.validation import Array
 
 RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to count as better
 
-MAX_STEP_RATIO = 1.5  # Largest step over the teacher's largest above which a method is rough
-
-MAX_IDENTITY_TEST = 0.15  # Largest passing value of the identity test
-
 
 @dataclass(frozen=True)
 class Gaps:
-    """Mean, median, 95th percentile and maximum of distances to the feasible set.
+    """Statistics of distances to the feasible set, and the row of the largest.
 
     Methods are compared by the mean: where half of a profile is feasible, the median is zero for all of them.
-
-    Attributes
-    ----------
-    mean, median, p95, largest : float
-    where : int
-        Row of the largest.
     """
 
     mean: float
@@ -74,8 +64,6 @@ class Row:
     smoothness : Smoothness or None
     preservation : DistancePreservation or None
         None where the teacher's ellipsoids do not change.
-    energy_distance : float or None
-        From the mapped domain of the teacher to the student's.
     identity : float or None
         Identity test: RMSE undivided, truth 0.
     failures : tuple of str
@@ -92,7 +80,6 @@ class Row:
     domain_feasibility_gap: Gaps | None = None
     smoothness: Smoothness | None = None
     preservation: DistancePreservation | None = None
-    energy_distance: float | None = None
     identity: float | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -103,26 +90,32 @@ class Row:
             return None if self.rmse is None else self.rmse.undivided
         return None if not measure or self.feasibility_gap is None else self.feasibility_gap.mean
 
+    def weaknesses(self, max_step_ratio: float = 1.5, max_identity_test: float = 0.15) -> "tuple[Weakness, ...]":
+        """List the faults of the method, whatever its gaps."""
+        steps, kept = self.smoothness, self.preservation
+        ratio, median = (0.0, np.inf) if steps is None else (steps.largest_ratio, steps.median)
+        rank, angle = (1.0, None) if kept is None else (kept.rank_correlation, kept.major_axis_angle)
+        faults = (
+            (ratio > max_step_ratio, "large_step", ratio, max_step_ratio),
+            (median <= STILL, "plateau", median, STILL),
+            (rank < MIN_RANK_CORRELATION, "rank_correlation", rank, MIN_RANK_CORRELATION),
+            ((angle or 0.0) > AXIS_MOVED, "rotated_axes", angle or 0.0, AXIS_MOVED),
+            ((self.identity or 0.0) > max_identity_test, "identity_test", self.identity or 0.0, max_identity_test),
+        )
+        return tuple(Weakness(code, value, limit) for present, code, value, limit in faults if present)
+
 
 @dataclass(frozen=True)
 class Weakness:
-    """A fault of a method, whatever its gaps.
+    """A fault of a method: its code, the metric, and the limit of the metric.
 
-    Attributes
-    ----------
-    code : {"large_step", "plateau", "rank_correlation", "rotated_axes", "identity_test"}
-        Largest step over the teacher's; median step where the teacher moves; rank correlation of distances; rotation of
-        the longest axes [degrees]; identity test.
-    value, threshold : float
-        The metric, and its limit.
-    reference : float or None
-        Value of parallel transport, for the identity test.
+    Codes are "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
+    "rank_correlation" (of distances), "rotated_axes" (of the longest axes [degrees]) and "identity_test".
     """
 
     code: str
     value: float
     threshold: float
-    reference: float | None = None
 
 
 @dataclass(frozen=True)
@@ -176,8 +169,7 @@ class Summary:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values, ready for JSON."""
-        derived = {name: getattr(self, name) for name in ("value", "identity", "best", "best_value")}
-        return {**asdict(self), **derived}
+        return {**asdict(self), **{name: getattr(self, name) for name in ("value", "identity", "best", "best_value")}}
 
 
 def summarize(rows: Sequence[Row]) -> Summary:
@@ -191,8 +183,7 @@ def summarize(rows: Sequence[Row]) -> Summary:
     }
     own = values.get(first.name, 0.0)
     same = tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], own))
-    recommended = _recommended(rows, values, measure)
-    return Summary(measure, first.name, values, recommended, same, tuple(_weaknesses(first, rows)))
+    return Summary(measure, first.name, values, _recommended(rows, values, measure), same, first.weaknesses())
 
 
 @dataclass(frozen=True)
@@ -203,14 +194,11 @@ class Evaluation(NotebookDisplay):
     ----------
     rows : tuple of Row
         The adapter first, then the baselines.
-    student_noise : Row
-        The energy distance of fresh samples of the student to its own domain: the effect of sampling alone.
     settings : dict
         Sizes, regularization, seed, and the source of samples; ready for JSON.
     """
 
     rows: tuple[Row, ...]
-    student_noise: Row
     settings: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -235,34 +223,17 @@ class Evaluation(NotebookDisplay):
         return named[name]
 
 
-def _weaknesses(row: Row, others: Sequence[Row] = ()) -> list[Weakness]:
-    """List the faults of a method; parallel transport is looked up among the other rows."""
-    found, steps, kept = [], row.smoothness, row.preservation
-    if steps is not None and steps.largest_ratio > MAX_STEP_RATIO:
-        found.append(Weakness("large_step", steps.largest_ratio, MAX_STEP_RATIO))
-    if steps is not None and steps.median <= STILL:
-        found.append(Weakness("plateau", steps.median, STILL))
-    if kept is not None and kept.rank_correlation < MIN_RANK_CORRELATION:
-        found.append(Weakness("rank_correlation", kept.rank_correlation, MIN_RANK_CORRELATION))
-    if kept is not None and kept.major_axis_angle is not None and kept.major_axis_angle > AXIS_MOVED:
-        found.append(Weakness("rotated_axes", kept.major_axis_angle, AXIS_MOVED))
-    if row.identity is not None and row.identity > MAX_IDENTITY_TEST:
-        transport = next((other.identity for other in others if other.name == TRANSPORT and other is not row), None)
-        found.append(Weakness("identity_test", row.identity, MAX_IDENTITY_TEST, transport))
-    return found
-
-
 def _recommended(rows: Sequence[Row], values: Mapping[str, float], measure: str) -> str:
     """Return the recommended method; empty where nothing is compared."""
-    order = {name: index for index, name in enumerate(METHODS)}
+    order = list(METHODS)
     candidates: dict[str, Row] = {}
     for row in rows:
         name = row.method if row.method in METHODS else row.name
         if row.name in values and (name in METHODS or row is rows[0]) and (name != LOOKUP or measure == "rmse"):
             candidates.setdefault(name, row)
-    ranked = sorted(candidates, key=lambda name: order.get(name, len(order)))
+    ranked = sorted(candidates, key=lambda name: order.index(name) if name in METHODS else len(order))
     if measure != "rmse":
-        sound = [name for name in ranked if not (_weaknesses(candidates[name]) or candidates[name].failures)]
+        sound = [name for name in ranked if not (candidates[name].weaknesses() or candidates[name].failures)]
         ranked = sound or ranked
     reached = {name: values[candidates[name].name] for name in ranked}
     best = min(reached.values(), default=0.0)

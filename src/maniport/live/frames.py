@@ -112,7 +112,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
         (twice, _), *_ = Counter(name for name, _ in pairs).most_common(1)
-        raise InvalidInputError(f"each name may stand once in an object; found {_short(twice)} more than once")
+        raise InvalidInputError(f"each name may occur once in an object; found {_short(twice)} more than once")
     return found
 
 

@@ -41,7 +41,7 @@ PRIOR_INFORMATION = (MEASUREMENT_ERROR / PRIOR) ** 2  # Information on each join
 
 @dataclass(frozen=True)
 class ArmEstimate:
-    """Joint angles of a frame, and what they say about the next one."""
+    """Joint angles of a frame, and the prediction of the next frame from them."""
 
     q: Array  # Shape (dof,) [rad]
     velocity: Array  # Shape (dof,) [rad/s]

@@ -137,8 +137,8 @@ def best_start(
     objective = Objective.of(arm, spec, damping, positive=True)
     positions = None if tip is None else np.tile(tip, (starts, 1))
     targets = objective.targets(np.repeat(ellipsoid[None], starts, axis=0), positions)
-    near = bank.starts(ellipsoid[None], None if tip is None else tip[None], starts)[0]
-    found = np.concatenate([descend(targets, near[:, None], 1e-6, 100), near])
+    near = bank.starts_for(targets[:1], starts)[0]
+    found = np.concatenate([descend(targets, near[:, None], 1e-6, 100, block=starts), near])
     # samples are taken only where no configuration that was found from them is free
     costs = np.concatenate([targets.cost(found[:starts]), targets.cost(near) + 1e6])
     found = found[np.argsort(costs, kind="stable")]

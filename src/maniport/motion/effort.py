@@ -12,7 +12,7 @@ class Effort:
     """Search budget of placement and planning."""
 
     candidates: int = 4096  # placements compared by samples
-    placement_nodes: int = 120  # nodes per stage of the roadmap of a placement
+    placement_nodes: int = 60  # nodes per stage of the roadmap of a placement
     nodes: int = 300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
     stage: float = 0.55  # longest time between stages at the planning time scale [s]
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another optimizer step

@@ -246,7 +246,7 @@ def _look_up(
     where: str,
     found: dict[str, Array],
 ) -> tuple[Array, str, tuple[str, ...]]:
-    """Limits of one quantity for all joints, the sentence that says where they come from, and the assumed ones."""
+    """Limits of one quantity for all joints, the sentence about their source, and the assumed ones."""
     values, names_by_source, assumed = np.zeros(arm.dof), dict[str, list[str]](), list[str]()
     for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, _own_names(arm), strict=True)):
         described = np.inf if arm.velocity_limits is None else float(arm.velocity_limits[i])

@@ -210,7 +210,7 @@ def _count(time: Array, rate: float = 30.0, most: int = 1500) -> int:
 
 
 def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
-    """Fit a mixture of so many Gaussians, or of as many as the BIC says."""
+    """Fit a mixture of so many Gaussians, by default of the number with the least BIC."""
     step, data = Step(progress, "Learn profile"), alignment.stacked()
     room = len(data[1]) // points_each(data[1].shape[-1])
     tried = [one for one in (1, 2, 4, 8, 16, 32) if one <= max(room, 1)] if count is None else [count]

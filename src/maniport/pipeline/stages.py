@@ -40,8 +40,6 @@ from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
 from maniport.util.defaults import BOTH
 from maniport.util.validation import Array
 
-BASELINES = ("identity", "mean-transport", "parallel-transport")
-
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
     """Read a recording."""
@@ -125,7 +123,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
     if not isinstance(settings.adapter, DomainAdapter):
         assert profile is not None
         choice = choose(
-            teacher, student, profile, person=person, robot=settings.arms[arm], spec=spec, bank=bank,
+            teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
             random_state=settings.random_state, progress=progress, **settings.adapter,
         )  # fmt: skip
         return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
@@ -169,7 +167,7 @@ def evaluate(
         if evaluation is None and baselines:
             evaluation = compared_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
-                spec=settings.specs[i], rows=BASELINES, bank=_bank(robot, settings, i), n_domain=0,
+                spec=settings.specs[i], bank=_bank(robot, settings, i), n_domain=0,
                 random_state=settings.random_state, progress=settings.progress,
             )  # fmt: skip
         transfers.append(

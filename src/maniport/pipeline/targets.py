@@ -12,7 +12,7 @@ from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.motion import Placement
 from maniport.motion.objective import POINTING, Damping
-from maniport.motion.search.pointwise import interpolated_distance
+from maniport.motion.search.descent import interpolated_distance
 from maniport.pipeline.results import placement_rows
 from maniport.pipeline.values import FittedMap, Human, Settings
 from maniport.transfer.rotation_group import orthonormal, rotation_angle

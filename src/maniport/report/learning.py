@@ -1,6 +1,5 @@
 """Report of what is learned from several demonstrations: agreement, outliers, prediction of held-out ones."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,8 +15,6 @@ from maniport.report.runs import software
 from maniport.report.values import Metric, Report, Section, Summary
 
 AGREE, IN_PART = 0.2, 0.5  # Shares of the variance between demonstrations up to which they agree, and agree in part
-
-HELD_OUT = ("learned", "plain_mean", "nearest_other", "one_for_all_times")
 
 
 @describe.register
@@ -40,12 +37,9 @@ def learned_report(learned: LearnedProfile) -> Report:
 
 def _equal(learned: LearnedProfile) -> list[str]:
     """Name demonstrations that are equal, as when one file is given twice."""
-    pairs = np.argwhere(np.triu(learned.agreement.apart < 1e-6, 1))
-    if not len(pairs):
-        return []
-    first, second = (learned.names[i] for i in pairs[0])
-    more = f", and so are {len(pairs) - 1} other pairs" if len(pairs) > 1 else ""
-    return [f"{first} and {second} are the same{more}: their agreement has no meaning"]
+    pairs = [f"{learned.names[i]} and {learned.names[k]}"
+             for i, k in np.argwhere(np.triu(learned.agreement.apart < 1e-6, 1))]  # fmt: skip
+    return [f"{listed(pairs)} are the same: their agreement has no meaning"] if pairs else []
 
 
 def _differ(learned: LearnedProfile) -> list[str]:
@@ -71,11 +65,12 @@ def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
 
 
 def _held_out(found: Agreement) -> dict[str, float]:
-    """Mean distances of held-out demonstrations from what is known without them."""
+    """Mean distances of held-out demonstrations from predictions by the others."""
     held = found.held_out
     assert held is not None
-    means = (float(np.mean(values)) for values in (held.learned, held.mean, held.nearest, held.constant))
-    return dict(zip(HELD_OUT, means, strict=True))
+    values = {"learned": held.learned, "plain_mean": held.mean, "nearest_other": held.nearest,
+              "one_for_all_times": held.constant}  # fmt: skip
+    return {name: float(np.mean(distances)) for name, distances in values.items()}
 
 
 def _more(learned: LearnedProfile) -> str:
@@ -100,11 +95,7 @@ def _agreement(found: Agreement) -> list[Metric]:
     ]  # fmt: skip
     if found.held_out is not None:
         held = _held_out(found)
-        learned, mean, nearest, constant = held.values()
-        text = (
-            f"{learned:.2f} to the learned profile, {mean:.2f} to the plain mean, {nearest:.2f} to the nearest other, "
-            f"{constant:.2f} to one ellipsoid for all times"
-        )
+        text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in held.items())
         metrics.append(Metric("Leave-one-out distance", text, "Mean over the demonstrations.", "left_out", held))
     return metrics
 
@@ -149,16 +140,10 @@ def _demonstrations(learned: LearnedProfile) -> Section:
 def _preparation(learned: LearnedProfile) -> list[str]:
     """Report what made the demonstrations comparable: mirroring and segment lengths."""
     side = learned.arm.side
-    sides = Counter(one.fit.arm.side for one in learned.demonstrations)
     mirrored = [one.name for one in learned.demonstrations if one.fit.arm.side != side]
-    every = [one.fit.segment_lengths for one in learned.demonstrations]
-    spans = []
-    for segment in every[0]:
-        lengths = [one[segment] for one in every if segment in one]
-        spans.append(f"{segment} {min(lengths):.3f} to {max(lengths):.3f} m")
-    arm = "one arm of mean lengths" if learned.lengths == "mean" else "arms of these lengths, which differ in size"
-    mirrors = f"{sides[side]} demonstrations show the {side} arm; mirrored were {listed(mirrored)}"
-    return [*([mirrors] if mirrored else []), f"lengths: {listed(spans)}; all ellipsoids are those of {arm}"]
+    arm = "one arm of mean lengths" if learned.lengths == "mean" else "arms that differ in size"
+    mirrors = [f"mirrored to the {side} arm: {listed(mirrored)}"] if mirrored else []
+    return [*mirrors, f"all ellipsoids are those of {arm}"]
 
 
 def _settings(learned: LearnedProfile) -> Section:

@@ -1,11 +1,11 @@
-"""Registries of metrics, warnings and reports.
+"""The registry of metrics and of red warnings, and reports of objects.
 
 `report_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
 (`maniport.report.page`) and the table of a batch render the same report.
 """
 
 import importlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.motion.status import NEAR_DISTANCE
 from maniport.report.values import AMBER, GREEN, NOTE, RED, WARNING, Metric, Report, Table, at_time
 
 MODULES = {
@@ -25,55 +26,49 @@ MODULES = {
 }
 """Modules of this package that describe the classes of another package; they are imported when they are needed."""
 
+METRICS = {
+    metric.key: metric
+    for metric in (
+        Metric("Ellipsoid distance", "", "0.1: one axis is 5 % too long; 1: 65 %.", "distance", main=True),
+        Metric("Position error", "", "Of the end effector; it has priority over ellipsoids.", "position_error",
+               unit="mm", main=True),
+        Metric("Orientation error", "", "Between the constrained axes and their target.", "orientation_error",
+               unit="°", main=True),
+        Metric("Duration", "", "Time-scaled to satisfy the limits; other times are demonstrated.", "duration",
+               unit="s", main=True),
+        Metric("Limits", "", "Largest value relative to the limit.", "limits", main=True),
+        Metric("Collisions", "", "Between convex hulls of links, table and obstacles.", "collisions", main=True),
+        Metric("Mean distance", "", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
+               "Motion: added by limits.", "mean_distance", main=True),
+        Metric("Waypoints", "", f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance.",
+               "waypoints"),
+        Metric("Ratio to the best pointwise distances found", "", "Of root mean squares; no bound.",
+               "pointwise_ratio"),
+        Metric("Distance to the feasible set", "", "Of the target; an upper bound.", "feasibility_gap"),
+        Metric("Angle between longest axes", "", "Where both ellipsoids have a longest axis.", "major_axis_angle",
+               unit="°"),
+        Metric("Jumps of the recording", "", "Mostly errors of the recording or of its fit.", "jumps"),
+        Metric("Cost of the orientation", "", "Mean distance with and without the constraint.", "orientation_cost"),
+        Metric("Lowest point", "", "Of the moving links, above the base plane.", "lowest_point"),
+        Metric("Relative position error", "", "From the scaled vector between the hands.",
+               "relative_position_error", unit="mm"),
+    )
+}  # fmt: skip
+"""Metrics of a robot's motion by key, in the order in which they are reported."""
 
-Value = ArrayLike | tuple[str, Any] | None
-"""Value of a metric for each waypoint, or its text and its value for programs, or nothing."""
-
-
-METRICS: dict[str, tuple[Metric, Callable[[Any], Value]]] = {}
-"""Metrics of a robot's motion by key, in the order in which they are reported, and the functions of their values."""
-
-WARNINGS: dict[str, tuple[str, Callable[[Any], Iterable[str]]]] = {}
-"""Status and function of the warnings of a robot's motion by key."""
-
-
-def metric(
-    key: str, label: str, unit: str = "", description: str = "", *, main: bool = False
-) -> Callable[[Callable[[Any], Value]], Callable[[Any], Value]]:
-    """Register a function of a motion as a metric; with the attributes of `Metric`."""
-
-    def register(function: Callable[[Any], Value]) -> Callable[[Any], Value]:
-        METRICS[key] = Metric(label, "", description, key, unit=unit, main=main), function
-        return function
-
-    return register
-
-
-def warns(key: str, status: str = AMBER) -> Callable[[Callable[[Any], Iterable[str]]], Callable[[Any], Iterable[str]]]:
-    """Register a function of a motion that yields texts of warnings with this key; they have the status."""
-
-    def register(function: Callable[[Any], Iterable[str]]) -> Callable[[Any], Iterable[str]]:
-        WARNINGS[key] = (status, function)
-        return function
-
-    return register
+PROHIBITIVE = frozenset({"collision", "limits-exceeded", "held"})
+"""Keys of the warnings that make the status of a result red; all others make it amber."""
 
 
 def status_of(keys: Iterable[str]) -> str:
     """Return the status of a result whose warnings have these keys."""
-    found = {WARNINGS[key][0] if key in WARNINGS else AMBER for key in keys}
-    return RED if RED in found else AMBER if found else GREEN
+    found = set(keys)
+    return RED if found & PROHIBITIVE else AMBER if found else GREEN
 
 
-def measured(run: Any, time: ArrayLike | None) -> list[Metric]:
-    """Return all registered metrics of a motion; `time`: times of the waypoints [s]."""
-    values = {key: function(run) for key, (_, function) in METRICS.items()}
-    return [as_metric(key, value, time) for key, value in values.items() if value is not None]
-
-
-def as_metric(key: str, value: Any, time: ArrayLike | None = None) -> Metric:
-    """Return a registered metric with a value, see `Value`."""
-    template, _ = METRICS[key]
+def as_metric(key: str, value: ArrayLike | tuple[str, Any], time: ArrayLike | None = None) -> Metric:
+    """Return a registered metric of a value for each waypoint at times [s], or of a text and its value for JSON."""
+    template = METRICS[key]
     if isinstance(value, tuple):
         return replace(template, text=value[0], value=value[1])
     measured = statistics(template.label, key, value, time, template.unit)
@@ -161,6 +156,6 @@ def in_axes(distance: float) -> str:
     )
 
 
-def listed(values: Sequence[object]) -> str:
+def listed(values: Iterable[object]) -> str:
     """Write values with commas between them."""
     return ", ".join(map(str, values))

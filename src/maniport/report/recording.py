@@ -46,14 +46,16 @@ def recording_report(
     taken = fitted[0].value if fitted else None
     best = max(SIDES, key=lambda one: (one == taken, one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
     assigned = {one: found for one, (_, found) in roles.items()}
-    metrics = list(fitted)
+    family = roles[best][0]
+    named = any(assigned.values())
+    metrics = [Metric("Names", f"as in {family}" if named else "", key="names" if named else "", value=family), *fitted]
     for one in SIDES:
         metrics += _arm(recording, assigned[one], markers if one == meant else None, one)
     if not whole:
         metrics.append(warning("arm-incomplete", "No arm is complete, so that none can be fitted"))
     sections = (
         recording_section(recording, points=True),
-        Section("Roles of the points", (_family(assigned, roles[best][0]), *metrics), _role_tables(assigned), "arms"),
+        Section("Roles of the points", tuple(metrics), (_role_table(assigned),), "arms"),
         _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
     quality_warnings = warnings_of(RECORDING, recording.quality_warnings)
@@ -114,27 +116,16 @@ def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, A
     return metrics
 
 
-def _family(assigned: Mapping[str, Any], family: str) -> Metric:
-    text = f"as in {family}" if any(assigned.values()) else ""
-    return Metric("Names", text, key="names" if text else "", value=family)
-
-
-def _role_tables(assigned: Mapping[str, Any]) -> tuple[Table, ...]:
-    """List the points of each role of the arms and of the trunk."""
+def _role_table(assigned: Mapping[str, Any]) -> Table:
+    """List the points of each role of the arms, and of the trunk, which both share."""
 
     def names(role: str, points: Any) -> str:
         if points is None:
             return "–"
         return " to ".join(" + ".join(group) for group in points) if role in DIRECTIONS else " + ".join(points)
 
-    arm = [role for role in ROLES if not role.startswith("trunk")]
-    rows = tuple((role, *(names(role, assigned[side].get(role)) for side in SIDES)) for role in arm)
-    tables = [Table(("role", *(f"{side} arm" for side in SIDES)), rows)]
-    trunk = {role: found[role] for found in assigned.values() for role in ROLES if role in found and role not in arm}
-    if trunk:
-        lines = tuple((role, *(" + ".join(group) for group in pair)) for role, pair in trunk.items())
-        tables.append(Table(("trunk", "from", "to"), lines))
-    return tuple(tables)
+    rows = tuple((role, *(names(role, assigned[side].get(role)) for side in SIDES)) for role in ROLES)
+    return Table(("role", *(f"{side} arm" for side in SIDES)), rows)
 
 
 def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, command: str) -> Section:

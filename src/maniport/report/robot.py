@@ -24,14 +24,14 @@ from maniport.report.values import Metric, Report, Section, Table
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, fixed joints, and frames."""
     speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
-    rows, limits = [], {}
+    rows = []
     for name, unit, low, high, speed in zip(
-        arm.joint_names, arm.joint_units, arm.lower.tolist(), arm.upper.tolist(), speeds, strict=True
+        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, strict=True
     ):
         degrees = f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" if unit == "rad" else ""
         limit = f"{speed:.3g} {unit}/s" if speed < np.inf else "unknown"
         rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", limit))
-        limits[name] = [low, high]
+    limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
     metrics = (
         Metric("Arm", arm.name + (f", a human {arm.side} arm" if arm.side else ""), key="arm", value=arm.name),
         Metric("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
@@ -46,12 +46,12 @@ def arm_report(arm: Arm) -> Report:
 
 
 @describe.register
-def pair_report(arms: ArmGroup) -> Report:
-    """Describe a pair of arms: shared joints, and each arm."""
+def group_report(arms: ArmGroup) -> Report:
+    """Describe a group of arms: shared joints, and each arm."""
     metrics = (
-        Metric("ArmGroup", arms.name, key="arms", value=arms.name),
+        Metric("Arms", arms.name, key="arms", value=arms.name),
         Metric("Degrees of freedom", str(arms.dof), key="degrees_of_freedom", value=arms.dof),
-        Metric("Shared", listed(arms.shared), "Joints that move both arms.", "shared", list(arms.shared)),
+        Metric("Shared", listed(arms.shared), "Joints that move several arms.", "shared", list(arms.shared)),
     )
     each = zip(arms.names, arms.arms, strict=True)
     sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side) for side, arm in each]
@@ -79,15 +79,13 @@ def base_of(arm: Arm) -> str:
 def assumed_limits(limits: MotionLimits) -> list[Metric]:
     """Warn of limits that are assumed, with their values and how to give real ones."""
     arm, found, real = limits.arm, [], f"Give the real ones with {argument('motion_limits', option='--limits')}"
-    units = dict(zip(arm.joint_names, arm.joint_units, strict=True))
     for suffix, quantity in zip(("", "/s", "/s²", "/s³"), QUANTITIES, strict=True):
         joints_of: dict[str, list[str]] = {}
         for name in limits.assumed[quantity]:
-            i, unit = arm.joint_names.index(name), units[name] + suffix
-            value = f"{limits.lower[i]:.3g} to {limits.upper[i]:.3g}"
-            if quantity != "position":
-                value = f"{getattr(limits, quantity)[i]:.4g}"
-            joints_of.setdefault(f"{value} {unit}", []).append(name)
+            i = arm.joint_names.index(name)
+            value = (f"{limits.lower[i]:.3g} to {limits.upper[i]:.3g}" if quantity == "position"
+                     else f"{getattr(limits, quantity)[i]:.4g}")  # fmt: skip
+            joints_of.setdefault(f"{value} {arm.joint_units[i]}{suffix}", []).append(name)
         if joints_of:
             each = "; ".join(
                 f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
@@ -147,26 +145,19 @@ def _is_prismatic(arm: Arm, name: str) -> bool:
     return any(joint.name == name and joint.kind == PRISMATIC for joint in arm.chain.joints)
 
 
-def _angles(placed: Any) -> dict[str, float]:
-    """Return yaw, tilt and heading of a placement."""
-    return {f"{name}_deg": float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading")}
-
-
 @describe.register
 def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
-    values = []
-    for rank, one in enumerate(placed.candidates, 1):
-        median, p95, largest = np.percentile(one.distance, [50.0, 95.0, 100.0]).tolist()
-        distance = {"median": median, "p95": p95, "max": largest, "rms": one.rms}
-        values.append({"rank": rank, "scale": one.scale, **_angles(one), "offset_m": one.offset.tolist(),
-                       "distance": distance})  # fmt: skip
+    values = [
+        {"rank": rank, "scale": one.scale, **_angles(one), "offset_m": one.offset.tolist(), "rms": one.rms,
+         "max": float(one.distance.max())}
+        for rank, one in enumerate(placed.candidates, 1)
+    ]  # fmt: skip
     columns = {
         "rank": "{rank}", "scale": "{scale:.3f}", "yaw [°]": "{yaw_deg:.1f}",
         "tilt [°]": "{tilt_deg:.1f} to {heading_deg:.1f}",
         "middle [m]": "{offset_m[0]:.3f}, {offset_m[1]:.3f}, {offset_m[2]:.3f}",
-        "distance, median / 95 % / max": "{distance[median]:.2f} / {distance[p95]:.2f} / {distance[max]:.2f}",
-        "rms": "{distance[rms]:.2f}",
+        "distance, rms / max": "{rms:.2f} / {max:.2f}",
     }  # fmt: skip
     caption = "Placements by motions planned through some waypoints, the best first; of equal ones, the least rotated."
     tables = (table_of(values, columns, caption, "candidates"),) if values else ()
@@ -174,17 +165,21 @@ def placement_report(placed: Placement) -> Report:
     return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
 
 
+def _angles(placed: Any) -> dict[str, float]:
+    """Return yaw, tilt and heading of a placement."""
+    return {f"{name}_deg": float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading")}
+
+
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
     yaw, tilt, heading = _angles(placed).values()
-    offset = placed.offset.tolist()
-    out = int((~placed.reachable).sum())
+    offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
     metrics = (
         *([warning("path-out-of-reach", text)] if out else []),
         Metric("Path", f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at "
-               f"({listed([f'{value:.3f}' for value in offset])}) m in the base frame",
+               f"({listed(f'{value:.3f}' for value in offset)}) m in the base frame",
                "The target ellipsoids are rotated with the path."),
         Metric("Base", f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
                "Rotation from the upright base about a horizontal axis.", "mount",

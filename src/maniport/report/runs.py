@@ -1,5 +1,6 @@
 """Reports of a transfer and of a robot's motion, for one or several arms."""
 
+import contextlib
 import platform
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import describe, listed, numbers, warnings_of
-from maniport.report.motion import group_section, motion_section
-from maniport.report.motion_warnings import Run, infeasible_targets
+from maniport.report.metrics import describe, listed, numbers, warning, warnings_of
+from maniport.report.motion import Run, group_section, infeasible_targets, motion_section
 from maniport.report.recording import FIT, RECORDING, person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.summary import summary_of
@@ -81,8 +81,8 @@ def _motion_sections(arm: ArmResult) -> list[Section]:
     if motion is None:
         evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
         gap = None if evaluation is None else evaluation.adapter.feasibility_gap
-        warned = () if gap is None else warnings_of("infeasible-targets", infeasible_targets(gap.median))
-        return [Section("Robot motion", warned, key="motion", text="The robot was not moved.")]
+        warned = [] if gap is None else [warning(*texts) for texts in infeasible_targets(gap.median)]
+        return [Section("Robot motion", tuple(warned), key="motion", text="The robot was not moved.")]
     time = arm.time if isinstance(arm, ArmTransfer) else motion.time
     section = motion_section(Run(motion, time, arm))
     return [section] if arm.placement is None else [section, replace(placement_section(arm.placement), folded=True)]
@@ -90,7 +90,7 @@ def _motion_sections(arm: ArmResult) -> list[Section]:
 
 def _transfer_sections(arm: ArmTransfer) -> list[Section]:
     """Describe all that belongs to one arm of a transfer."""
-    compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation, choice=arm.choice, time=arm.time)]
+    compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation, choice=arm.choice)]
     details = [*compared, _adapter(arm), person_section(arm.fit)]
     return [*_motion_sections(arm), *(replace(section, folded=True) for section in details)]
 
@@ -142,15 +142,14 @@ def _settings(result: TransferResult | MotionResult) -> Section:
             *numbers(method=[arm.method for arm in result.arms], base_rotation=result.base_rotation.round(6).tolist()),
         ]
     else:
-        sources = list(result.sources)
-        metrics.append(Metric("Files", listed(sources), "Target ellipsoids and path.", "sources", sources))
+        metrics.append(Metric("Files", listed(result.sources), key="sources", value=list(result.sources)))
     for arm in result.arms:
         chain = chain_metrics(arm.robot)
         base, _, fixed = (metric.text for metric in chain)
         text = f"{arm.robot.name}, {arm.robot.dof} joints, from {base} to {arm.robot.frame}"
         value = {"name": arm.robot.name, "joints": arm.robot.dof, **{metric.key: metric.value for metric in chain}}
         key = "robot" if len(result.arms) == 1 else f"{arm.name}_robot"
-        metrics += [Metric("Robot", text, f"Fixed joints: {fixed}" if fixed else "", key, value)]
+        metrics.append(Metric("Robot", text, f"Fixed joints: {fixed}" if fixed else "", key, value))
     motion = result.arms[0].motion
     if motion is not None:
         rate = float((len(motion.control_time) - 1) / np.ptp(motion.control_time))
@@ -162,16 +161,13 @@ def software(seed: int | None) -> list[Metric]:
     """Return the seed and the versions of the software."""
     versions = {"maniport": __version__, "Python": platform.python_version()}
     for package, name in {"numpy": "NumPy", "scipy": "SciPy", "pin": "Pinocchio", "pin-pink": "Pink"}.items():
-        try:
+        with contextlib.suppress(metadata.PackageNotFoundError):  # it is installed by other means than a package
             versions[name] = metadata.version(package)
-        except metadata.PackageNotFoundError:  # installed by other means than a package
-            versions[name] = "of unknown version"
-    text = "none" if seed is None else str(seed)
+    about = "The same seed and versions give the same numbers."
     return [
-        Metric("Seed", text, "The same seed and versions give the same numbers.", "random_state", seed),
-        Metric("Versions", listed([f"{name} {version}" for name, version in versions.items()]), key="versions",
-               value=versions),
-    ]  # fmt: skip
+        Metric("Seed", "none" if seed is None else str(seed), about, "random_state", seed),
+        Metric("Versions", listed(map(" ".join, versions.items())), key="versions", value=versions),
+    ]
 
 
 def _adapter(arm: ArmTransfer) -> Section:

@@ -6,8 +6,8 @@ from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
-from maniport.report.metrics import in_axes, sentence, status_of
-from maniport.report.motion_warnings import exceeded_limits, far_points, missed_points
+from maniport.report.metrics import in_axes, listed, sentence, status_of
+from maniport.report.motion import exceeded_limits, far_points, missed_points
 from maniport.report.values import GREEN, RED, Metric, Report, Summary
 from maniport.util.defaults import POSITION_TOLERANCE
 
@@ -40,10 +40,10 @@ def main_metrics(report: Report) -> tuple[Metric, ...]:
 
 
 def _unmoved(result: TransferResult | MotionResult) -> Summary:
-    evaluations = [arm.evaluation for arm in result.arms if isinstance(arm, ArmTransfer) and arm.evaluation is not None]
-    gaps = [evaluation.adapter.feasibility_gap for evaluation in evaluations]
-    medians = [f"{gap.median:.2f}" for gap in gaps if gap is not None]
-    text = f"Median distance of the targets to the feasible set: {', '.join(medians)}." if medians else ""
+    evaluations = (arm.evaluation for arm in result.arms if isinstance(arm, ArmTransfer))
+    gaps = [one.adapter.feasibility_gap for one in evaluations if one is not None]
+    medians = listed(f"{gap.median:.2f}" for gap in gaps if gap is not None)
+    text = f"Median distance of the targets to the feasible set: {medians}." if medians else ""
     return Summary(f"{result.robot.name} has its targets and was not moved.", text)
 
 
@@ -58,30 +58,26 @@ def _outcome(arm: ArmResult) -> tuple[str, str]:
     """Describe position and ellipsoids of an arm in a sentence, and the rest in another."""
     motion = arm.motion
     assert motion is not None
-    median = float(np.median(motion.distance))
-    outcome = "; ".join(filter(None, [_position(arm), _ellipsoids(median)]))
+    median, far = float(np.median(motion.distance)), far_points(motion).any()
+    position = ""
+    if motion.position_error is not None:
+        tracked = "not tracked" if not _is_on_path(arm) else "mostly tracked" if far else "tracked"
+        position = f"position {tracked}; "
     reached = len(motion.status) - missed_points(motion)
     texts = [f"Median distance {median:.2f}: {in_axes(median)}."] if median > ENOUGH_DISTANCE else []
-    jumps = motion.jumps
-    if far_points(motion).any() and motion.position_error is not None and jumps[int(np.argmax(motion.position_error))]:
+    if far and motion.position_error is not None and motion.jumps[int(np.argmax(motion.position_error))]:
         texts.append("The position error is largest where the recording jumps.")
-    return sentence(f"{outcome}: {reached} of {len(motion.status)} waypoints reached"), " ".join(texts)
+    outcome = f"{position}{_ellipsoids(median)}: {reached} of {len(motion.status)} waypoints reached"
+    return sentence(outcome), " ".join(texts)
 
 
-def _ellipsoids(median: float) -> str:
+def _ellipsoids(median: float, in_part: float = 1.2) -> str:
+    """Grade a median distance; 1.2: one axis is 82 % too long."""
     if median <= ENOUGH_DISTANCE:
         return "ellipsoids tracked"
     if median <= NEAR_DISTANCE:
         return "ellipsoids approximated"
-    return "ellipsoids approximated in part" if median <= 1.2 else "ellipsoids not tracked"  # 1.2: one axis 82 % long
-
-
-def _position(arm: ArmResult) -> str:
-    if arm.motion is None or arm.motion.position_error is None:
-        return ""
-    if not _is_on_path(arm):
-        return "position not tracked"
-    return "position mostly tracked" if far_points(arm.motion).any() else "position tracked"
+    return "ellipsoids approximated in part" if median <= in_part else "ellipsoids not tracked"
 
 
 def _is_on_path(arm: ArmResult, few: float = 0.05) -> bool:
@@ -94,11 +90,9 @@ def _next(result: TransferResult | MotionResult, status: str) -> tuple[str, str]
     if status == RED:
         broken = any(exceeded_limits(arm.motion) for arm in result.arms if arm.motion is not None)
         return ("Do not run it: give it more time.", _slower(result)) if broken else ("Do not run it.", "")
-    advices = [_next_of_arm(result, arm) for arm in result.arms]
-    return next((advice for advice in advices if advice[0]), (f"{_RUN_IT[status == GREEN]}: {RUN}", ""))
-
-
-_RUN_IT = ("Resolve the warnings before you run it", "Run it")
+    by_arm = (_next_of_arm(result, arm) for arm in result.arms)
+    run_it = "Run it" if status == GREEN else "Resolve the warnings before you run it"
+    return next((advice for advice in by_arm if advice[0]), (f"{run_it}: {RUN}", ""))
 
 
 def _next_of_arm(result: TransferResult | MotionResult, arm: ArmResult) -> tuple[str, str]:

@@ -1,7 +1,7 @@
 """Metrics of a fitted adapter, of what the domains determine, and of the comparison with baselines."""
 
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
 from maniport.report.metrics import describe, listed, notes, numbers, sentence, warnings_of
-from maniport.report.values import NOTE, WARNING, Metric, Report, Section, Table, at_time
+from maniport.report.values import NOTE, WARNING, Metric, Report, Section, Table
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
-from maniport.transfer.identifiability import Identifiability, axis_name
+from maniport.transfer.identifiability import Identifiability
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.validation import Array
 
@@ -44,8 +44,7 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
         Metric("Base rotation", "none" if base_rotation is None else rotation_text(base_rotation),
                "From the teacher's base frame to the student's.", "base_rotation",
                None if base_rotation is None else base_rotation.round(6).tolist()),
-        Metric("Rotation", f"{_degrees(adapter.rotation_)} between centered domains; "
-               f"{_degrees(adapter.map_rotation_)} with the base rotation", "", "rotation",
+        Metric("Rotation", f"{_degrees(adapter.map_rotation_)} with the base rotation", "", "rotation",
                np.asarray(adapter.rotation_).round(6).tolist()),
         Metric("Dispersion", f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
                "Root mean squared distance of the ellipsoids from their mean.", "dispersion_ratio", ratio),
@@ -94,99 +93,68 @@ def _identifiability(adapter: DomainAdapter, mounted: bool) -> list[Metric]:
 
 @describe.register
 def identifiability_report(found: Identifiability) -> Report:
-    """Describe which directions of the rotation the domains determine, and the local optima."""
-    axes = [axis_name(axis) for axis in found.axes] or [f"direction {k + 1}" for k in range(len(found.flat))]
-    rows = tuple(
-        (name, f"{curve:.2g} ± {error:.1g}", "not determined" if flat else "determined")
-        for name, curve, error, flat in zip(axes, found.curvature, found.standard_error, found.flat, strict=True)
-    )
-    metrics = (Metric("Result", found.in_words(), key="identifiability", value=found.in_words()),)
-    return Report("", "", (Section("", metrics, (Table(("rotation about", "curvature [1/rad²]", ""), rows),)),))
+    """Describe which directions of the rotation the domains determine."""
+    metric = Metric("Result", found.in_words(), key="identifiability", value=found.in_words())
+    return Report("", "", (Section("", (metric,)),))
 
 
 def _degrees(rotation: Array) -> str:
     return f"{np.degrees(rotation_angle(np.eye(len(rotation)), rotation)):.1f}°"
 
 
-class Column(NamedTuple):
-    """A column of the comparison: attributes of a row's measure, separated by " / "."""
-
-    head: str
-    measure: str
-    attributes: tuple[str, ...]
-    formats: str
-    about: str
-
-    def cell(self, row: Row) -> str:
-        """Return the text for a row; empty where it was not measured."""
-        measured = getattr(row, self.measure)
-        if measured is None:
-            return ""
-        values = [getattr(measured, name) for name in self.attributes]
-        pairs = zip(self.formats.split(" / "), values, strict=True)
-        return " / ".join("none" if value is None else form.format(value) for form, value in pairs)
+COLUMNS = {
+    "RMSE": ("rmse", ("undivided", "per_dispersion"), "{:.3f} / {:.3f}",
+             "distance to the truth: undivided / divided by the mean distance."),
+    "feasibility gap": ("feasibility_gap", ("mean", "p95", "largest"), "{:.3f} / {:.3f} / {:.3f}",
+                        "distance from the targets to the feasible set, an upper bound: mean / 95 % / max."),
+    "held out": ("domain_feasibility_gap", ("mean", "p95"), "{:.3f} / {:.3f}",
+                 "the same for further samples of the teacher: mean / 95 %."),
+    "successive distance": ("smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
+                            "relative to the teacher's: largest / median."),
+    "rank correlation": ("preservation", ("rank_correlation",), "{:.3f}", "of pairwise distances."),
+}  # fmt: skip
+"""Columns of the comparison by name: measure of a row, its attributes, their format and meaning; JSON has all."""
 
 
-COLUMNS = (
-    Column("RMSE", "rmse", ("undivided", "per_dispersion"), "{:.3f} / {:.3f}",
-           "distance to the truth: undivided / divided by the mean distance."),
-    Column("feasibility gap", "feasibility_gap", ("mean", "p95", "largest"), "{:.3f} / {:.3f} / {:.3f}",
-           "distance from the targets to the feasible set, an upper bound: mean / 95 % / max."),
-    Column("held out", "domain_feasibility_gap", ("mean", "p95"), "{:.3f} / {:.3f}",
-           "the same for further samples of the teacher: mean / 95 %."),
-    Column("successive distance", "smoothness", ("largest_ratio", "median_ratio"), "{:.2f} / {:.2f}",
-           "relative to the teacher's: largest / median."),
-    Column("rank correlation", "preservation", ("rank_correlation",), "{:.3f}", "of pairwise distances."),
-    Column("axis rotation", "preservation", ("major_axis_angle",), "{:.1f}°", "median, of longest axes."),
-)  # fmt: skip
-"""Columns of the comparison; JSON has every measure."""
+def _cell(row: Row, column: str) -> str:
+    """Return the text of a column for a row; empty where it was not measured."""
+    measure, attributes, form, _ = COLUMNS[column]
+    measured = getattr(row, measure)
+    values = [getattr(measured, name) for name in attributes] if measured is not None else [None]
+    return "" if None in values else form.format(*values)
 
 
 @describe.register
-def evaluation_report(evaluation: Evaluation) -> Report:
-    """Describe the comparison of an adapter with baselines."""
-    return Report(evaluation.adapter.name, "", (evaluation_section(evaluation), _settings(evaluation)))
-
-
-@describe.register
-def choice_report(choice: Choice) -> Report:
-    """Describe the selection of a method."""
-    section = evaluation_section(choice.evaluation, choice=choice)
-    return Report(choice.method, "", (section, _settings(choice.evaluation)))
-
-
-def evaluation_section(
-    evaluation: Evaluation, explained: bool = True, choice: Choice | None = None, time: Array | None = None
-) -> Section:
-    """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, summary, first = [evaluation.student_noise, *evaluation.rows], evaluation.summary, evaluation.rows[0]
-    columns = [column for column in COLUMNS if any(map(column.cell, rows))]
-    cells = [(row.name, *(column.cell(row) or "–" for column in columns)) for row in rows]
-    caption = " ".join(sentence(f"{column.head}: {column.about}") for column in columns) if explained else ""
-    others = [f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text]
-    metrics = [
-        *(comparison_metrics(summary) if choice is None else [_selection(choice), *_weaknesses(summary)]),
-        *numbers(summary=summary.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
-        *warnings_of("evaluation", [f"{first.name}: {text}" for text in first.warnings]),
-        *notes(others),
-    ]
-    if first.feasibility_gap is not None and time is not None:
-        when = float(time[first.feasibility_gap.where])
-        text = f"{first.feasibility_gap.largest:.3f} {at_time(when)}"
-        metrics.append(Metric("Largest gap", text, key="largest_gap_at", value=when, unit="s"))
-    measured = tuple(row for row in cells if set(row[1:]) != {"–"})
-    table = Table(("", *(column.head for column in columns)), measured, caption, "rows",
-                  {row.name: _values(row) for row in rows})  # fmt: skip
-    return Section("Comparison with baselines", tuple(metrics), (table,), "evaluation")
-
-
-def _settings(evaluation: Evaluation) -> Section:
-    metrics = (
+def evaluation_report(found: Evaluation | Choice) -> Report:
+    """Describe the comparison of an adapter with baselines, or the selection of a method."""
+    evaluation, choice = (found.evaluation, found) if isinstance(found, Choice) else (found, None)
+    settings = (
         Metric("Fit", evaluation.adapter.note),
         *(Metric(name.capitalize(), str(value)) for name, value in evaluation.settings.items()),
         *numbers(settings=evaluation.settings),
     )
-    return Section("Settings", metrics)
+    title = evaluation.adapter.name if choice is None else choice.method
+    return Report(title, "", (evaluation_section(evaluation, choice=choice), Section("Settings", settings)))
+
+
+def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: Choice | None = None) -> Section:
+    """Describe the result of a comparison or of the selection, then compare all methods in a table."""
+    rows, summary, first = evaluation.rows, evaluation.summary, evaluation.rows[0]
+    columns = [column for column in COLUMNS if any(_cell(row, column) for row in rows)]
+    cells = [(row.name, *(_cell(row, column) or "–" for column in columns)) for row in rows]
+    caption = " ".join(sentence(f"{column}: {COLUMNS[column][-1]}") for column in columns) if explained else ""
+    others = [f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text]
+    metrics = [
+        _comparison(summary) if choice is None else _selection(choice),
+        *_weaknesses(summary),
+        *numbers(summary=summary.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *warnings_of("evaluation", [f"{first.name}: {text}" for text in first.warnings]),
+        *notes(others),
+    ]
+    measured = tuple(row for row in cells if set(row[1:]) != {"–"})
+    table = Table(("", *columns), measured, caption, "rows",
+                  {row.name: _values(row) for row in rows})  # fmt: skip
+    return Section("Comparison with baselines", tuple(metrics), (table,), "evaluation")
 
 
 def _values(row: Row) -> dict[str, Any]:
@@ -195,15 +163,6 @@ def _values(row: Row) -> dict[str, Any]:
     if row.smoothness is not None:
         values["smoothness"] |= {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
     return values
-
-
-def comparison_metrics(summary: Summary) -> list[Metric]:
-    """Report a comparison, as a warning unless the method is better than the baselines, and weaknesses."""
-    text, better = _comparison(summary)
-    improvable = summary.value is not None and summary.value != summary.best_value
-    advice = f" Take {summary.recommended}." if summary.recommended and improvable and not better else ""
-    key, severity = ("", NOTE) if better else ("not-better", WARNING)
-    return [Metric("", text + advice, key=key, severity=severity), *_weaknesses(summary)]
 
 
 def _selection(choice: Choice) -> Metric:
@@ -223,22 +182,28 @@ def label(name: str) -> str:
     return name.replace("-", " ")
 
 
-def _comparison(summary: Summary) -> tuple[str, bool]:
-    """Compare the method with the baselines; also return whether it is better."""
+def _comparison(summary: Summary) -> Metric:
+    """Compare the method with the baselines, as a warning unless it is better."""
     name, own, identity = sentence(label(summary.name))[:-1], summary.value, summary.identity
     if own is None or identity is None:
-        return f"{name} is not compared: neither the truth nor the robot is available.", True
+        text = f"{name} is not compared: neither the truth nor the robot is available."
+        return Metric("", text, severity=NOTE)
     measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[summary.measure]
     others = {row: value for row, value in summary.values.items() if row not in (summary.name, *summary.same_as)}
     best = min(others, key=lambda other: others[other], default="")
-    if IDENTITY not in others:
-        return f"{name} equals the identity baseline ({measure} {own:.3f}).", summary.name == IDENTITY
-    values = {IDENTITY: identity, best: others[best]}
-    text = f"{measure} {own:.3f}; {', '.join(f'{label(row)} {value:.3f}' for row, value in values.items())}."
+    values = {IDENTITY: identity, best: others[best]} if best else {}
+    compared = f"{measure} {own:.3f}; {', '.join(f'{label(row)} {value:.3f}' for row, value in values.items())}."
     worse = [label(row) for row, value in values.items() if own >= RELEVANT_RATIO * value]
-    if worse:
-        return f"{name} is not clearly better than {' or '.join(worse)}: {text}", False
-    return f"{name} is better than all baselines: {text}", True
+    if IDENTITY not in others:
+        text, better = f"{name} equals the identity baseline ({measure} {own:.3f}).", summary.name == IDENTITY
+    elif worse:
+        text, better = f"{name} is not clearly better than {' or '.join(worse)}: {compared}", False
+    else:
+        text, better = f"{name} is better than all baselines: {compared}", True
+    if better:
+        return Metric("", text, severity=NOTE)
+    advice = f" Take {summary.recommended}." if summary.recommended and own != summary.best_value else ""
+    return Metric("", text + advice, key="not-better", severity=WARNING)
 
 
 def _weaknesses(summary: Summary) -> list[Metric]:

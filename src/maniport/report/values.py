@@ -22,12 +22,11 @@ class Metric:
         The value with its unit, or sentences of a note or warning; if empty, the metric is in JSON only.
     description : str
     key : str
-        Name in JSON without the unit, or the kind of a warning; without one the metric is not in JSON.
+        Name in JSON without the unit, or the kind of a warning. Without a key, the metric is not in JSON.
     value : number, str, list or dict
     unit : str
         Of all numbers in the value.
-    severity : str
-        "info", "note" or "warning".
+    severity : {"info", "note", "warning"}
     main : bool
         Whether the metric is in the summary of a result.
     """
@@ -124,13 +123,12 @@ class Report:
 
     Attributes
     ----------
-    title : str
-    lead : str
-        What the result is.
+    title, lead : str
+        Title, and a sentence about the kind of result.
     sections : tuple of Section
         Metrics and tables by topic.
-    summary : Summary or None
-        Outcome, status and next step.
+    summary : Summary, optional
+        Result, advice and reasons.
     data_warnings : tuple of Metric
         Warnings about the data, which precede those of the sections.
     """

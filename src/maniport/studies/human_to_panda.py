@@ -11,7 +11,7 @@ from maniport.arms import Arm, load_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning
 from maniport.evaluation import Evaluation, choose, evaluate
-from maniport.evaluation.baselines import ROWS
+from maniport.evaluation.baselines import BASELINES, LOOKUP
 from maniport.feasibility import knowing
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.studies.paper import trajectories
@@ -73,7 +73,7 @@ def study(
     """Evaluate methods on the motions, by (motion, method)."""
     methods, robot = tuple(methods), load_arm(ROBOT)
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
-    options = {"rows": (*ROWS, *FITTED_METHODS), **options}
+    options = {"rows": (*BASELINES, LOOKUP, *FITTED_METHODS), **options}
     found = {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
@@ -81,8 +81,9 @@ def study(
             tell = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
             known: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
             if method == AUTO:
-                arms: dict[str, Any] = {"robot": robot, "person": motion.person, "random_state": random_state}
-                adapter = choose(teacher, student, motion.profile, **arms, **known).adapter
+                adapter = choose(
+                    teacher, student, motion.profile, robot=robot, random_state=random_state, **known
+                ).adapter
             else:
                 adapter = knowing(method_of(method, random_state=random_state, **known), robot).fit(teacher, student)
             more = {name: kind(**known) for name, kind in (further or {}).items()}
@@ -100,5 +101,5 @@ def study(
                 **options,
             )
             found[motion.name, method] = (motion, evaluation)
-            tell.end(f"{evaluation.adapter.name} beside {len(evaluation.rows) - 1} more")
+            tell.end(f"{evaluation.adapter.name} and {len(evaluation.rows) - 1} more")
     return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import Evaluation, Row
-from maniport.evaluation.baselines import EVERY_ROW, TRANSPORT
+from maniport.evaluation.baselines import TRANSPORT
 from maniport.report.metrics import describe
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
@@ -16,6 +16,7 @@ from maniport.spd.cloud import log_vectors
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
 from maniport.studies.human_to_panda import study
+from maniport.transfer import METHODS
 from maniport.transfer.length_field.field import KAPPA, released
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.util.notebook import NotebookDisplay
@@ -44,8 +45,8 @@ class Comparison(NotebookDisplay):
 def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
 ) -> Comparison:
-    """Measure methods on the motions; where every row is asked for, transports of whole clouds come last."""
-    further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(EVERY_ROW) else None
+    """Measure methods on the motions; if every row is requested, transports of whole clouds come last."""
+    further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(METHODS) else None
     found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows)
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
 

@@ -315,5 +315,5 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
 
 def is_fitted(adapter: DomainAdapter) -> bool:
-    """Whether a fit has come to its end; its last attribute tells."""
+    """Whether a fit has come to its end, by its last attribute."""
     return hasattr(adapter, "released_damping_")

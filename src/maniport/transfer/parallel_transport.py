@@ -39,7 +39,7 @@ class ParallelTransport(RigidAdapter):
     cost_ : float
         Root mean squared distance from each mapped training ellipsoid to the nearest one of the student.
     identifiability_ : Identifiability
-        Which rotations the clouds could tell from this one.
+        Which rotations the clouds could distinguish from this one.
 
     References
     ----------

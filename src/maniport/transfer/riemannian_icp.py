@@ -52,9 +52,9 @@ class RiemannianICP(RigidAdapter):
     start_rotation_, found_rotation_ : ndarray, shape (d, d)
         Start and result of the best search.
     start_kept_ : bool
-        Whether `rotation_` is the first start rather than the result; then `stop_reason_` says why.
+        Whether `rotation_` is the first start rather than the result; then `stop_reason_` is the reason.
     identifiability_ : Identifiability
-        Which rotations the domains can tell apart.
+        Which rotations the domains can distinguish.
     correspondence_, matched_teacher_ : ndarray, shape (k,)
         Indices of the student's and the teacher's (selected) ellipsoids that are matched at `rotation_`.
 
@@ -99,7 +99,7 @@ class RiemannianICP(RigidAdapter):
         Parameters
         ----------
         teacher, student
-            As in `DomainAdapter.fit`, which also says what is returned and raised.
+            As in `DomainAdapter.fit`, which also describes the returned value and errors.
         pairs : (array_like, array_like), shapes (k, d, d), optional
             Teacher's and student's ellipsoids of the same task at the same time. They get the regularization of their
             domains. The search starts at the rotation that suits them best, and in every rotation step they have half

@@ -119,7 +119,7 @@ class RigidAdapter(DomainAdapter):
 
     @abstractmethod
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        """Refine `rotation_`, which holds the start, and set the attributes that tell how the fit went."""
+        """Refine `rotation_`, which holds the start, and set the attributes that describe the fit."""
 
     def _recentered(self, teacher: Array, student: Array) -> tuple[Array, Array]:
         """Both domains about the identity, the teacher dilated to the student's dispersion."""
@@ -167,7 +167,7 @@ class RigidAdapter(DomainAdapter):
     def _map_back(self, points: Array) -> Array:
         if self.recenter == "profile":
             raise NotInvertibleError(
-                "recenter='profile' uses the mean of each profile, which its image does not tell; "
+                "recenter='profile' uses the mean of each profile, which its image does not determine; "
                 "only recenter='training' can be inverted"
             )
         return self._rigid_map().invert(points)

@@ -184,7 +184,7 @@ def _earlier(temporary: Path) -> Path:
 
 
 def _create_locked(path: Path, folder: bool) -> int | None:
-    """Create a file or folder; return the descriptor that locks it, None if another process removed it meanwhile."""
+    """Create a file or folder; return the descriptor that locks it, None if another process has removed it."""
     if folder:
         path.mkdir()
     else:

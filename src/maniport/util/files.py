@@ -175,7 +175,7 @@ def line_of(path: str | os.PathLike[str], *keys: str) -> str:
 
 
 def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str, Any]:
-    """Require a mapping that has no keys but some; `where` says what it is, such as ``"limits.yaml: joints"``."""
+    """Require a mapping that has no keys but some; `where` names it, such as ``"limits.yaml: joints"``."""
     allowed = ", ".join(keys)
     if not isinstance(content, dict):
         kind = "nothing" if content is None else type(content).__name__
@@ -188,7 +188,7 @@ def require_mapping(content: Any, keys: Collection[str], where: str) -> dict[str
 
 
 class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
-    """Refuses aliases, which make a small file grow without bounds, and keys that stand twice."""
+    """Refuses aliases, which make a small file grow without bounds, and duplicate keys."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
@@ -201,7 +201,7 @@ class _StrictLoader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if isinstance(key, Hashable) and key in seen:
-                problem = f"the key {key!r} stands twice"
+                problem = f"the key {key!r} occurs twice"
                 raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
             if isinstance(key, Hashable):
                 seen.add(key)

@@ -1,4 +1,4 @@
-"""The door for files: what is checked before one is read, and how large what comes in may be, in one table.
+"""Checks of files before they are read, and the largest sizes of input, in one table.
 
 Everything that people bring is far below; a file beyond them is damaged, made to harm, or not what it is taken for.
 """
@@ -21,7 +21,7 @@ ARRAYS_BYTES = 1024 * MEGABYTE  # Of the arrays that are taken out of an ``.npz`
 SETTINGS_BYTES = MEGABYTE // 4  # Of what people write by hand
 
 TAGS = 500_000  # Tags in a robot's XML
-NESTING = 128  # How deep elements stand in one another; a native reader goes down into them with its stack
+NESTING = 128  # Depth of nested elements; a native reader goes down into them with its stack
 LINKS = 1000  # Links (bodies) of a robot, and links in a row
 
 INCLUDES = 64  # Files that a robot's file includes
@@ -48,7 +48,7 @@ def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[st
 
 
 def as_path(value: Any, name: str = "path", other: str = "") -> Path:
-    """Require a path as text or `Path`; `other` says what else would do."""
+    """Require a path as text or `Path`; `other` names alternatives."""
     if not isinstance(value, (str, os.PathLike)) or isinstance(os.fspath(value), bytes):
         raise InvalidInputError(f"{name} must be a path{other}; found {type(value).__name__}")
     return Path(value)

@@ -12,5 +12,5 @@ class NotebookDisplay:
         return str(importlib.import_module("maniport.report.renderings").as_html(self))
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
-        # IPython prefers this method; plain text stays what `repr` says
+        # IPython prefers this method; plain text stays that of `repr`
         return {"text/plain": repr(self), "text/html": self._repr_html_()}

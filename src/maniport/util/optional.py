@@ -8,7 +8,7 @@ from maniport.errors import MissingPackageError
 
 
 def how_to_install(extra: str) -> str:
-    """Tell the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
+    """Return the command that installs an extra; in quotes, since some shells take brackets for a pattern."""
     return f'pip install "maniport[{extra}]"'
 
 
@@ -24,7 +24,6 @@ def optional_package(name: str, extra: str, what: str) -> Any:
 
 matplotlib = partial(optional_package, "matplotlib", "figures", "drawing figures")
 viser = partial(optional_package, "viser", "view", "the live view")
-pyriemann_transfer = partial(optional_package, "pyriemann.transfer", "compare", "Procrustes analysis")
 optimal_transport = partial(optional_package, "ot", "transport", "the correspondence 'transport'")
 xacrodoc = partial(optional_package, "xacrodoc.xacrodoc", "xacro", "a .xacro file")
 mcap_writer = partial(optional_package, "mcap.writer", "mcap", "the format 'mcap'")

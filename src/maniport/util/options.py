@@ -120,7 +120,7 @@ class Option:
 
     @property
     def placeholder(self) -> str:
-        """Stand-in for the value in help pages: the words that are allowed if they are short, else the unit."""
+        """Placeholder of the value in help pages: the words that are allowed if they are short, else the unit."""
         words = "|".join(self.choices)
         if self.metavar or (words and len(words) <= 24):
             return self.metavar or words

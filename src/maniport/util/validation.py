@@ -135,7 +135,7 @@ def as_positive_semidefinite(value: ArrayLike, name: str, dimension: int | None 
 def as_spd(value: ArrayLike, name: str, dimension: int | None = None, hint: str = "", copy: bool = True) -> Array:
     """Convert to symmetric positive-definite matrices, shape (..., d, d).
 
-    A `hint` says what the caller may do about singular matrices (see `SPD_TOLERANCE`). Without `copy` the result is
+    A `hint` is what the caller may do about singular matrices (see `SPD_TOLERANCE`). Without `copy` the result is
     only read, and valid input may be returned as it is.
     """
     rule = "all eigenvalues must be positive" + (f". {hint}" if hint else "")

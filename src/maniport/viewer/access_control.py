@@ -14,7 +14,7 @@ import math
 import secrets
 import threading
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
 from maniport.errors import InvalidInputError
@@ -27,19 +27,19 @@ MAX_PAGES = 64  # Pages that may be connected at the same time
 LOGGED = 5  # So many refusals of a kind are logged one by one, then every 10 000th
 LONGEST_TEXT = 200
 SHORTEST = 1e-6  # Least length of a direction or a quaternion, and distance between camera and its target [m]
-POSITIONS = {"position": 3, "look_at": 3}
-DIRECTIONS = {"wxyz": 4, "up_direction": 3}
-RANGES = {
-    "fov": (1e-3, math.pi - 1e-3),
-    "near": (0.0, MAX_POSITION),
-    "far": (1e-3, 1e3 * MAX_POSITION),
-    "image_height": (1, 1e5),
-    "image_width": (1, 1e5),
+CAMERA = {
+    "position": (3, -MAX_POSITION, MAX_POSITION),
+    "look_at": (3, -MAX_POSITION, MAX_POSITION),
+    "wxyz": (4, -MAX_POSITION, MAX_POSITION),
+    "up_direction": (3, -MAX_POSITION, MAX_POSITION),
+    "fov": (1, 1e-3, math.pi - 1e-3),
+    "near": (1, 0.0, MAX_POSITION),
+    "far": (1, 1e-3, 1e3 * MAX_POSITION),
+    "image_height": (1, 1, 1e5),
+    "image_width": (1, 1, 1e5),
 }
-FIELDS = {
-    "ViewerCameraMessage": {*POSITIONS, *DIRECTIONS, *RANGES},
-    "GuiUpdateMessage": {"uuid", "updates"},
-}
+"""Fields of a camera: how many numbers, and their range."""
+FIELDS = {"ViewerCameraMessage": set(CAMERA), "GuiUpdateMessage": {"uuid", "updates"}}
 """Messages that pass, and all fields of each."""
 
 
@@ -59,7 +59,7 @@ class AccessControl:
             return "it names no host, or more than one"
         name = hosts[0].rpartition(":")[0] or hosts[0]
         if self._names is not None and name.lower() not in self._names:
-            return f"it asks for the host {hosts[0][:LONGEST_TEXT]!r}"
+            return f"it requests the host {hosts[0][:LONGEST_TEXT]!r}"
         if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return f"it comes from {origins[0][:LONGEST_TEXT]!r}"
         given = path.partition("?")[0].strip("/").split("/")[0]
@@ -168,31 +168,26 @@ _ONE_AT_A_TIME = threading.Lock()
 
 def _invalid_value(message: dict[str, Any]) -> str:
     """Which value of a message is invalid; empty where none is."""
-    for name, value in message.items():
-        if name in POSITIONS:
-            valid = _is_vector(value, POSITIONS[name])
-        elif name in DIRECTIONS:
-            valid = _is_vector(value, DIRECTIONS[name]) and math.hypot(*value) > SHORTEST
-        elif name in RANGES:
-            valid = _is_number(value, *RANGES[name])
-        elif name == "updates":
-            valid = isinstance(value, dict) and set(value) == {"value"} and _is_control_value(value["value"])
-        else:  # uuid
-            valid = _is_short(value)
-        if not valid:
+    if "updates" in message:
+        updates = message["updates"]
+        if not _is_short(message["uuid"]):
+            return "its uuid is invalid"
+        value = updates["value"] if isinstance(updates, dict) and set(updates) == {"value"} else None
+        return "" if isinstance(value, bool) or _is_number(value) or _is_short(value) else "its updates are invalid"
+    for name, (count, low, high) in CAMERA.items():
+        values = message[name] if count > 1 else [message[name]]
+        if (
+            not isinstance(values, list | tuple)
+            or len(values) != count
+            or not all(_is_number(value, low, high) for value in values)
+        ):
             return f"its {name} is invalid"
-    if "look_at" in message and math.dist(message["look_at"], message["position"]) <= SHORTEST:
+    for name in ("wxyz", "up_direction"):
+        if math.hypot(*message[name]) <= SHORTEST:
+            return f"its {name} is invalid"
+    if math.dist(message["look_at"], message["position"]) <= SHORTEST:
         return "its camera looks at itself"
     return ""
-
-
-def _is_vector(value: Any, size: int) -> bool:
-    numbers = isinstance(value, (list, tuple)) and len(value) == size
-    return numbers and all(_is_number(number, -MAX_POSITION, MAX_POSITION) for number in value)
-
-
-def _is_control_value(value: Any) -> bool:
-    return isinstance(value, bool) or _is_number(value) or _is_short(value)
 
 
 def _is_short(value: Any) -> bool:
@@ -214,22 +209,8 @@ def _quiet() -> logging.Logger:
 class Control:
     """A control of the page whose value is always valid, whatever a browser sends."""
 
-    def __init__(
-        self,
-        handle: Any,
-        access: AccessControl,
-        options: Sequence[Any] | None = None,
-        low: float | None = None,
-        high: float | None = None,
-    ):
-        self.handle, self._access, self._options, self._range = handle, access, options, (low, high)
-        self._valid = handle.value
-
-    def _allows(self, value: Any) -> bool:
-        low, high = self._range
-        if low is not None and high is not None:
-            return isinstance(value, (int, float)) and low <= value <= high
-        return isinstance(value, bool) if self._options is None else value in self._options
+    def __init__(self, handle: Any, access: AccessControl, allows: Callable[[Any], bool]):
+        self.handle, self._access, self._allows, self._valid = handle, access, allows, handle.value
 
     @property
     def value(self) -> Any:

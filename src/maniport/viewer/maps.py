@@ -2,7 +2,7 @@
 
 import threading
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,84 +21,70 @@ GIVEN = "adapter file"  # Name of an adapter that was given fitted
 class LiveMap:
     """One method's map at one base orientation, for one ellipsoid at a time."""
 
-    name: str
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     transform: Callable[[Array], Array]  # Maps one ellipsoid (3, 3); raises NotSPDError where it has no image
     turn: Array  # rotation of ellipsoids and of the hand's path, shape (3, 3)
     notes: tuple[str, ...] = ()  # Warnings of the fit
 
 
-class Methods:
-    """Fits every method to a pair of domains (n, 3, 3) and (m, 3, 3), at any base orientation."""
+class Maps:
+    """The newest map of each method; a thread fits them again when the base orientation changes."""
 
     def __init__(
         self,
-        teacher: Array,
-        student: Array,
+        teacher: Array,  # domain (n, 3, 3) of the person's arm
+        student: Array,  # domain (m, 3, 3) of the robot
         damping: float | None = 0.01,
         eigenvalue_floor: float | None = None,
         given: DomainAdapter | None = None,
         robot: Arm | None = None,
         bank: SeedBank | None = None,
+        base_rotation: Array | None = None,
+        first: Iterable[str] = (),  # methods that are fitted at once
     ):
-        self._teacher, self._student = teacher, student
-        self._robot = robot, VELOCITY, bank
-        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
         if given is not None:
             require_drawable(given)
-        self._given = given
+        self._domains, self._robot, self._given = (teacher, student), (robot, VELOCITY, bank), given
+        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
         self.names = (*([] if given is None else [GIVEN]), *METHODS)
+        self._wanted = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
+        self._order = list(self.names)
+        self._fitted = {name: self.fit(name, self._wanted) for name in first}
+        self._error: Exception | None = None
+        self._closed, self._changed = False, threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="fits of the live view", daemon=True)
+        self.before: Callable[[], None] | None = None  # called by the thread before its first fit
 
     def fit(self, name: str, base_rotation: Array) -> LiveMap:
         """Fit a method at a base orientation, shape (3, 3)."""
-        as_choice(name, "method", self.names)
-        rotation = as_rotation(base_rotation, "base_rotation", 3)
         if name == GIVEN and self._given is not None:
             note = "it keeps the base orientation of its fit"
-            return LiveMap(name, rotation, self._given.compiled(), self._given.map_rotation_, (note,))
-        adapter = knowing(method_of(name, **self._options, base_rotation=rotation), *self._robot)
+            return LiveMap(base_rotation, self._given.compiled(), self._given.map_rotation_, (note,))
+        adapter = knowing(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
-            adapter.fit(self._teacher, self._student)
+            adapter.fit(*self._domains)
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-        return LiveMap(name, rotation, adapter.compiled(), adapter.map_rotation_, notes)
-
-
-def require_drawable(adapter: DomainAdapter) -> None:
-    """Raise unless an adapter maps ellipsoids in space."""
-    d = len(adapter.teacher_mean_)
-    if d != 3:
-        raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
-
-
-class Refitting:
-    """Keeps a map of each method, and fits them again, in a thread, when the base orientation changes."""
-
-    def __init__(self, methods: Methods, base_rotation: Array, first: Sequence[str] | None = None):
-        self.methods = methods
-        self._base_rotation = as_rotation(base_rotation, "base_rotation", 3)
-        now = methods.names if first is None else first
-        self._maps = {name: methods.fit(name, self._base_rotation) for name in now}
-        self._todo: list[str] = [name for name in methods.names if name not in now]
-        self._fits = self._closed = False
-        self._error: Exception | None = None
-        self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._work, name="refitting", daemon=True)
-        self.before: Callable[[], None] | None = None
+        return LiveMap(base_rotation, adapter.compiled(), adapter.map_rotation_, notes)
 
     @property
-    def maps(self) -> Mapping[str, LiveMap]:
+    def fitted(self) -> dict[str, LiveMap]:
         """The newest map of each method; raises the error of a fit."""
         with self._changed:
             if self._error is not None:
                 raise self._error
-            return dict(self._maps)
+            return dict(self._fitted)
 
-    @property
-    def busy(self) -> bool:
-        """Whether methods are to be fitted."""
+    def want(self, base_rotation: Array, first: str) -> None:
+        """Request maps at a base orientation, that of the method `first` before the others; returns at once."""
+        rotation = as_rotation(base_rotation, "base_rotation", 3)
+        as_choice(first, "method", self.names)
         with self._changed:
-            return self._fits or bool(self._todo)
+            if np.array_equal(rotation, self._wanted):
+                return
+            self._wanted, self._order = rotation, [first, *(name for name in self.names if name != first)]
+            self._changed.notify_all()
+        self.begin()
 
     def begin(self) -> None:
         """Start the thread."""
@@ -106,22 +92,10 @@ class Refitting:
             if self._thread.ident is None:
                 self._thread.start()
 
-    def want(self, base_rotation: Array, first: str) -> None:
-        """Request maps at a base orientation, that of the method `first` before the others; returns at once."""
-        rotation = as_rotation(base_rotation, "base_rotation", 3)
-        as_choice(first, "first", self.methods.names)
-        with self._changed:
-            if np.array_equal(rotation, self._base_rotation):
-                return
-            self._base_rotation = rotation
-            self._todo = [first, *(name for name in self.methods.names if name != first)]
-            self._changed.notify_all()
-        self.begin()
-
     def settle(self, timeout: float = 60.0) -> bool:
         """Wait until all maps belong to the last base orientation; False when that took too long [s]."""
         with self._changed:
-            return self._changed.wait_for(lambda: self._error is not None or not (self._fits or self._todo), timeout)
+            return self._changed.wait_for(lambda: self._error is not None or self._next() is None, timeout)
 
     def close(self, timeout: float | None = None) -> None:
         """End the thread after the present fit; wait for that, at most so long [s]."""
@@ -131,25 +105,35 @@ class Refitting:
         if self._thread.ident is not None:
             self._thread.join(timeout)
 
+    def _next(self) -> str | None:
+        """Return a method without a map at the present base orientation."""
+        for name in self._order:
+            if name not in self._fitted or not np.array_equal(self._fitted[name].base_rotation, self._wanted):
+                return name
+        return None
+
     def _work(self) -> None:
         try:
             if self.before is not None:
                 self.before()
-            while (name := self._next()) is not None:
-                fitted = self.methods.fit(name, self._base_rotation)
+            while True:
                 with self._changed:
-                    self._maps[name], self._fits = fitted, False
+                    self._changed.wait_for(lambda: self._closed or self._next() is not None)
+                    name, rotation = self._next(), self._wanted
+                    if self._closed or name is None:
+                        return
+                fitted = self.fit(name, rotation)
+                with self._changed:
+                    self._fitted[name] = fitted
                     self._changed.notify_all()
-        except Exception as error:  # noqa: BLE001 - raised again by `maps`
+        except Exception as error:  # noqa: BLE001 - raised again by `fitted`
             with self._changed:
-                self._error, self._fits = error, False
+                self._error = error
                 self._changed.notify_all()
 
-    def _next(self) -> str | None:
-        """Wait for a method to fit; None when closed."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._closed or bool(self._todo))
-            if self._closed:
-                return None
-            self._fits = True
-            return self._todo.pop(0)
+
+def require_drawable(adapter: DomainAdapter) -> None:
+    """Raise unless an adapter maps ellipsoids in space."""
+    d = len(adapter.teacher_mean_)
+    if d != 3:
+        raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")

@@ -1,15 +1,18 @@
-"""The panel of the page: controls and numbers."""
+"""The panel of the page: controls, the distance of each arm, and a table of the methods."""
 
 import threading
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from maniport.evaluation.baselines import LOOKUP
+from maniport.report.metrics import in_axes
+from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl, Control
-from maniport.viewer.numbers import headlines, method_table, readable
-from maniport.viewer.shapes import from_roll_pitch_yaw, roll_pitch_yaw
 from maniport.viewer.state import Command, Frame, ViewState
 
 STEP = 0.5  # Of the sliders of angles [degrees]
@@ -24,6 +27,12 @@ BASE_ORIENTATIONS = {
 """Usual base orientations by name: roll, pitch and yaw from the person's trunk frame to the base frame [degrees]."""
 OWN = "own"
 
+LEGEND = "".join(
+    f'<span style="color: rgb{role.rgb}; margin-right: 0.9em; font-weight: bold">● {role.name}</span>'
+    for role in (PERSON, TARGET, ACHIEVED)
+)
+"""Colors of the ellipsoids."""
+
 
 class Panel:
     """Controls and numbers; the loop reads the controls, which call nothing."""
@@ -36,13 +45,8 @@ class Panel:
         moved = "The recording moves" if player is not None else "Move the sliders of"
         gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
         self._head = gui.add_html("")
-        methods = gui.add_dropdown("Method", state.methods, initial_value=method, hint="Map of ellipsoids to the robot")
-        self._method = Control(methods, access, state.methods)
-        follows = gui.add_checkbox(
-            "End effector follows", player is not None,
-            hint="The robot's end effector follows the person's hand; the ellipsoid has lower priority",
-        )  # fmt: skip
-        self._follows = Control(follows, access)
+        self._method = self._list(gui, "Method", state.methods, method)
+        self._follows = self._switch(gui, "End effector follows", player is not None)
         jump = gui.add_button("Find a better configuration", hint="The robot jumps to the best configuration found")
         jump.on_click(lambda _: self._jump.set())
         if player is not None:
@@ -66,15 +70,23 @@ class Panel:
 
     def write(self, frames: Sequence[Frame]) -> None:
         """Write the numbers of the frame of each arm."""
-        self._head.content = headlines(frames, self._names)
-        self._methods.content = method_table(frames, self._state, self._method.value, self._names)
+        self._head.content = _headlines(frames, self._names)
+        self._methods.content = _method_table(frames, self._state, self._method.value, self._names)
         player = self._state.playback
         if player is not None and self._plays.value:
             self._written_time = round(player.position, 2)
             self._time.value = self._written_time
 
     def _slider(self, gui: Any, name: str, low: float, high: float, step: float, value: float) -> Control:
-        return Control(gui.add_slider(name, low, high, step, value), self._access, low=low, high=high)
+        slider = gui.add_slider(name, low, high, step, value)
+        return Control(slider, self._access, lambda value: isinstance(value, (int, float)) and low <= value <= high)
+
+    def _list(self, gui: Any, name: str, options: Sequence[str], value: str) -> Control:
+        dropdown = gui.add_dropdown(name, options, initial_value=value)
+        return Control(dropdown, self._access, lambda value: value in options)
+
+    def _switch(self, gui: Any, name: str, value: bool) -> Control:
+        return Control(gui.add_checkbox(name, value), self._access, lambda value: isinstance(value, bool))
 
     def _joint_slider(self, gui: Any, arm: Any, i: int) -> Control:
         """Add a slider; shoulder and elbow are bent at first, where the arm is far from singular."""
@@ -84,19 +96,18 @@ class Panel:
         return self._slider(gui, readable(arm.joint_names[i]), low, high, STEP, start)
 
     def _add_player(self, gui: Any, duration: float) -> None:
-        names, last = (RECORDING, SLIDERS), float(np.ceil(100 * duration) / 100)
-        self._source = Control(gui.add_dropdown("Person moved by", names), self._access, names)
+        last = float(np.ceil(100 * duration) / 100)
+        self._source = self._list(gui, "Person moved by", (RECORDING, SLIDERS), RECORDING)
         self._player = gui.add_folder("Recording")
         with self._player:
-            self._plays = Control(gui.add_checkbox("Play", True), self._access)
+            self._plays = self._switch(gui, "Play", True)
             self._time = self._slider(gui, "Time [s]", 0.0, last, 0.01, 0.0)
             self._speed = self._slider(gui, "Speed", 0.1, 2.0, 0.1, 1.0)
         self._written_time = 0.0
 
     def _add_base(self, gui: Any, base_rotation: Array) -> None:
         angles, names = _rounded(roll_pitch_yaw(base_rotation)), (*BASE_ORIENTATIONS, OWN)
-        presets = gui.add_dropdown("Base orientation", names, initial_value=_preset_of(angles))
-        self._preset = Control(presets, self._access, names)
+        self._preset = self._list(gui, "Base orientation", names, _preset_of(angles))
         self._chosen = self._preset.value
         with gui.add_folder("Base orientation [°]", expand_by_default=False):
             self._angles = [
@@ -154,3 +165,56 @@ def _preset_of(angles: Array) -> str:
 
 def _rounded(angles: Array) -> Array:
     return np.round(np.asarray(angles) / STEP) * STEP + 0.0
+
+
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """Return roll, pitch and yaw of a rotation about fixed axes, as in URDF, shape (3,) [degrees]."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # at a pitch of ±90° one of the other two is arbitrary
+        return np.asarray(Rotation.from_matrix(rotation).as_euler("xyz", degrees=True))
+
+
+def from_roll_pitch_yaw(degrees: Array) -> Array:
+    """Return the rotation matrix of roll, pitch and yaw about fixed axes [degrees]."""
+    return np.asarray(Rotation.from_euler("xyz", degrees, degrees=True).as_matrix())
+
+
+def readable(name: str) -> str:
+    """Write the name of a joint or a method in words."""
+    words = {"elv": "elevation", "rot": "rotation", "pro": "pronation", "sup": "supination"}
+    return " ".join(words.get(word, word) for word in name.replace("_", " ").replace("-", " ").split())
+
+
+def _headlines(frames: Sequence[Frame], names: Sequence[str]) -> str:
+    """Write the distance of each arm, its position error and its saturated joints, and the legend."""
+    lines = []
+    for name, frame in zip(names, frames, strict=True):
+        error = "" if frame.position_error is None else f"; position error {1e3 * frame.position_error:.1f} mm"
+        joints = ", ".join(map(readable, frame.at_limit))
+        lines += [
+            f'<div style="font-size: 2.2em; line-height: 1.1">{frame.distance:.2f}</div>',
+            f"<div>{name}ellipsoid distance: {in_axes(frame.distance)}{error}</div>",
+            f'<div style="font-weight: bold">saturated: {joints}</div>' if joints else "",
+        ]
+    return f'<div style="padding: 0 0.6em">{"".join(lines)}<div>{LEGEND}</div></div>'
+
+
+def _method_table(frames: Sequence[Frame], state: ViewState, method: str, names: Sequence[str]) -> str:
+    """Write the feasibility gap of each method's target for each arm, and notes about fits and targets."""
+    maps = [side.maps.fitted for side in state.sides]
+    gaps = [side.gaps(frame.target.demonstrated) for side, frame in zip(state.sides, frames, strict=True)]
+    head = " | ".join(f"{name}feasibility gap" for name in names)
+    rows = [f"| method | {head} |", "|---" * (len(maps) + 1) + "|"]
+    for one in state.methods:
+        label = f"**{readable(one)}**" if one == method else readable(one)
+        cells = []
+        for own, found in zip(maps, gaps, strict=True):
+            gap = None if one == LOOKUP else found.get(one)  # samples of the robot have no gap by construction
+            cells.append("fitting …" if one not in own else "—" if gap is None else f"{gap:.2f}")
+        rows.append(f"| {label} | {' | '.join(cells)} |")
+    notes = []
+    for name, own, frame in zip(names, maps, frames, strict=True):
+        texts = own[method].notes if method in own else ()
+        notes += [f"*{name}{note}*\n" for note in (*texts, frame.target.note) if note]
+    meaning = "Feasibility gap: distance from the target to the nearest feasible ellipsoid found."
+    return "\n".join([*rows, "", meaning, "", *notes])

@@ -19,9 +19,8 @@ from maniport.transfer import load_adapter
 from maniport.util.defaults import AUTO, BOTH, DAMPING
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array, as_count, as_rotation
-from maniport.viewer.maps import GIVEN, Methods, Refitting, require_drawable
-from maniport.viewer.playback import Playback
-from maniport.viewer.state import Side, ViewState
+from maniport.viewer.maps import GIVEN, Maps, require_drawable
+from maniport.viewer.state import Playback, Side, ViewState
 
 TEACHER_SAMPLES = 2048
 STUDENT_SAMPLES = 4096
@@ -69,11 +68,11 @@ def prepare(
     for teacher, student, base in zip(persons, as_group(students).arms, bases, strict=True):
         bank = SeedBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-        methods = Methods(*domains, given=given, robot=student, bank=bank, **options)
-        sides.append(Side(teacher, student, Refitting(methods, turn, first=(ready,)), bank, base=base))
+        maps = Maps(*domains, given=given, robot=student, bank=bank, base_rotation=turn, first=(ready,), **options)
+        sides.append(Side(teacher, student, maps, bank, base=base))
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(students, sides, playback)
-    sides[0].refitting.before = lambda: state.find_place(motion, ready)
+    sides[0].maps.before = lambda: state.find_place(motion, ready)
     tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
     return state, shown, turn
 

@@ -5,18 +5,23 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.arms.human import middle_of
+from maniport.errors import FileFormatError
 from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
-from maniport.viewer.shapes import RobotBody, Shell, Skeleton, quaternion
 from maniport.viewer.state import Frame
 
 PERSON_AT = np.array([0.0, -0.6, 1.4])  # Base frame of the person [m], to the left for a viewer in front of them
 ROBOT_AT = np.array([0.0, 0.5, 0.7])
 FIELD_OF_VIEW = 45.0  # Vertical [degrees]
 PALE = (196, 201, 208)
+SIZE = 0.25  # Length at which a semi-axis of 1 m/s per rad/s is drawn [m]
+
+Color = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
@@ -34,12 +39,120 @@ ONE_ARM, SEVERAL_ARMS = Layout(2.4, 2.9, 0.0), Layout(2.6, 4.2, 0.45)
 def camera_for(aspect: float, layout: Layout = ONE_ARM) -> tuple[Array, Array]:
     """Where to look from and to, so that person and robot are in a view of that width over height [m].
 
-    On phones the controls cover the lower part: the scene stands by 30 % of the height above the middle.
+    On phones the controls cover the lower part: the scene is moved up by 30 % of the height.
     """
     height = max(layout.height, layout.width / max(aspect, 0.2))
     distance = height / (2.0 * np.tan(np.radians(0.5 * FIELD_OF_VIEW)))
     to = np.array([0.0, -0.05, 1.15 - (0.3 * height if aspect < 0.7 else 0.0)])
     return to + distance * np.array([0.97, 0.0, 0.24]), to
+
+
+def quaternion(rotation: Array) -> Array:
+    """Rotation matrices (..., 3, 3) as unit quaternions (w, x, y, z), shape (..., 4)."""
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
+
+
+def shell(ellipsoid: Array) -> tuple[tuple[float, float, float], Array]:
+    """Semi-axes [m] to scale a unit ball with, and the quaternion to turn it with, for an ellipsoid (3, 3)."""
+    lengths, directions = axes(ellipsoid)
+    right_handed = directions * np.array([1.0, 1.0, np.sign(np.linalg.det(directions))])
+    a, b, c = np.maximum(SIZE * lengths, 1e-3).tolist()  # a flat ellipsoid can still be seen
+    return (a, b, c), quaternion(right_handed)
+
+
+def find_surfaces(robot: Arm | ArmGroup) -> tuple[list[tuple[Surface, ...]], str]:
+    """Surfaces of each arm, or none and the reason in one line; those of a shared trunk are the left arm's."""
+    arms = as_group(robot).arms
+    none: list[tuple[Surface, ...]] = [() for _ in arms]
+    try:
+        found = [arm.surfaces() for arm in arms]
+    except FileFormatError as error:
+        return none, " ".join(str(error).split())
+    for arm, surfaces in zip(arms, found, strict=True):
+        if not surfaces:
+            return none, f"the description of {arm.name} names no shapes"
+    if isinstance(robot, ArmGroup) and len(arms) > 1:
+        shared = [surface for surface in found[0] if surface.joint <= robot.common[0, 1]]
+        found[1] = tuple(surface for surface in found[1] if not any(_same(surface, other) for other in shared))
+    return found, ""
+
+
+def _same(surface: Surface, other: Surface, tolerance: float = 0.01) -> bool:
+    """Whether two surfaces are of one joint and have the same bounds [m]; they may be thinned differently."""
+    bounds = [np.stack([one.points.min(axis=0), one.points.max(axis=0)]) for one in (surface, other)]
+    return surface.joint == other.joint and bool(np.abs(bounds[0] - bounds[1]).max() < tolerance)
+
+
+class Skeleton:
+    """A polyline (k, 3) of an arm as thick lines with balls at its corners."""
+
+    def __init__(self, scene: Any, name: str, skeleton: Array, radius: float, color: Color):
+        self._lines = scene.add_line_segments(f"{name}/lines", _edges(skeleton), color, thickness=2.0 * radius)
+        look = {"radius": 1.25 * radius, "color": color}
+        self._balls = [scene.add_icosphere(f"{name}/{i}", position=at, **look) for i, at in enumerate(skeleton)]
+
+    def draw(self, skeleton: Array) -> None:
+        """Move to a new configuration."""
+        self._lines.points = _edges(skeleton)
+        for ball, position in zip(self._balls, skeleton, strict=True):
+            ball.position = position
+
+
+def _edges(skeleton: Array) -> Array:
+    return np.stack([skeleton[:-1], skeleton[1:]], axis=1).astype(np.float32)
+
+
+class RobotBody:
+    """A robot's surface, or its skeleton where it has none; saturated joints glow."""
+
+    def __init__(self, scene: Any, name: str, surfaces: tuple[Surface, ...], frame: Frame):
+        self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
+        look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
+        self.meshes = [
+            scene.add_mesh_simple(f"{name}/surface/{one.joint}", one.points.astype(np.float32), one.triangles, **look)
+            for one in surfaces
+        ]
+        self._skeleton = None
+        if not surfaces:
+            self._skeleton = Skeleton(scene, f"{name}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
+        glow = {"radius": 0.1, "color": (230, 60, 120), "opacity": 0.5, "cast_shadow": False}
+        self._glows = {
+            joint.name: (scene.add_icosphere(f"{name}/limits/{i}", **glow), i + 1)
+            for i, joint in enumerate(frame.student.chain.joints)
+        }
+
+    def draw(self, frame: Frame) -> None:
+        """Draw a frame."""
+        for joint, (ball, link) in self._glows.items():
+            ball.visible = joint in frame.at_limit
+            if ball.visible:
+                ball.position = frame.student_links[link, :3, 3]
+        if self._skeleton is not None:
+            self._skeleton.draw(frame.student_skeleton)
+        poses = frame.student_links[self._joints]
+        for mesh, turn, pose in zip(self.meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
+            mesh.wxyz, mesh.position = turn, pose[:3, 3]
+
+
+class Shell:
+    """An ellipsoid at a hand; with rings along its principal sections it is visible around another one, too."""
+
+    def __init__(self, scene: Any, name: str, color: Color, opacity: float, ringed: bool = False):
+        look = {"subdivisions": 4, "opacity": opacity, "cast_shadow": False, "receive_shadow": False}
+        self._parts = [scene.add_icosphere(name, 1.0, color, **look)]
+        if ringed:
+            angle = np.linspace(0.0, 2.0 * np.pi, 65)
+            # a trace larger than the ball, in whose flat facets the lines would sink
+            circle = 1.004 * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+            rings = np.concatenate([_edges(np.roll(circle, shift, axis=1)) for shift in range(3)])
+            lines = scene.add_line_segments(f"{name}_rings", rings, color, thickness=2.5, thickness_units="screen")
+            self._parts.append(lines)
+
+    def draw(self, ellipsoid: Array, position: Array) -> None:
+        """Take the shape of an ellipsoid (3, 3) about a position (3,) [m]."""
+        scale, turn = shell(ellipsoid)
+        for part in self._parts:
+            part.scale, part.wxyz, part.position = scale, turn, position
 
 
 class Scene:
@@ -49,11 +162,11 @@ class Scene:
         self,
         scene: Any,
         frames: Sequence[Frame],
-        persons: Sequence[Arm],
         robot: Arm | ArmGroup,
         surfaces: Sequence[tuple[Surface, ...]],
         bases: Sequence[Array] = (np.zeros(3),),
     ):
+        persons, arms = [frame.teacher for frame in frames], as_group(robot).arms
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         scene.add_grid(
@@ -67,18 +180,13 @@ class Scene:
         _trunk(scene, np.mean(middles, axis=0))
         models = " and ".join(dict.fromkeys(arm.name for arm in persons))
         scene.add_label("/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
-
-        self._base = scene.add_frame(
-            "/robot", axes_length=0.15, axes_radius=0.006, position=ROBOT_AT + aside,
-            wxyz=quaternion(frames[0].base_rotation.T),
-        )  # fmt: skip
-        arms = as_group(robot).arms
-        _stands(scene, arms, ROBOT_AT + aside)
-        above = ROBOT_AT + aside + [0.0, 0.0, 1.25]
+        place = ROBOT_AT + aside
+        self._base = scene.add_frame("/robot", axes_length=0.15, axes_radius=0.006, position=place)
+        _stands(scene, arms, place)
+        above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
         names = [""] if len(arms) == 1 else [f"/{k}" for k in range(len(arms))]
-        parts = zip(names, frames, arms, surfaces, bases, strict=True)
-        self.sides = [DrawnSide(scene, *part) for part in parts]
+        self.sides = [DrawnSide(scene, *part) for part in zip(names, frames, surfaces, bases, strict=True)]
         self.draw(frames)
 
     def draw(self, frames: Sequence[Frame]) -> None:
@@ -91,30 +199,30 @@ class Scene:
 class DrawnSide:
     """An arm of the person and that of the robot, with their ellipsoids; `name` is such as ``"/left"``, or empty."""
 
-    def __init__(self, scene: Any, name: str, frame: Frame, student: Arm, surfaces: tuple[Surface, ...], base: Array):
+    def __init__(self, scene: Any, name: str, frame: Frame, surfaces: tuple[Surface, ...], base: Array):
         person, robot = f"/person{name}", f"/robot{name}"
         if name:
             scene.add_frame(person, show_axes=False, position=base)
             scene.add_frame(robot, show_axes=False)
         self.teacher = Skeleton(scene, f"{person}/arm", frame.teacher_skeleton, 0.028, (86, 120, 150))
-        joints = tuple(joint.name for joint in student.chain.joints)
-        self.student = RobotBody(scene, robot, surfaces, frame, joints)
+        self.student = RobotBody(scene, robot, surfaces, frame)
         self._demonstrated = Shell(scene, f"{person}/ellipsoid", PERSON.rgb, 0.4)
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
-        self.achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
+        self._achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
         self._target = Shell(scene, f"{robot}/target", TARGET.rgb, 0.12, ringed=True)
         self._tip = scene.add_icosphere(f"{robot}/target_tip", 0.02, TARGET.rgb, subdivisions=2)
 
     def draw(self, frame: Frame) -> None:
         """Draw a frame."""
+        target, end_effector = frame.target, frame.student_skeleton[-1]
         self.teacher.draw(frame.teacher_skeleton)
         self.student.draw(frame)
-        self._demonstrated.draw(frame.demonstrated_ellipsoid, frame.teacher_skeleton[-1])
-        self._target.draw(frame.target_ellipsoid, frame.student_skeleton[-1])
-        self.achieved.draw(frame.achieved_ellipsoid, frame.student_skeleton[-1])
-        self._tip.visible = frame.target_tip is not None
-        if frame.target_tip is not None:
-            self._tip.position = frame.target_tip
+        self._demonstrated.draw(target.demonstrated, frame.teacher_skeleton[-1])
+        self._target.draw(target.ellipsoid, end_effector)
+        self._achieved.draw(frame.achieved, end_effector)
+        self._tip.visible = target.tip is not None
+        if target.tip is not None:
+            self._tip.position = target.tip
 
 
 def _trunk(scene: Any, middle: Array) -> None:

@@ -19,9 +19,8 @@ from maniport.util.signals import ending_in_order
 from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl
 from maniport.viewer.panel import Panel
-from maniport.viewer.scene import FIELD_OF_VIEW, ONE_ARM, Scene, camera_for
-from maniport.viewer.shapes import find_surfaces
-from maniport.viewer.state import Frame, ViewState
+from maniport.viewer.scene import FIELD_OF_VIEW, ONE_ARM, Scene, camera_for, find_surfaces
+from maniport.viewer.state import Frame, Target, ViewState
 
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
 
@@ -42,7 +41,7 @@ class LiveView:
     def run(self, stop: threading.Event, rate: float = 60.0) -> None:
         """Read the controls, let the robot follow and draw, at most so often [Hz], until `stop` is set."""
         for side in self.state.sides:
-            side.refitting.begin()
+            side.maps.begin()
         before, numbers_at, count = clock.perf_counter(), 0.0, 0
         while not stop.is_set():
             started = clock.perf_counter()
@@ -71,7 +70,7 @@ class LiveView:
     def stop(self) -> None:
         """End the server and the fits; a fit in progress continues in its daemon thread."""
         for side in self.state.sides:
-            side.refitting.close(0.0)
+            side.maps.close(0.0)
         stop_server(self._server)
 
     def _furnish(self, method: str, base_rotation: Array) -> None:
@@ -80,8 +79,7 @@ class LiveView:
         surfaces, self.no_surface = find_surfaces(state.robot)
         self._panel = Panel(server.gui, state, method, base_rotation, self._access)
         first = state.frames(self._panel.read(0.0), 0.0)
-        persons, bases = [side.teacher for side in state.sides], [side.base for side in state.sides]
-        self._scene = Scene(server.scene, first, persons, state.robot, surfaces, bases)
+        self._scene = Scene(server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
         self._panel.write(first)
         server.on_client_connect(self._frame)
 
@@ -106,7 +104,7 @@ def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, st
         access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
 
     server.get_event_loop().set_exception_handler(log)
-    # any page in the browser could ask for it, and would hand this one to strangers
+    # any page in the browser could request it, and would hand this one to strangers
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
@@ -152,14 +150,14 @@ class Onlooker:
             raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
         if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
             return
+        target = Target(moment.person, moment.demonstrated, moment.target, np.eye(3))
         frame = Frame(
-            self._person, self._robot, moment.person, moment.joint_positions, moment.demonstrated, moment.target,
-            moment.achieved, moment.distance, np.eye(3), position_error=moment.tip_error, note=moment.state,
-        )  # fmt: skip
+            self._person, self._robot, target, moment.joint_positions, moment.achieved, moment.distance, np.eye(3)
+        )
         with self._server.atomic():
             if self._scene is None:
                 surfaces = find_surfaces(self._robot)[0]
-                self._scene = Scene(self._server.scene, [frame], [self._person], self._robot, surfaces)
+                self._scene = Scene(self._server.scene, [frame], self._robot, surfaces)
             self._scene.draw([frame])
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
                 error = "" if moment.tip_error is None else f", position error {1e3 * moment.tip_error:.0f} mm"

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
@@ -21,9 +22,31 @@ from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_finite, as_number, require_shape
-from maniport.viewer.maps import LiveMap, Refitting
-from maniport.viewer.playback import Playback
+from maniport.util.validation import Array, as_choice, as_finite, as_number, as_times, require_shape
+from maniport.viewer.maps import Maps
+
+
+class Playback:
+    """Joint positions (n, dof) at times (n,) [s], played in a loop with straight lines in between."""
+
+    def __init__(self, time: ArrayLike, joints: ArrayLike):
+        times, path = as_times(time, fewest=2), as_finite(joints, "joints")
+        require_shape(path, "joints", (len(times), "dof"), ", as many as times")
+        self._time, self._path = times - times[0], path
+        self.duration = float(self._time[-1])
+        self.position = 0.0
+
+    def advance(self, seconds: float) -> None:
+        """Move on, from the end to the start again."""
+        self.position = float((self.position + as_number(seconds, "seconds")) % self.duration)
+
+    def seek(self, position: float) -> None:
+        """Go to a time [s]; beyond the ends, to the end."""
+        self.position = min(max(as_number(position, "position"), 0.0), self.duration)
+
+    def joints(self) -> Array:
+        """Joint positions at this time, shape (dof,)."""
+        return np.array([np.interp(self.position, self._time, column) for column in self._path.T])
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +54,7 @@ class Command:
     """The values of the controls."""
 
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
-    method: str  # One of the names of `maniport.viewer.maps.Methods`
+    method: str  # One of the names of `maniport.viewer.maps.Maps`
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
     tip_follows: bool = False  # Whether the robot's end effector follows the person's hand, too
 
@@ -44,11 +67,11 @@ class Target:
     demonstrated: Array  # The person's ellipsoid, shape (3, 3)
     ellipsoid: Array
     turn: Array  # Rotation of the hand's motion by the map, shape (3, 3)
-    tip: Array | None  # Position of the end effector [m]
-    note: str
+    tip: Array | None = None  # Position of the end effector [m]
+    note: str = ""  # Why the target is not new, or another method's
 
     def schedule(self, objective: Objective, seconds: float, control_step: float = 1.0 / 120.0) -> Schedule:
-        """The same target for a time, in control steps [s]."""
+        """Return the same target for a time, in control steps [s]."""
         steps = int(np.ceil(seconds / control_step))
         return Schedule(
             objective,
@@ -60,26 +83,22 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What the page shows of one arm of person and robot, each in its own base frame."""
+    """One arm of person and robot as the page shows them, each in its own base frame."""
 
     teacher: Arm
     student: Arm
-    teacher_joints: Array
+    target: Target
     student_joints: Array
-    demonstrated_ellipsoid: Array
-    target_ellipsoid: Array
-    achieved_ellipsoid: Array
+    achieved: Array  # Ellipsoid, shape (3, 3)
     distance: float  # Affine-invariant distance of target and achieved ellipsoid, both with the damping
     base_rotation: Array
-    target_tip: Array | None = None
     position_error: float | None = None  # Of the robot's end effector [m]
-    note: str = ""  # Why the target is not new, or another method's
     at_limit: tuple[str, ...] = ()  # Names of the robot's joints that are at a limit
 
     @cached_property
     def teacher_skeleton(self) -> Array:
         """Polyline from base to hand, shape (k, 3) [m]."""
-        return self.teacher.skeleton(self.teacher_joints)
+        return self.teacher.skeleton(self.target.joints)
 
     @cached_property
     def student_skeleton(self) -> Array:
@@ -99,21 +118,25 @@ class Side:
         self,
         teacher: Arm,
         student: Arm,
-        refitting: Refitting,
+        maps: Maps,
         bank: SeedBank,
         place: Placement | None = None,
         base: Array | None = None,
     ):
-        self.teacher, self.student, self.refitting, self.bank = teacher, student, refitting, bank
+        self.teacher, self.student, self.maps, self.bank = teacher, student, maps, bank
         self.place, self.base = place, np.zeros(3) if base is None else base
         self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
         self._last: Array | None = None
 
     def target(self, joints: Array, method: str, base_rotation: Array) -> Target:
-        """Map the person's arm; the end effector is free."""
+        """Map the person's arm; the end effector is free. Until a method is fitted another one's map is used."""
         joints = np.clip(joints, self.teacher.lower, self.teacher.upper)
-        self.refitting.want(base_rotation, method)
-        chosen, note = self._map(method)
+        self.maps.want(base_rotation, method)
+        fitted, note = self.maps.fitted, ""
+        chosen = fitted.get(method)
+        if chosen is None:
+            other, chosen = next(iter(fitted.items()))
+            note = f"{method} is being fitted; the target is that of {other} until then"
         demonstrated = self.teacher.manipulability(joints)
         try:
             self._last = chosen.transform(demonstrated)
@@ -121,27 +144,18 @@ class Side:
             if self._last is None:
                 raise
             note = f"no image of this ellipsoid, the last one stays: {error}"
-        return Target(joints, demonstrated, self._last, chosen.turn, None, note)
-
-    def _map(self, method: str) -> tuple[LiveMap, str]:
-        """The map of a method; until it is fitted for the first time that of another one, and a note about it."""
-        maps = self.refitting.maps
-        if method in maps:
-            return maps[method], ""
-        name, other = next(iter(maps.items()))
-        return other, f"{method} is being fitted; the target is that of {name} until then"
+        return Target(joints, demonstrated, self._last, chosen.turn, note=note)
 
     def with_tip(self, target: Target, turn: Array) -> Target:
         """Add the position of the hand, whose path is turned, as the target of the end effector."""
         if self.place is None:
-            return replace(
-                target, note=target.note or "a placement is searched for; the end effector is free until then"
-            )
+            note = "a placement is searched for; the end effector is free until then"
+            return replace(target, note=target.note or note)
         hand = self.teacher.forward(target.joints)[:3, 3] + self.base
         return replace(target, tip=replace(self.place, turn=turn).apply(hand))
 
     def best(self, target: Target) -> Array:
-        """The best configuration that is found for a target, shape (dof,)."""
+        """Return the best configuration that is found for a target, shape (dof,)."""
         tips = None if target.tip is None else target.tip[None]
         found = nearest_feasible(
             self.student, target.ellipsoid[None], damping=self.bank.damping, positions=tips, bank=self.bank
@@ -156,28 +170,24 @@ class Side:
         at_limit = (q <= arm.lower + margin) | (q >= arm.upper - margin)
         damped = (self.objective.damped(ellipsoid) for ellipsoid in (target.ellipsoid, achieved))
         return Frame(
-            self.teacher, arm, target.joints, q, target.demonstrated, target.ellipsoid, achieved,
-            float(distance_unchecked(*damped)), base_rotation, target.tip,
+            self.teacher, arm, target, q, achieved, float(distance_unchecked(*damped)), base_rotation,
             position_error=None if target.tip is None else float(np.linalg.norm(tip - target.tip)),
-            note=target.note,
             at_limit=tuple(name for name, near in zip(arm.joint_names, at_limit, strict=True) if near),
         )  # fmt: skip
 
-    def gaps(self, ellipsoid: Array) -> dict[str, float | None]:
-        """Feasibility gap of each method's image of an ellipsoid, an upper bound by a search of 4 ms a method."""
+    def gaps(self, ellipsoid: Array) -> dict[str, float]:
+        """Return the feasibility gap of each method's image of an ellipsoid, as a search of 4 ms a method finds it."""
         images: dict[str, Array] = {}
-        maps = self.refitting.maps
-        for name, chosen in maps.items():
+        for name, chosen in self.maps.fitted.items():
             with contextlib.suppress(NotSPDError):
                 images[name] = chosen.transform(ellipsoid)
         if not images:
-            return dict.fromkeys(maps)
+            return {}
         search = nearest_feasible(
             self.student, np.array(list(images.values())), damping=self.bank.damping, bank=self.bank, n_starts=4,
             max_iter=20,
         )  # fmt: skip
-        gaps = dict(zip(images, search.distance.tolist(), strict=True))
-        return {name: gaps.get(name) for name in maps}
+        return dict(zip(images, search.distance.tolist(), strict=True))
 
 
 class ViewState:
@@ -198,7 +208,7 @@ class ViewState:
     @property
     def methods(self) -> tuple[str, ...]:
         """Names of the methods."""
-        return self.sides[0].refitting.methods.names
+        return self.sides[0].maps.names
 
     def jump(self) -> None:
         """Let the robot start from the best configuration found, with the next step, instead of moving on."""
@@ -221,7 +231,7 @@ class ViewState:
     def find_place(self, motion: Sequence[Array], method: str, points: int = 32) -> None:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
         rows = evenly_spaced(len(motion[0]), points)
-        maps = [side.refitting.maps[method] for side in self.sides]
+        maps = [side.maps.fitted[method] for side in self.sides]
         hands, targets = [], []
         for side, chosen, joints in zip(self.sides, maps, motion, strict=True):
             ellipsoids = side.teacher.manipulability(joints[rows])

@@ -171,7 +171,7 @@ class MeshContacts:
 
 
 def require_free_base(solids: Solids, bodies: BodyHulls) -> None:
-    """Raise InvalidInputError when what a base carries stands in a box or in another, or a table goes through it."""
+    """Raise InvalidInputError when what a base carries overlaps a box or another base, or a table goes through it."""
     hulls, links = solids.hulls, len(bodies.hulls)
     sunk = 0.01  # feet and rounded meshes may reach so far into a table or box [m]
     for i, hull in enumerate(hulls[:links]):

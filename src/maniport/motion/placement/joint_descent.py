@@ -16,7 +16,7 @@ import numpy as np
 
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.objective import Targets
-from maniport.motion.placement.problem import SIZE, PlacementGroup, PlacementProblem
+from maniport.motion.placement.problem import SIZE, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, descend
 from maniport.spd.kernels import compose
 from maniport.util.validation import Array
@@ -25,12 +25,12 @@ State = tuple[Array, tuple[Array, ...]]  # A placement (7,) and joint positions 
 
 
 def descend_jointly(
-    group: PlacementGroup, whole: PlacementGroup, place: Array, q: tuple[Array, ...], terms: Sequence[TrajectoryTerms]
+    problem: PlacementProblem, place: Array, q: tuple[Array, ...], terms: Sequence[TrajectoryTerms]
 ) -> State:
-    """Descend in a placement and the trajectories there; all waypoints of `whole` stay in the workspace."""
-    problem = JointProblem(group, whole, terms)
-    start = tuple(cost.within(one) for cost, one in zip(problem.costs, q, strict=True))
-    return descend(problem, (place, start), terms[0].rel_tol)
+    """Descend in a placement and the trajectories there."""
+    joint = JointProblem(problem, terms)
+    start = tuple(cost.within(positions) for cost, positions in zip(joint.costs, q, strict=True))
+    return descend(joint, (place, start), terms[0].rel_tol)
 
 
 class BorderedSlopes(NamedTuple):
@@ -47,19 +47,19 @@ class BorderedSlopes(NamedTuple):
 class JointProblem:
     """Cost of a placement and the trajectories there."""
 
-    def __init__(self, group: PlacementGroup, whole: PlacementGroup, terms: Sequence[TrajectoryTerms]):
-        self.group, self.whole = group, whole
-        self.waypoints = [MovingPathCost(problem) for problem in group.problems]
+    def __init__(self, problem: PlacementProblem, terms: Sequence[TrajectoryTerms]):
+        self.problem = problem
+        self.waypoints = [MovingPathCost(arm) for arm in problem.arms]
         self.costs = [
-            TrajectoryCost(problem.objective.arm, waypoints, problem.time, one)
-            for problem, waypoints, one in zip(group.problems, self.waypoints, terms, strict=True)
+            TrajectoryCost(arm.objective.arm, waypoints, problem.time, own)
+            for arm, waypoints, own in zip(problem.arms, self.waypoints, terms, strict=True)
         ]
 
     def evaluate(self, state: State) -> tuple[float, list[BorderedSlopes]]:
         """Cost, and slopes of each arm."""
-        (place, every), free = state, self.group.common.free
+        (place, trajectories), free = state, self.problem.free
         total, slopes = 0.0, []
-        for waypoints, cost, q in zip(self.waypoints, self.costs, every, strict=True):
+        for waypoints, cost, q in zip(self.waypoints, self.costs, trajectories, strict=True):
             waypoints.move(place)
             value, (gradient, blocks, band) = cost.evaluate(q)
             total, weights, dof = total + value, cost.weights, q.shape[1]
@@ -78,31 +78,31 @@ class JointProblem:
 
     def trial(self, state: State, slopes: list[BorderedSlopes], damping: float) -> tuple[State, float]:
         """State after a damped step, within the limits, and the expected decrease of the cost."""
-        (place, every), common = state, self.group.common
-        h, square = np.sum([one.h for one in slopes], axis=0), np.sum([one.square for one in slopes], axis=0)
+        (place, trajectories), free = state, self.problem.free
+        h, square = np.sum([arm.h for arm in slopes], axis=0), np.sum([arm.square for arm in slopes], axis=0)
         inner, pull, solutions, damped = square, h, [], []
-        for cost, q, one in zip(self.costs, every, slopes, strict=True):
-            own = damping * (np.einsum("nii->ni", one.hessian) + one.band[0])
-            sides = np.concatenate([one.gradient[..., None], one.mixed], axis=2)
-            solution = cost.solve(sides, one.hessian, one.band, cost.blocked(q, one.gradient), own)
-            inner = inner - np.tensordot(one.mixed, solution[..., 1:], ((0, 1), (0, 1)))
-            pull = pull - np.tensordot(solution[..., 0], one.mixed, 2)
+        for cost, q, arm in zip(self.costs, trajectories, slopes, strict=True):
+            own = damping * (np.einsum("nii->ni", arm.hessian) + arm.band[0])
+            sides = np.concatenate([arm.gradient[..., None], arm.mixed], axis=2)
+            solution = cost.solve(sides, arm.hessian, arm.band, cost.blocked(q, arm.gradient), own)
+            inner = inner - np.tensordot(arm.mixed, solution[..., 1:], ((0, 1), (0, 1)))
+            pull = pull - np.tensordot(solution[..., 0], arm.mixed, 2)
             solutions.append(solution)
             damped.append(own)
-        at, least, most = place[common.free], common.least[common.free], common.most[common.free]
+        at, lower, upper = place[free], self.problem.lower[free], self.problem.upper[free]
         weight = np.diag(square)
-        loose = ~(((at <= least) & (h > 0.0)) | ((at >= most) & (h < 0.0)) | (weight <= 0.0))
+        loose = ~(((at <= lower) & (h > 0.0)) | ((at >= upper) & (h < 0.0)) | (weight <= 0.0))
         inner = inner + np.diag((damping + 1e-9) * weight)  # path and arm may turn together at no cost
         step = np.zeros(len(at))
         step[loose] = -np.linalg.solve(inner[np.ix_(loose, loose)], pull[loose])
         moved = place.copy()
-        moved[common.free] = np.clip(at + step, least, most)
-        moved = self.whole.within(moved[None])[0][0]
+        moved[free] = np.clip(at + step, lower, upper)
+        moved = self.problem.within(moved[None])[0][0]
         expected = float(step @ (damping * weight * step - h))
         trial = []
-        for cost, q, solution, own, one in zip(self.costs, every, solutions, damped, slopes, strict=True):
+        for cost, q, solution, own, arm in zip(self.costs, trajectories, solutions, damped, slopes, strict=True):
             change = -(solution[..., 0] + solution[..., 1:] @ step)
-            expected += float(np.sum(change * (own * change - one.gradient)))
+            expected += float(np.sum(change * (own * change - arm.gradient)))
             trial.append(cost.within(q + change))
         return (moved, tuple(trial)), expected
 
@@ -114,13 +114,13 @@ class MovingPathCost:
     gradient: Array
     hessian: Array
 
-    def __init__(self, problem: PlacementProblem):
-        self.problem = problem
+    def __init__(self, arm: ArmPath):
+        self.arm = arm
 
     def move(self, place: Array) -> None:
         """Move the path to a placement (7,)."""
-        self.targets = self.problem.targets(place)
-        self._shifts, self._generators = self.problem.derivatives(place)
+        self.targets = self.arm.targets(place)
+        self._shifts, self._generators = self.arm.derivatives(place)
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
@@ -133,12 +133,8 @@ class MovingPathCost:
         weight = targets.objective.position_weight
         error = weight * (poses[:, :3, 3] - targets.positions)
         error_slopes = weight * np.concatenate([jacobian[:, :3], -self._shifts], axis=2)
-        count = dof + SIZE
-        square, self.gradient, self.hessian = (
-            np.zeros(len(q)),
-            np.zeros((len(q), count)),
-            np.zeros((len(q), count, count)),
-        )
+        n, count = len(q), dof + SIZE
+        square, self.gradient, self.hessian = np.zeros(n), np.zeros((n, count)), np.zeros((n, count, count))
         changes = np.concatenate([changes, turned], axis=1)
         add_log_residual(values, vectors, targets.whitening, changes, square, self.gradient, self.hessian)
         add_residual(error, error_slopes, self.gradient, self.hessian)

@@ -1,4 +1,4 @@
-"""A path that was placed before a robot: where it lies, where else it could, and how well it can be done there."""
+"""Placement of a path relative to a robot."""
 
 import os
 from dataclasses import dataclass
@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import EllipsoidSpec
 from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
+from maniport.spd.kernels import congruence
 from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import Array, as_finite
+from maniport.util.validation import Array, as_finite, require_shape
 
 DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
 
@@ -21,12 +22,8 @@ DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
 class Place:
     """A possible placement of a path.
 
-    Attributes
-    ----------
-    scale, yaw, tilt, heading, offset
-        As in `Placement`.
-    distance : ndarray, shape (m,)
-        Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
+    `distance` (m,) are affine-invariant distances of a trajectory that was planned through some waypoints of the path;
+    the other attributes are as in `Placement`.
     """
 
     scale: float
@@ -105,20 +102,17 @@ class Placement(NotebookDisplay):
 
     def apply(self, points: ArrayLike) -> Array:
         """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
-        given = as_finite(points, "points")
-        if given.ndim < 1 or given.shape[-1] != 3:
-            raise InvalidInputError(f"points must have shape (..., 3); found {given.shape}")
+        positions = as_finite(points, "points")
+        if positions.ndim < 1 or positions.shape[-1] != 3:
+            raise InvalidInputError(f"points must have shape (..., 3); found {positions.shape}")
         rotation = self.rotation @ self.turn
-        return np.asarray(self.scale * (given - self.centre) @ rotation.T + self.offset)
+        return np.asarray(self.scale * (positions - self.centre) @ rotation.T + self.offset)
 
     def turned(self, profile: ArrayLike) -> Array:
         """Turn other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
-        given = as_finite(profile, "profile")
-        if given.ndim != 3 or given.shape[1:] != self.profile.shape[1:]:
-            raise InvalidInputError(f"profile must have shape (n, {self.profile.shape[1:]}); found {given.shape}")
-        rotation = self.spec.rotation(self.rotation)
-        moved = rotation @ given @ rotation.T
-        return np.asarray(0.5 * (moved + np.swapaxes(moved, 1, 2)))
+        ellipsoids, size = as_finite(profile, "profile"), self.spec.size
+        require_shape(ellipsoids, "profile", ("n", size, size))
+        return congruence(self.spec.rotation(self.rotation), ellipsoids)
 
     def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None, *, overwrite: bool = False) -> None:
         """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
@@ -134,6 +128,6 @@ class Placement(NotebookDisplay):
 
     def __repr__(self) -> str:
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
-        found = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
-        floor = f"pointwise optimum {np.median(self.distance):.2f} (median)"
-        return f"Placement({len(self.path)} points, {found}, {floor}, {np.sum(~self.reachable)} out of reach)"
+        place = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
+        optimum = f"pointwise optimum {np.median(self.distance):.2f} (median)"
+        return f"Placement({len(self.path)} points, {place}, {optimum}, {np.sum(~self.reachable)} out of reach)"

@@ -1,6 +1,7 @@
 """Where in an arm's workspace a path lets the arm make the target ellipsoids best."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, overload
 
 import numpy as np
@@ -10,7 +11,7 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.effort import FULL, as_effort
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.placement.arguments import as_workspace, given_place, problems_of, require_reach, table_height
+from maniport.motion.placement.arguments import as_workspace, fixed_place, require_reach, table_height
 from maniport.motion.placement.placed_path import Place, Placement
 from maniport.motion.placement.placement_search import WEIGHT, best_placements
 from maniport.motion.placement.problem import (
@@ -19,20 +20,27 @@ from maniport.motion.placement.problem import (
     SCALE,
     TILT,
     YAW,
-    PlacementGroup,
+    ArmPath,
     PlacementProblem,
     base_rotations,
-    wrapped,
 )
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
-from maniport.motion.search.pointwise import PointwiseBest, pointwise_best
+from maniport.motion.search.descent import PointwiseBest, pointwise_best
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_count, as_generator, as_metres
+from maniport.util.validation import (
+    Array,
+    as_count,
+    as_generator,
+    as_metres,
+    as_rotation,
+    as_times,
+    require_shape,
+)
 
 
 @overload
@@ -110,8 +118,8 @@ def place_path(  # type: ignore[misc]
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
     reachability_map : maniport.motion.ReachabilityMap, optional
         Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
-    effort : str
-        Planning effort, as in `maniport.motion.PlanControl`.
+    planning_effort : str
+        As in `maniport.motion.PlanControl`.
     rank : int
         Which of the `candidates` to take, from 1; only the first is made to reach all of `whole`.
     random_state : optional
@@ -129,7 +137,7 @@ def place_path(  # type: ignore[misc]
     InvalidInputError
         When a value is wrong, the arm reaches nothing in the workspace, the path does not fit, or `rank` is too high.
     """
-    generator, budget, chosen = as_generator(random_state), as_effort(planning_effort), as_count(rank, "rank") - 1
+    generator, effort, chosen = as_generator(random_state), as_effort(planning_effort), as_count(rank, "rank") - 1
     several = isinstance(arm, ArmGroup | Sequence)
     arms: Sequence[Arm] = tuple(getattr(arm, "arms", arm)) if several else (arm,)
     arguments = {
@@ -139,8 +147,7 @@ def place_path(  # type: ignore[misc]
     paths, profiles, wholes, models, maps, banks = (
         of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
     )
-    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
-    given = given_place(scale, yaw, tilt, offset)
+    fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
     bounds = as_workspace(workspace)
     step = Step(progress, "Place path")
     banks = [SeedBank.given_or_built(own, arms[i], spec, generator) for i, own in enumerate(banks)]
@@ -150,50 +157,83 @@ def place_path(  # type: ignore[misc]
     ]
     for own, samples in zip(arms, maps, strict=True):
         samples.require_fits(own, spec)
-    bounds[0, 2] = max(bounds[0, 2], *(table_height(samples.collisions, given[0]) for samples in maps))
+    bounds[0, 2] = max(bounds[0, 2], *(table_height(samples.collisions, fixed) for samples in maps))
     for samples in maps:
         require_reach(samples, bounds)
-    problems, center, rotation = problems_of(objectives, paths, profiles, time, turn, given, bounds)
-    group = PlacementGroup(problems, tuple(maps))
-    reached = None
+    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
+    positions, targets = _checked(objectives, paths, profiles)
+    center = np.concatenate(positions).mean(axis=0)
+    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
+    members = tuple(
+        ArmPath(objective, (points - center) @ rotation.T, ellipsoids, samples)
+        for objective, points, ellipsoids, samples in zip(objectives, positions, targets, maps, strict=True)
+    )
+    everything = members
     if whole is not None:
-        reached = group.with_paths([(as_metres(points, "whole") - center) @ rotation.T for points in wholes])
-    found = best_placements(group, reached, generator, budget, between(step, 0.1, 0.85))
-    if chosen >= len(found):
-        raise InvalidInputError(f"rank must be at most {len(found)}, as many as places were found; found {rank}")
-    best, placed, parts = found[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
-    for i, (problem, own, part) in enumerate(zip(problems, banks, parts, strict=True)):
-        candidates = tuple(_named(other.place, other.distance[i]) for other in found)
-        known = interpolated(evenly_spaced(len(problem.path), len(best.q[i])), best.q[i], np.arange(len(problem.path)))
-        targets = problem.targets(best.place)
-        optimum = pointwise_best(targets, own.starts_for(targets, budget.pointwise_starts), known, part)
-        placed.append(_placed_path(problem, best.place, optimum, center, rotation, candidates))
+        eye = np.eye(spec.size)
+        everything = tuple(
+            replace(own, path=(points - center) @ rotation.T, profile=np.tile(eye, (len(points), 1, 1)))
+            for own, points in zip(members, (as_metres(points, "whole") for points in wholes), strict=True)
+        )
+    times = _times(time, positions)
+    problem = PlacementProblem(members, everything, times, fixed, lower, upper, bounds)
+    results = best_placements(problem, whole is not None, generator, effort, between(step, 0.1, 0.85))
+    if chosen >= len(results):
+        raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
+    best, placed, parts = results[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
+    for i, (member, samples, part) in enumerate(zip(members, banks, parts, strict=True)):
+        candidates = tuple(_named(other.place, other.distance[i]) for other in results)
+        q = interpolated(evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times)))
+        aims = member.targets(best.place)
+        optimum = pointwise_best(aims, samples.starts_for(aims, effort.pointwise_starts), q, part)
+        placed.append(_placement(member, best.place, optimum, center, rotation, candidates))
     medians = ", ".join(f"{np.median(own.distance):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed) if several else placed[0]
 
 
-def _placed_path(
-    problem: PlacementProblem,
+def _checked(
+    objectives: Sequence[Objective], paths: Sequence[ArrayLike], profiles: Sequence[ArrayLike]
+) -> tuple[list[Array], list[Array]]:
+    """Check paths and profiles of several arms; return positions and ellipsoids without damping."""
+    positions, targets = list[Array](), list[Array]()
+    for i, objective in enumerate(objectives):
+        index = "" if len(objectives) == 1 else f"s[{i}]"
+        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
+        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
+        positions.append(as_metres(paths[i], f"path{index}"))
+        require_shape(
+            positions[i], f"path{index}", (len(targets[0]), 3), ", one point for each ellipsoid of the profile"
+        )
+    return positions, targets
+
+
+def _times(time: ArrayLike | None, paths: Sequence[Array], speed: float = 0.1) -> Array:
+    """Times of waypoints at a mean speed [m/s], at which placements are compared whatever the demonstrated one."""
+    times = np.arange(len(paths[0]), dtype=float) if time is None else as_times(time, count=len(paths[0]))
+    if len(times) < 2:
+        return times
+    length = max(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths)
+    return np.asarray((times - times[0]) * max(length / speed, 1.0) / (times[-1] - times[0]))
+
+
+def _placement(
+    arm: ArmPath,
     place: Array,
     best: PointwiseBest,
     center: Array,
     rotation: Array,
     candidates: tuple[Place, ...],
 ) -> Placement:
-    positions, profile = (values[0] for values in problem.placed(place[None]))
+    positions, profile = (values[0] for values in arm.placed(place[None]))
     named, error = _named(place, best.distance), best.position_error
     assert error is not None
     return Placement(
         path=positions,
         profile=profile,
-        spec=problem.objective.spec,
-        scale=named.scale,
-        yaw=named.yaw,
-        tilt=named.tilt,
-        heading=named.heading,
+        spec=arm.objective.spec,
+        **{name: getattr(named, name) for name in ("scale", "yaw", "tilt", "heading", "offset")},
         mount=base_rotations(place[None])[0],
-        offset=named.offset,
         centre=center,
         turn=rotation,
         distance=best.distance,
@@ -206,6 +246,6 @@ def _placed_path(
 
 def _named(place: Array, distance: Array) -> Place:
     """A placement (7,) by its numbers, with the distances of a trajectory there."""
-    scale, yaw, heading = float(np.exp(place[SCALE])), float(wrapped(place[YAW])), float(wrapped(place[HEADING]))
-    tilt = float(place[TILT])
+    scale, tilt = float(np.exp(place[SCALE])), float(place[TILT])
+    yaw, heading = (float(np.remainder(place[i] + np.pi, 2.0 * np.pi) - np.pi) for i in (YAW, HEADING))
     return Place(scale, yaw, tilt, heading if tilt else 0.0, place[OFFSET], distance)

@@ -1,8 +1,8 @@
 """Reachability map: samples of an arm by the positions of their end effector, and nodes of roadmaps made of them.
 
 Many arms turn as a whole about the axis of their first joint: as q₁ changes by α, end effector and ellipsoid turn by α
-about it. The samples of such an arm count for all these rotations, so that two coordinates instead of three tell them
-apart, the distance from the axis and the position along it. Joints without effect, such as the last of a Panda, stay
+about it. The samples of such an arm count for all these rotations, so that two coordinates instead of three separate
+them: the distance from the axis and the position along it. Joints without effect, such as the last of a Panda, stay
 in the middle of their range.
 """
 

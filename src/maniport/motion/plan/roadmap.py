@@ -14,7 +14,7 @@ from maniport.util.validation import Array
 
 IN_PLACE = 1e-4  # Largest position error of a node that counts as on the path [m]
 NEWTON_STEPS = 4
-JOINT_MOTION_WEIGHT = 0.3  # Weight of squared joint velocities beside d²; with 0.02 the motion is 1 % worse
+JOINT_MOTION_WEIGHT = 0.3  # Weight of squared joint velocities relative to d²; with 0.02 the motion is 1 % worse
 
 
 @dataclass(frozen=True)

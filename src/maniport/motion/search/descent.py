@@ -1,10 +1,11 @@
-"""Levenberg-Marquardt within joint limits, many searches at once.
+"""Levenberg-Marquardt within joint limits, many searches at once, and the pointwise optimum that they find.
 
 Each search minimizes the objective of `maniport.motion.objective`. The damping of its steps follows Madsen, Nielsen &
 Tingleff, Methods for Non-Linear Least Squares Problems, 2004, § 3.2. Several searches serve one target: as soon as one
 has reached it the others end, and every few steps the worse half of them does.
 """
 
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,10 +13,12 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from maniport.motion.kernels import step_within_limits
-from maniport.util.progress import Part, counted, nobody
+from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT
+from maniport.util.progress import Part, counted, nobody, pieces
 from maniport.util.validation import Array
 
 LARGEST_DAMPING = 1e8
+STARTS = 32  # Samples that a search for the pointwise optimum starts from
 LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken
 
 
@@ -102,11 +105,28 @@ class Searches:
         return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
 
 
-def descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving: int = 4) -> Array:
-    """Search for each target from starts (n, k, dof); return the best joint positions found (n, dof).
+def descend(
+    target: PathCost,
+    starts: Array,
+    tol: float,
+    max_iter: int,
+    *,
+    block: int,
+    halving: int = 4,
+    n_jobs: int | None = None,
+    progress: Part = nobody,
+) -> Array:
+    """Search for each target from starts (n, k, dof); return the best joint positions (n, dof).
 
-    Every `halving` steps the worse half of the searches for a target ends.
+    Every `halving` steps the worse half of the searches for a target ends. `block` targets are searched together.
     """
+    blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
+    tasks = (delayed(_descend)(target[rows], starts[rows], tol, max_iter, halving) for rows in blocks)
+    results = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+    return np.concatenate(list(counted(results, len(blocks), progress)))
+
+
+def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving: int) -> Array:
     searches = Searches(target, starts)
     active = searches.still_open(np.arange(len(searches.q)), tol)
     for iteration in range(1, max_iter + 1):
@@ -121,18 +141,31 @@ def descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving:
     return np.asarray(searches.q[best])
 
 
-def descend_in_blocks(
-    target: PathCost,
-    starts: Array,
-    tol: float,
-    max_iter: int,
-    block: int,
-    n_jobs: int | None = None,
-    tell: Part | None = None,
-    halving: int = 4,
-) -> Array:
-    """Search for each target as `descend` does, `block` of them together."""
-    blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
-    tasks = (delayed(descend)(target[rows], starts[rows], tol, max_iter, halving) for rows in blocks)
-    found = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
-    return np.concatenate(list(counted(found, len(blocks), tell or nobody)))
+@dataclass(frozen=True)
+class PointwiseBest:
+    """The best configuration for each target by itself, with the end effector in place: no motion, it may jump."""
+
+    joint_positions: Array  # (n, dof) [rad or m]
+    distance: Array  # (n,), to the target ellipsoids; smooth motions stay above it
+    position_error: Array | None  # (n,) [m]
+
+
+def pointwise_best(
+    targets: PathCost, starts: Array, known: Array | None = None, progress: Part = nobody
+) -> PointwiseBest:
+    """Search from starts (n, k, dof), then from the results of the neighbors and from known configurations (n, dof)."""
+    first, then = pieces(progress, 4.0, 1.0)
+    q = descend(targets.weighing(SEARCH_WEIGHT), starts, 1e-6, 100, block=64, progress=first)
+    candidates = [q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), *([] if known is None else [known])]
+    return improved_from(targets, np.stack(candidates, axis=1), then)
+
+
+def improved_from(targets: PathCost, starts: Array, progress: Part = nobody) -> PointwiseBest:
+    """Search from known configurations (n, k, dof) alone."""
+    q = descend(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=progress)
+    return PointwiseBest(q, targets.distance(q), targets.tip_error(q))
+
+
+def interpolated_distance(rows: NDArray[np.intp], distance: Array, count: int) -> Array:
+    """Distances (count,) from those at some rows: the square is linear, which keeps the mean square."""
+    return np.asarray(np.sqrt(np.interp(np.arange(count), rows, distance**2)))

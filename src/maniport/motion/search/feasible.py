@@ -1,4 +1,4 @@
-"""The nearest ellipsoid that an arm can make: a search over its joint positions within their limits."""
+"""The feasible ellipsoids nearest to targets: a search over joint positions within their limits."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import NotSPDError
 from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
-from maniport.motion.search.descent import descend_in_blocks
+from maniport.motion.search.descent import descend
 from maniport.motion.search.seed_bank import SeedBank, as_positions
 from maniport.util.defaults import DAMPING
 from maniport.util.notebook import NotebookDisplay
@@ -43,11 +43,10 @@ class FeasibleEllipsoids(NotebookDisplay):
 
     def __repr__(self) -> str:
         d = self.ellipsoids.shape[-1]
-        away = "" if self.position_error is None else f", tip {1e3 * np.median(self.position_error):.3g} mm off"
-        return (
-            f"FeasibleEllipsoids({len(self.ellipsoids)} of {d}×{d} at a distance of {np.median(self.distance):.3g}"
-            f"{away} (medians))"
-        )
+        error = self.position_error
+        away = "" if error is None else f", position error {1e3 * np.median(error):.3g} mm"
+        distance = f"{len(self.ellipsoids)} of {d}×{d} at a distance of {np.median(self.distance):.3g}"
+        return f"FeasibleEllipsoids({distance}{away} (medians))"
 
 
 def nearest_feasible(
@@ -84,7 +83,7 @@ def nearest_feasible(
     position_weight : float
         Weight of the position error [1/m].
     n_starts : int
-        Samples to search from for each ellipsoid. ArmGroup with fewer joints need more: of a UR5's own ellipsoids 98 %
+        Samples to search from for each ellipsoid. Arms with fewer joints need more: of a UR5's own ellipsoids 98 %
         score below 0.01 with 48, above 99 % with 96.
     bank, random_state, progress
         As in `maniport.motion.track`.
@@ -104,16 +103,15 @@ def nearest_feasible(
     InvalidInputError
         When another argument has a wrong shape or value.
     """
-    starts, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
+    count, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
     tolerance = as_number(tol, "tol", above=0.0)
     objective = Objective.of(arm, spec, damping, as_number(position_weight, "position_weight", above=0.0))
-    asked = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
-    tips = None if positions is None else as_positions(positions, len(asked))
+    undamped = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
+    targets = objective.targets(undamped, None if positions is None else as_positions(positions, len(undamped)))
     bank = SeedBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "Search feasible ellipsoids")
-    targets = objective.targets(asked, tips)
-    first = bank.starts(asked, tips, starts)
-    q = descend_in_blocks(targets, first, tolerance, steps, block=128, n_jobs=n_jobs, tell=step)
+    starts = bank.starts_for(targets, count)
+    q = descend(targets, starts, tolerance, steps, block=128, n_jobs=n_jobs, progress=step)
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
@@ -156,8 +154,8 @@ def feasibility_gap(
     """
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
     require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
-    chosen = evenly_spaced(len(targets), most)
-    found = nearest_feasible(
-        arm, targets[chosen], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
+    rows = evenly_spaced(len(targets), most)
+    nearest = nearest_feasible(
+        arm, targets[rows], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
     )
-    return np.interp(np.arange(len(targets)), chosen, found.distance)
+    return np.interp(np.arange(len(targets)), rows, nearest.distance)

@@ -1,7 +1,4 @@
-"""Feasible ellipsoids nearest to many others, for fits that ask for them round after round.
-
-`nearest_feasible` searches thoroughly and forgets; here each search continues from the last one and its neighbors.
-"""
+"""Feasible ellipsoids nearest to many others, round after round: each search continues from the last one."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -14,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.search.descent import descend_in_blocks
+from maniport.motion.search.descent import descend
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
@@ -88,22 +85,22 @@ class FeasibleProjector:
         return self.search(self.objective.damping.epsilon).nearest(points)[0]
 
     def search(self, damping: float) -> "FeasibleSearch":
-        """Begin a search for ellipsoids that carry another damping ε [unit of M], which remembers its postures.
+        """Begin a search for ellipsoids that carry another damping ε [unit of M], which remembers its configurations.
 
         Raises
         ------
         InvalidInputError
             When ε is not above zero.
         """
-        known = Regularization.absolute(as_number(damping, "damping", above=0.0))
-        return FeasibleSearch(replace(self.objective, damping=known), self.bank)
+        epsilon = Regularization.absolute(as_number(damping, "damping", above=0.0))
+        return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
 
     def __deepcopy__(self, memo: Any) -> "FeasibleProjector":
-        return self  # nothing in it ever changes, and scikit-learn copies the parameters of what it clones
+        return self  # immutable; scikit-learn copies the parameters of estimators that it clones
 
     def __repr__(self) -> str:
-        of = self.objective
-        return f"FeasibleProjector({of.arm.name!r}, {of.spec}, damping {of.damping.epsilon:.3g})"
+        objective = self.objective
+        return f"FeasibleProjector({objective.arm.name!r}, {objective.spec}, damping {objective.damping.epsilon:.3g})"
 
 
 class FeasibleSearch:
@@ -118,12 +115,6 @@ class FeasibleSearch:
     def __init__(self, objective: Objective, bank: SeedBank):
         self._objective, self._bank = objective, bank
         self.joint_positions: Array | None = None
-
-    def beside(self, alike: NDArray[np.intp]) -> "FeasibleSearch":
-        """Begin a search for other points, which starts from what was found here for points `alike` (n,) to them."""
-        search = FeasibleSearch(self._objective, self._bank)
-        search.joint_positions = None if self.joint_positions is None else self.joint_positions[alike]
-        return search
 
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
         """Find the nearest feasible ellipsoids, and derivatives of the logarithm from the points to them.
@@ -159,10 +150,10 @@ class FeasibleSearch:
             starts, steps = self._bank.starts_for(targets, each), 20
         else:
             require_shape(damped, "points", (len(before), *damped.shape[1:]), ", as in the first call")
-            beside = [] if neighbors is None else [before[neighbors]]
-            fresh = self._bank.starts_for(targets, 1)
-            starts, steps = np.concatenate([before[:, None], *beside, fresh], axis=1), 8
-        q = descend_in_blocks(targets, starts, tol=1e-6, max_iter=steps, block=512, halving=2)
+            similar = [] if neighbors is None else [before[neighbors]]
+            starts = np.concatenate([before[:, None], *similar, self._bank.starts_for(targets, 1)], axis=1)
+            steps = 8
+        q = descend(targets, starts, 1e-6, steps, block=512, halving=2)
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {self._objective.arm.name!r} is singular at all starts for some points")
         self.joint_positions = q

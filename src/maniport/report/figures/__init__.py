@@ -88,12 +88,11 @@ def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str]
     Returns
     -------
     list of Path
-        The files.
 
     Raises
     ------
     FileFormatError
-        When the folder has no page, or one that is not of a result.
+        When the folder has no page of a result.
     OutputError
         When the folder cannot be written.
     """
@@ -118,7 +117,7 @@ def _motion(page: Path) -> dict[str, Any]:
 
 
 def _decoded(value: Any) -> Any:
-    """Return data of a page with its arrays, see `maniport.report.page.content.packed`."""
+    """Return data of a page with its arrays, packed by `maniport.report.page.content`."""
     if isinstance(value, list):
         return [_decoded(item) for item in value]
     if not isinstance(value, dict):
@@ -144,9 +143,9 @@ def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
         profiles = _profiles(stages)
         if not several and len(profiles) > 1:
             yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles=roles)
-            yield "curves", curves(time, profiles, unit, roles)
-    person = "Joints of the person"
-    moved = [panel for name, panels in groups.items() if name not in ("Ellipsoids", person) for panel in panels]
+        yield "curves", panel_figure(time, groups["Ellipsoids"], 2 if several else 1)
+    omitted = "Ellipsoids", "Joints of the person"
+    moved = [panel for name, panels in groups.items() if name not in omitted for panel in panels]
     if moved:
         yield "motion", panel_figure(time, moved, 2 if several else 1)
     if data["map"]:

@@ -12,10 +12,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.report.page.content import Panel
+from maniport.report.page.content import Panel, is_gap
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, ROLES, TARGET
-from maniport.report.series import is_gap, profile_curves
-from maniport.util.validation import Array, as_choice, as_positive_semidefinite, as_times, require_shape
+from maniport.spd.ellipsoid import lengths
+from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_positive_semidefinite, as_times, require_shape
 
 COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
 
@@ -31,36 +31,32 @@ COLUMN = 3.5  # Width of a figure [in]: one column of a two-column paper
 def curves(
     time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT, roles: Mapping[str, str] | None = None
 ) -> Figure:
-    """Draw semi-axes, directions of the longest and the shortest axis, volume and condition number over time."""
+    """Draw the semi-axes of profiles (n, d, d) over time [s], and their condition number."""
     times = as_times(time)
     checked = check_profiles(profiles, len(times))
     d = next(iter(checked.values())).shape[-1]
-    figure = column_figure(6.3)
-    axes = list(figure.subplots(5, 1, sharex=True))
-    titles = ("semi-axes", "direction of the longest axis", "direction of the shortest axis",
-              "volume" if d == 3 else "area", "condition number, (longest / shortest)²")  # fmt: skip
-    colors, widths = colors_of(checked, roles), line_widths(len(checked))
-    for color, width, one in zip(colors, widths, profile_curves(checked).values(), strict=True):
-        drawn = one.semi_axes[:, ::-1], one.longest, one.shortest, one.volume[:, None], one.condition[:, None]
-        for panel, values in zip(axes, drawn, strict=True):
-            broken_times, broken = with_breaks(times, values)
-            for column, style in zip(broken.T, LINE_STYLES, strict=False):
-                panel.plot(broken_times, column, color=color, ls=style, lw=width)
-    for panel, title in zip(axes, titles, strict=True):
-        panel.set_title(title, fontsize=TEXT, loc="left", pad=3)
-    axes[0].set_ylim(bottom=0)
-    axes[0].set_ylabel(f"[{unit}]", fontsize=TEXT)
-    for panel in axes[1:3]:
-        panel.set(ylim=(-1.05, 1.05), yticks=[-1, 0, 1])
-    for panel in axes[3:]:
-        logarithmic(panel)
-    names = [("longest", "middle", "shortest") if d == 3 else ("longest", "shortest"), "xyz"[:d], "xyz"[:d]]
-    for panel, words in zip(axes, names, strict=False):
-        styles = [Line2D([], [], color="0.3", ls=s, lw=1.0, label=n) for s, n in zip(LINE_STYLES, words, strict=False)]
-        panel.legend(handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=TEXT,
-                     frameon=False, borderaxespad=0.0)  # fmt: skip
+    figure = column_figure(3.0)
+    upper, lower = axes = list(figure.subplots(2, 1, sharex=True))
+    handles = []
+    for color, (name, points) in zip(colors_of(checked, roles), checked.items(), strict=True):
+        semi_axes = lengths(points)[:, ::-1]
+        flat = semi_axes[:, -1] ** 2 <= SPD_TOLERANCE * np.trace(points, axis1=1, axis2=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = np.where(flat, np.nan, (semi_axes[:, 0] / semi_axes[:, -1]) ** 2)
+        for column, style in zip(semi_axes.T, LINE_STYLES, strict=False):
+            upper.plot(*with_breaks(times, column), color=color, ls=style, lw=1.0)
+        lower.plot(*with_breaks(times, condition), color=color, lw=1.0)
+        handles.append(Line2D([], [], color=color, lw=1.0, label=name))
+    upper.set(ylim=(0.0, None))
+    upper.set_title(f"semi-axes [{unit}]", fontsize=TEXT, loc="left", pad=3)
+    lower.set_title("condition number, (longest / shortest)²", fontsize=TEXT, loc="left", pad=3)
+    logarithmic(lower)
+    names = ("longest", "middle", "shortest") if d == 3 else ("longest", "shortest")
+    styles = [Line2D([], [], color="0.3", ls=s, lw=1.0, label=n) for s, n in zip(LINE_STYLES, names, strict=False)]
+    upper.legend(handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=TEXT,
+                 frameon=False, borderaxespad=0.0)  # fmt: skip
     dress_over_time(axes)
-    legend(figure, [Line2D([], [], color=c, lw=w, label=n) for c, w, n in zip(colors, widths, checked, strict=True)])
+    legend(figure, handles)
     return laid_out(figure)
 
 
@@ -118,12 +114,6 @@ def logarithmic(panel: Axes) -> None:
     panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
     panel.yaxis.set_major_formatter("{x:g}")
     panel.yaxis.set_minor_formatter(NullFormatter())
-
-
-def line_widths(count: int) -> list[float]:
-    """Return widths [pt] of lines drawn over one another, such that equal lines remain visible."""
-    widths: list[float] = np.linspace(1.8, 0.8, count).tolist()
-    return widths if count > 1 else [0.8] * count
 
 
 def dress_over_time(panels: Sequence[Axes]) -> None:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
 from maniport.report.figures.curves import (
@@ -24,7 +24,6 @@ from maniport.report.figures.curves import (
     legend,
     with_breaks,
 )
-from maniport.report.series import is_gap
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes
 from maniport.util.subsample import evenly_spaced
@@ -56,7 +55,7 @@ def ellipsoids(
     """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front."""
     times = as_times(time)
     checked = check_profiles(profiles, len(times))
-    frames = _frames(times)
+    frames = evenly_spaced(len(times), 9)
     points = [profile[frames] for profile in checked.values()]
     reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in points)))
     if reach == 0:
@@ -84,24 +83,13 @@ def ellipsoids(
     return laid_out(figure)
 
 
-def _frames(time: Array, count: int = 9) -> NDArray[np.intp]:
-    """Indices of at most `count` frames, the first and the last among them, evenly spaced in time without its gaps."""
-    steps = np.diff(time)
-    recorded = np.append(0.0, np.cumsum(np.where(is_gap(steps), 0.0, steps)))
-    wanted = np.linspace(0.0, recorded[-1], min(count, len(time)))
-    frames = np.unique(np.argmin(np.abs(recorded[:, None] - wanted), axis=0))
-    frames[-1] = len(time) - 1
-    return frames
-
-
 def _draw_row(panel: Axes, blocks: Array, look: tuple[str, float], pitch: float, height: float) -> None:
     """Draw 2×2 matrices as ellipses in a row, with a stroke along the longest axis; `look`: color and opacity."""
-    semi_axes, directions = axes(blocks)
-    for k, (minor, major) in enumerate(semi_axes):
-        center, along = np.array([k * pitch, height]), directions[k, :, 1]
+    for k, ((minor, major), directions) in enumerate(zip(*axes(blocks), strict=True)):
+        center, along = np.array([k * pitch, height]), major * directions[:, 1]
         angle = float(np.degrees(np.arctan2(along[1], along[0])))
         outline = Ellipse(tuple(center), 2 * major, 2 * minor, angle=angle, edgecolor=look[0], facecolor=look, lw=0.9)
-        panel.plot(*np.stack([center - major * along, center + major * along]).T, color=look[0], lw=0.5)
+        panel.plot(*np.stack([center - along, center + along]).T, color=look[0], lw=0.5)
         panel.add_patch(outline)
 
 
@@ -216,12 +204,10 @@ def map_figure(
         points = path if time is None else with_breaks(time, path)[1]
         panel.plot(*points.T, color="white", lw=1.8)
         panel.plot(*points.T, color=color, lw=1.0, ls=style)
-        for end, marker in ((path[0], "o"), (path[-1], "s")):
-            panel.plot(end[0], end[1], marker, color=color, mec="white", mew=0.6, ms=5)
+        panel.plot(*path[0], "o", color=color, mec="white", mew=0.6, ms=5)
         handles.append(Line2D([], [], color=color, lw=1.0, ls=style, label=f"profile: {name}"))
     if profiles:
         handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
-        handles.append(Line2D([], [], color="0.3", marker="s", ls="", ms=4, label="end of a profile"))
     panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
     panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
     panel.tick_params(labelsize=TEXT)

@@ -79,8 +79,9 @@ def document(title: str, body: str, script: str, style: str = "", data: str = ""
 
 
 def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> str:
-    places: list[dict[str, Any]] = []
+    """Render the page with at most so many times of each animation, with or without surfaces of arms."""
     data: list[str] = []
+    places: list[dict[str, Any]] = []
     menu: list[tuple[str, str]] = []
     for k, section in enumerate(report.sections):
         content, motions = contents.get(section.key or section.title, ()), []
@@ -91,7 +92,8 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
         for animation in (one for one in content if isinstance(one, Animation)):
             name = f"motion-{len(data)}"
             motions.append({"id": name, "note": _note(animation, frames, surfaces)})
-            menu += _groups(animation, name)
+            titles = [*animation.panels, *(["Domains and profiles"] if animation.map is not None else [])]
+            menu += [(title, f"{name}-{i}") for i, title in enumerate(titles)]  # the scripts give these ids
             encoded = as_json(animation, frames, surfaces=surfaces)
             data.append(f'<script type="application/json" id="{name}">{encoded}</script>')
         metrics = [metric for metric in section.metrics if metric.text and metric.severity == INFO]
@@ -104,13 +106,11 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
             "metrics": [metric for metric in metrics if not metric.is_statistics],
         })  # fmt: skip
     folded = next((place["id"] for place in places if place["section"].folded), "")
-    body = (
-        templates()
-        .get_template("report.html")
-        .render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
-                summary_cards=_cards(() if report.summary is None else report.summary.metrics))
-    )  # fmt: skip
-    end = " Keys: space plays, ← and → step." if data else ""
+    cards = _cards(() if report.summary is None else report.summary.metrics)
+    template = templates().get_template("report.html")
+    body = template.render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
+                           summary_cards=cards)  # fmt: skip
+    end = " Keys: space to play, ← and → to step." if data else ""
     return document(report.title, body, _script(), data="\n".join(data), end=end)
 
 
@@ -125,12 +125,6 @@ def _cards(metrics: Sequence[Metric]) -> list[tuple[str, list[tuple[str, str]]]]
     others = [metric for metric in metrics if metric.key in CARDS and not metric.is_statistics]
     lines = [("", f"{metric.label}: {metric.text}") for metric in others]
     return [*cards, *([("Limits and collisions", lines)] if lines else [])]
-
-
-def _groups(animation: Animation, name: str) -> list[tuple[str, str]]:
-    """Name the groups of an animation's panels, and its map, with the ids that the scripts give them."""
-    titles = [*animation.panels, *(["Domains and profiles"] if animation.map is not None else [])]
-    return [(title, f"{name}-{k}") for k, title in enumerate(titles)]
 
 
 def _note(animation: Animation, frames: int, surfaces: bool) -> str:

@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from maniport.arms import Arm, EllipsoidSpec
-from maniport.arms.chain import LEFT
-from maniport.arms.human import BREADTH, middle_of
-from maniport.arms.restriction import mirrored
+from maniport.arms import Arm, EllipsoidSpec, Surface
+from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
 from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmTransfer, MotionResult, TransferResult
@@ -18,6 +16,15 @@ from maniport.report.roles import ACHIEVED, PERSON, ROLES, TARGET
 from maniport.spd.diffusion_map import map_of
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
+
+TORSO = np.array([
+    (-0.02, 0.0, 0.20, -0.02, 0.0, 0.23, 0.09),
+    (-0.04, 0.0, 0.00, -0.03, 0.0, 0.10, 0.045),
+    (-0.04, -0.16, 0.00, -0.04, 0.16, 0.00, 0.045),
+    (-0.06, -0.09, -0.10, -0.06, -0.07, -0.42, 0.07),
+    (-0.06, 0.09, -0.10, -0.06, 0.07, -0.42, 0.07),
+])  # fmt: skip
+"""Rods of head, neck, shoulders and trunk about the middle of the neck: start, end and radius [m]."""
 
 
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
@@ -56,13 +63,13 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
 
 
 def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec, notes: list[str]) -> Stage:
-    """Return the arms of the person, about the middle of the neck if there are several."""
-    bodies, several = [], len(arms) > 1
+    """Return the arms of the person, about the middle of the neck."""
+    bodies = []
     for arm in arms:
         drawn = {PERSON.name: profiles_of(arm, spec)[PERSON.name]} if spec.part != "full" else {}
         body = body_of(arm.fit.arm, arm.fit.joint_angles, drawn, name="Person", notes=notes)
-        bodies.append(_shifted(body, np.array([0.0, -middle_of(arm.fit.arm), 0.0])) if several else body)
-    return Stage("Person", tuple(bodies), torso=_torso(arms[0].fit.arm, opposite_arm=not several, centered=several))
+        bodies.append(_shifted(body, np.array([0.0, -middle_of(arm.fit.arm), 0.0])))
+    return Stage("Person", tuple(bodies), torso=TORSO)
 
 
 def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: list[str]) -> Stage:
@@ -99,7 +106,14 @@ def body_of(
             notes.append(f"{body.name} is drawn as a skeleton: {error}")
         return body
     poses = arm.link_poses(joint_positions)
-    return replace(body, parts=tuple(Part(one.points, one.triangles, poses[:, one.joint]) for one in surfaces))
+    return replace(body, parts=tuple(_part(surface, poses[:, surface.joint]) for surface in surfaces))
+
+
+def _part(surface: Surface, poses: Array) -> Part:
+    """Return a surface with each point once, so that the script of the page finds triangles that meet."""
+    corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
+    points, places = np.unique(corners, axis=0, return_inverse=True)
+    return Part(points, places.reshape(-1, 3), poses)
 
 
 def _shifted(body: Body, offset: Array) -> Body:
@@ -113,30 +127,6 @@ def _is_same(part: Part, other: Part) -> bool:
     """Return whether two surfaces move alike and have the same bounds [m]; they may be simplified differently."""
     first, second = ((one.points.min(axis=0), one.points.max(axis=0)) for one in (part, other))
     return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
-
-
-def _torso(arm: Arm, opposite_arm: bool, centered: bool) -> Array:
-    """Return rods of a torso and a head next to a human arm, shape (k, 7): start, end and radius [m]."""
-    if arm.side == LEFT:
-        torso = _torso(Arm(mirrored(arm.chain)), opposite_arm, centered)
-        torso[:, [1, 4]] *= -1.0
-        return torso
-    corners = arm.skeleton(np.clip(np.zeros(arm.dof), arm.lower, arm.upper))
-    right = corners[np.argmin(corners[:, 1] + (corners[:, 2] < -0.15))]  # lower corners hang from the shoulder
-    shoulder = max(-float(right[1]), 0.0) or BREADTH
-    middle, top = (0.0 if right[1] < 0.0 else BREADTH), float(right[2])
-    x = float(right[0]) - 0.02
-    rods = np.array([
-        (x, middle - 0.6 * shoulder, top - 0.08, x, middle - 0.45 * shoulder, top - 0.42, 0.07),
-        (x, middle + 0.6 * shoulder, top - 0.08, x, middle + 0.45 * shoulder, top - 0.42, 0.07),
-        (x, middle, top - 0.06, x, middle, top - 0.45, 0.08),
-        (x, middle - 0.8 * shoulder, top, x, middle + shoulder, top, 0.045),
-        (x, middle, top, x + 0.01, middle, top + 0.1, 0.045),
-        (x + 0.02, middle, top + 0.2, x + 0.01, middle, top + 0.23, 0.09),
-        (x, middle + 1.15 * shoulder, top - 0.02, x, middle + 1.3 * shoulder, top - 0.3, 0.035),
-    ])  # fmt: skip
-    rods[:, [1, 4]] -= middle if centered else 0.0
-    return rods if opposite_arm else rods[:-1]
 
 
 def _ellipsoid_note(spec: EllipsoidSpec) -> str:
@@ -167,7 +157,8 @@ def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: in
         profiles |= {role: student(back @ points @ back.T, role) for role, points in moved.items()}
     names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: arm.robot.name}
     clouds, lines = (
-        tuple(Cloud(names[role], role, chart.transform(points), points) for role, points in sets.items())
+        tuple(Cloud(names[role], role, chart.transform(points), points if points.shape[-1] <= 3 else None)
+              for role, points in sets.items())
         for sets in (domains, profiles)
-    )
+    )  # fmt: skip
     return DomainMap(clouds, lines, "Ellipsoids are regularized as in the fit.")

@@ -2,8 +2,8 @@
 
 import base64
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from maniport.errors import InvalidInputError
 from maniport.motion import status
 from maniport.report.roles import ROLES
-from maniport.report.series import is_gap
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_times
 
@@ -29,13 +28,53 @@ STATES = {
 """States of a waypoint from good to bad, with their colors on a light and on a dark background."""
 
 
+def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
+    """Encode an array as its shape and, in base64, its numbers in little-endian order."""
+    values = np.ascontiguousarray(array, dtype={"f32": "<f4", "u16": "<u2", "u32": "<u4"}[form])
+    return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
+
+
+def is_gap(steps: Array) -> NDArray[np.bool_]:
+    """Return which time steps are more than three times the median, so that a line breaks there."""
+    return np.asarray(steps > 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+
+
+def _six(matrices: Array) -> dict[str, Any]:
+    """Encode entries xx, xy, xz, yy, yz, zz of symmetric matrices (n, d, d), d ≤ 3; ellipses become flat ellipsoids."""
+    n, d, _ = matrices.shape
+    padded = np.zeros((n, 3, 3))
+    padded[:, :d, :d] = matrices
+    return packed(padded[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+
+
+def _seven(poses: Array) -> dict[str, Any]:
+    """Encode positions and unit quaternions x y z w of poses (n, 4, 4); a single one where nothing moves."""
+    if np.abs(poses - poses[0]).max() < 1e-9:
+        poses = poses[:1]
+    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    back = np.einsum("ni,ni->n", turns[:-1], turns[1:]) < 0
+    turns[1:] *= np.cumprod(np.where(back, -1.0, 1.0))[:, None]
+    return packed(np.concatenate([poses[:, :3, 3], turns], axis=1))
+
+
+def _whole(numbers: NDArray[np.integer]) -> dict[str, Any]:
+    return packed(numbers, "u16" if numbers.max(initial=0) < 2**16 else "u32")
+
+
+def _flat(array: Array) -> list[float]:
+    return [float(value) for value in np.ravel(array)]
+
+
+OVER_TIME: dict[str, Any] = {"over_time": True}  # Metadata of fields whose arrays have a row for each time
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """The surface of a link."""
 
     points: Array  # (m, 3) in the frame of the link [m]
-    triangles: NDArray[np.integer]  # (k, 3) rows of `points`
-    poses: Array  # (n, 4, 4) of the link in the base frame [m]
+    triangles: NDArray[np.integer] = field(metadata={"form": _whole})  # (k, 3) rows of `points`
+    poses: Array = field(metadata={**OVER_TIME, "form": _seven})  # (n, 4, 4) of the link in the base frame [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +82,10 @@ class Body:
     """A moving arm with ellipsoids at its end effector."""
 
     name: str
-    skeleton: Array  # (n, k, 3) corners of the polyline from base to end effector [m]
-    ellipsoids: Mapping[str, Array] = field(default_factory=dict)  # (n, 3, 3) by role, in the unit of the animation
-    path: Array | None = None  # (n, 3) target positions of the end effector [m]
+    skeleton: Array = field(metadata=OVER_TIME)  # (n, k, 3) corners of the polyline from base to end effector [m]
+    # (n, 3, 3) by role, in the unit of the animation
+    ellipsoids: Mapping[str, Array] = field(default_factory=dict, metadata={**OVER_TIME, "form": _six})
+    path: Array | None = field(default=None, metadata=OVER_TIME)  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
 
     def __post_init__(self) -> None:
@@ -59,8 +99,10 @@ class Stage:
 
     name: str
     bodies: tuple[Body, ...]
-    rotation: Array | None = None  # (3, 3) of the camera, from the frame of the other stages
-    torso: Array | None = None  # (k, 7) rods of a torso: start, end, radius [m]
+    # (3, 3) of the camera, from the frame of the other stages
+    rotation: Array | None = field(default=None, metadata={"form": _flat})
+    # (k, 7) rods of a torso: start, end, radius [m]
+    torso: Array | None = field(default=None, metadata={"form": lambda rods: rods.round(4).tolist()})
 
 
 @dataclass(frozen=True)
@@ -76,7 +118,7 @@ class Line:
     """Values over time, nan where there are none; `style` 0 to 2: solid, dashed, dotted; `wide` lines are pale."""
 
     name: str
-    values: Array
+    values: Array = field(metadata=OVER_TIME)
     role: str = "achieved"
     style: int = 0
     wide: bool = False
@@ -110,15 +152,15 @@ class Cloud:
     name: str
     role: str
     coordinates: Array  # (n, 2)
-    ellipsoids: Array  # (n, d, d)
+    ellipsoids: Array | None = field(metadata={"form": _six})  # (n, d, d), d ≤ 3
 
 
 @dataclass(frozen=True, eq=False)
 class DomainMap:
-    """Domains as clouds, and profiles as lines with a point for each time of a animation."""
+    """Domains as clouds, and profiles as lines with a point for each time of an animation."""
 
     domains: tuple[Cloud, ...]
-    profiles: tuple[Cloud, ...] = ()
+    profiles: tuple[Cloud, ...] = field(default=(), metadata=OVER_TIME)
     note: str = ""
 
 
@@ -132,7 +174,7 @@ class Animation:
     map: DomainMap | None = None
     unit: str = ""  # of semi-axes
     size: float = 0.25  # length of a semi-axis of one `unit` [m]
-    clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
+    clocks: Mapping[str, Array] = field(default_factory=dict, metadata=OVER_TIME)  # (n,) further times by name [s]
     legend: Mapping[str, str] = field(default_factory=dict)  # descriptions of ellipsoids by role
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
@@ -150,105 +192,32 @@ class Animation:
 
 def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
+    if not surfaces:
+        bare = [replace(stage, bodies=tuple(replace(body, parts=()) for body in stage.bodies))
+                for stage in animation.stages]  # fmt: skip
+        animation = replace(animation, stages=tuple(bare))
     kept = evenly_spaced(len(animation.time), frames)
     time, names = animation.time[kept], list(STATES)
     states = [names.index(animation.states[k]) for k in kept] if animation.states else []
-    data = {
+    data = _encoded(animation, kept) | {
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
-        "unit": animation.unit,
-        "size": float(animation.size),
-        "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
-        "legend": dict(animation.legend),
-        "stages": [_stage(stage, kept, surfaces) for stage in animation.stages],
-        "panels": {name: [_panel(panel, kept) for panel in panels] for name, panels in animation.panels.items()},
-        "map": None if animation.map is None else _map(animation.map, kept),
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
     }
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element
 
 
-def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
-    """Encode an array as its shape and, in base64, its numbers in little-endian order."""
-    values = np.ascontiguousarray(array, dtype={"f32": "<f4", "u16": "<u2", "u32": "<u4"}[form])
-    return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
-
-
-def _stage(stage: Stage, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
-    rotation, torso = stage.rotation, stage.torso
-    return {
-        "name": stage.name,
-        "rotation": None if rotation is None else np.asarray(rotation, dtype=float).ravel().tolist(),
-        "torso": None if torso is None else np.asarray(torso, dtype=float).round(4).tolist(),
-        "bodies": [_body(body, kept, surfaces) for body in stage.bodies],
-    }
-
-
-def _body(body: Body, kept: NDArray[np.intp], surfaces: bool) -> dict[str, Any]:
-    return {
-        "name": body.name,
-        "skeleton": packed(body.skeleton[kept]),
-        "ellipsoids": {role: packed(_upper(matrices[kept])) for role, matrices in body.ellipsoids.items()},
-        "path": None if body.path is None else packed(body.path[kept]),
-        "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
-    }
-
-
-def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
-    """Encode a surface with each point once, so that the script finds triangles that meet."""
-    corners = np.asarray(part.points, dtype="<f4")[part.triangles].reshape(-1, 3)
-    points, places = np.unique(corners, axis=0, return_inverse=True)
-    form = "u16" if len(points) <= 2**16 else "u32"
-    return {
-        "points": packed(points),
-        "triangles": packed(places.reshape(-1, 3), form),
-        "poses": packed(_seven(part.poses[kept])),
-    }
-
-
-def _seven(poses: Array) -> Array:
-    """Positions and unit quaternions x y z w of poses (n, 4, 4), shape (n, 7); (1, 7) where nothing moves."""
-    if np.abs(poses - poses[0]).max() < 1e-9:
-        poses = poses[:1]
-    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    back = np.einsum("ni,ni->n", turns[:-1], turns[1:]) < 0
-    turns[1:] *= np.cumprod(np.where(back, -1.0, 1.0))[:, None]
-    return np.concatenate([poses[:, :3, 3], turns], axis=1)
-
-
-def _panel(panel: Panel, kept: NDArray[np.intp]) -> dict[str, Any]:
-    plain = {
-        name: getattr(panel, name) for name in ("title", "unit", "meaning", "logarithmic", "limits", "span", "strip")
-    }
-    lines = [{"name": line.name, "role": line.role, "style": line.style, "wide": line.wide,
-              "values": packed(np.asarray(line.values)[kept])} for line in panel.lines]  # fmt: skip
-    return {**plain, "lines": lines}
-
-
-def _map(chart: DomainMap, kept: NDArray[np.intp]) -> dict[str, Any]:
-    return {
-        "domains": [_cloud(cloud, np.arange(len(cloud.coordinates))) for cloud in chart.domains],
-        "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
-        "note": chart.note,
-    }
-
-
-def _cloud(cloud: Cloud, kept: NDArray[np.intp]) -> dict[str, Any]:
-    d = cloud.ellipsoids.shape[-1]
-    matrices = np.zeros((len(kept), 3, 3))
-    if d <= 3:  # ellipses become flat ellipsoids
-        matrices[:, :d, :d] = cloud.ellipsoids[kept]
-    return {
-        "name": cloud.name,
-        "role": cloud.role,
-        "coordinates": packed(cloud.coordinates[kept]),
-        "ellipsoids": packed(_upper(matrices)) if d <= 3 else None,
-    }
-
-
-def _upper(matrices: Array) -> Array:
-    """Entries xx, xy, xz, yy, yz, zz of symmetric matrices (n, 3, 3), shape (n, 6)."""
-    rows, columns = np.triu_indices(3)
-    return matrices[:, rows, columns]
+def _encoded(value: Any, kept: NDArray[np.intp], over_time: bool = False, form: Callable[..., Any] = packed) -> Any:
+    """Encode a value of a page by its fields; those over time keep the rows `kept` alone."""
+    if is_dataclass(value):
+        return {one.name: _encoded(getattr(value, one.name), kept, one.metadata.get("over_time", over_time),
+                                   one.metadata.get("form", packed)) for one in fields(value)}  # fmt: skip
+    if isinstance(value, Mapping):
+        return {name: _encoded(item, kept, over_time, form) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_encoded(item, kept, over_time, form) for item in value]
+    if isinstance(value, np.ndarray):
+        return form(value[kept] if over_time else value)
+    return value

@@ -5,9 +5,7 @@ from dataclasses import replace
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-import maniport.report.motion  # noqa: F401 - registers the metrics
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.learning.agreement import axis_deviations
 from maniport.pipeline import LearnedProfile
@@ -15,8 +13,7 @@ from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, Tran
 from maniport.report.metrics import METRICS
 from maniport.report.page.content import Line, Panel
 from maniport.report.roles import ACHIEVED, PERSON, REFERENCE, TARGET
-from maniport.report.series import profile_curves
-from maniport.spd.ellipsoid import lengths, line_angles
+from maniport.spd.ellipsoid import lengths
 from maniport.util.validation import Array
 
 ERRORS, ELLIPSOIDS, HUMAN_JOINTS = "Distance and position error", "Ellipsoids", "Joints of the person"
@@ -46,12 +43,15 @@ def panels_of(
     if arm.motion is not None:
         yield ERRORS, _errors(arm)
     if spec.part != "full":
-        profiles = profiles_of(arm, spec)
-        yield ELLIPSOIDS, ellipsoid_panels(profiles, {role: role for role in profiles}, spec.velocity.unit)
+        panels = semi_axis_panels(profiles_of(arm, spec), spec.velocity.unit)
+        if arm.motion is not None:
+            angle = Line("longest axis", np.degrees(arm.motion.major_axis_angle))
+            meaning = "Between target and achieved. The line breaks where two axes have one length."
+            panels.insert(0, Panel("Angle between longest axes", "°", (angle,), meaning, span=(0.0, 90.0)))
+        yield ELLIPSOIDS, panels
     if arm.motion is not None:
-        names = _joint_names(result, arm)
-        panels = _joints(arm.robot, arm.motion.joint_positions, ACHIEVED.name, names)
-        shared = () if isinstance(result.robot, Arm) else result.robot.shared
+        names = [result.robot.joint_names[column] for column in result.robot.columns[result.arms.index(arm)]]
+        panels, shared = _joints(arm.robot, arm.motion.joint_positions, ACHIEVED.name, names), result.robot.shared
         if shared and arm is result.arms[0]:
             yield f"Shared joints of {result.robot.name}", [panel for panel in panels if panel.title in shared]
         yield f"Joints of {result.robot.name}", [panel for panel in panels if panel.title not in shared]
@@ -59,33 +59,22 @@ def panels_of(
         yield HUMAN_JOINTS, _joints(arm.fit.arm, arm.fit.joint_angles, PERSON.name, arm.fit.arm.joint_names)
 
 
-def _joint_names(result: TransferResult | MotionResult, arm: ArmResult) -> Sequence[str]:
-    """Return the names of the joints of an arm in its robot."""
-    if isinstance(result.robot, Arm):
-        return arm.robot.joint_names
-    return [result.robot.joint_names[column] for column in result.robot.columns[result.arms.index(arm)]]
-
-
 def alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tuple[Panel, ...]:
     """Alternate panels of arms and name the arm in titles."""
     if len(panels) == 1:
         return tuple(panels[0])
-    alternated: list[Panel] = []
-    for row in zip_longest(*panels):
-        for name, panel in zip(names, row, strict=True):
-            if panel is not None:
-                title = panel.title if panel.strip else f"{panel.title[:1].lower()}{panel.title[1:]}"
-                alternated.append(replace(panel, title=f"{name.capitalize()}: {title}"))
-    return tuple(alternated)
+    rows = zip_longest(*panels)
+    pairs = (pair for row in rows for pair in zip(names, row, strict=True) if pair[1] is not None)
+    return tuple(replace(panel, title=f"{name.capitalize()}: {panel.title}") for name, panel in pairs)
 
 
 def _errors(arm: ArmResult) -> list[Panel]:
     """Return panels of the distance, with the best pointwise one, and of the position error."""
-    motion, distance, error = arm.motion, METRICS["distance"][0], METRICS["position_error"][0]
+    motion, distance, error = arm.motion, METRICS["distance"], METRICS["position_error"]
     assert motion is not None
     lines = [Line("achieved", motion.distance)]
     if motion.pointwise_best is not None:
-        lines.append(Line(METRICS["pointwise_best"][0].label.lower(), motion.pointwise_best, REFERENCE.name, 1))
+        lines.append(Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1))
     panels = [Panel(distance.label, "", tuple(lines), distance.description)]
     if motion.position_error is not None:
         line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic
@@ -110,20 +99,14 @@ def _joints(arm: Arm, positions: Array, role: str, names: Sequence[str]) -> list
     return panels
 
 
-def ellipsoid_panels(profiles: Mapping[str, ArrayLike], names: Mapping[str, str], unit: str) -> list[Panel]:
-    """Return panels of each semi-axis of profiles by role, and of the angles between target and achieved axes."""
-    curves = profile_curves({role: np.asarray(points) for role, points in profiles.items()})
-    d, panels = next(iter(curves.values())).semi_axes.shape[1], []
-    if {TARGET.name, ACHIEVED.name} <= set(curves):
-        target, achieved = curves[TARGET.name], curves[ACHIEVED.name]
-        pairs = {"longest": (target.longest, achieved.longest), "shortest": (target.shortest, achieved.shortest)}
-        angles = {f"{name} axis": np.degrees(line_angles(*pair)) for name, pair in pairs.items()}
-        lines = tuple(Line(name, angle, ACHIEVED.name, k) for k, (name, angle) in enumerate(angles.items()))
-        meaning = "Between target and achieved. A line breaks where two axes have one length."
-        panels.append(Panel("Angle between the axes", "°", lines, meaning, span=(0.0, 90.0)))
+def semi_axis_panels(profiles: Mapping[str, Array], unit: str) -> list[Panel]:
+    """Return panels of each semi-axis of profiles (n, d, d) by role, the longest first."""
+    curves = {role: lengths(points) for role, points in profiles.items()}
+    d = next(iter(curves.values())).shape[1]
+    panels = []
     for k, word in enumerate(("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")):
-        lines = tuple(Line(names[role], one.semi_axes[:, d - 1 - k], role, wide=role == TARGET.name and len(curves) > 1)
-                      for role, one in curves.items())  # fmt: skip
+        lines = tuple(Line(role, axes[:, d - 1 - k], role, wide=role == TARGET.name and len(curves) > 1)
+                      for role, axes in curves.items())  # fmt: skip
         panels.append(Panel(f"{word} semi-axis", unit, lines))
     return panels
 

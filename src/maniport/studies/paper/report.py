@@ -1,4 +1,4 @@
-"""Tables of the paper's experiments beside its numbers, and how many of these are matched."""
+"""Tables of the paper's experiments next to its numbers, and how many of these are matched."""
 
 import csv
 import io

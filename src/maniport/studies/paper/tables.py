@@ -24,7 +24,7 @@ FLOOR = 1e-4  # Smallest eigenvalue (footnote 1 of the paper); maniport's own de
 PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
     {"damping": None, "base_rotation": None, "scale": True, "dispersion": "mean", "recenter": "training"}
 )
-"""Everything that the paper's text says about steps 1, 2 and 4; no base_rotation is known."""
+"""Everything in the paper's text about steps 1, 2 and 4; no base_rotation is known."""
 
 PAPER_SEARCH = Search(n_starts=8, require_improvement=False, max_iter=100, tol=1e-8)
 """The same about ICP: the cheapest of several starts, at most 100 iterations. Start and weights differ by row."""
@@ -64,7 +64,7 @@ EVALUATIONS = {
 
 
 def paper_table(number: str) -> tuple[PaperRow, ...]:
-    """Rows of Table I, II or III, from the top, as `printed.csv` beside this module has them."""
+    """Rows of Table I, II or III, from the top, as in `printed.csv` next to this module."""
     names = EVALUATIONS[as_choice(number, "table", tuple(EVALUATIONS))]
     lines = (files(__package__) / "printed.csv").read_text(encoding="utf-8").splitlines()
     rows = [line for line in csv.DictReader(lines[1:]) if line["table"] == number]

@@ -1,7 +1,7 @@
 """The arms and the motions of the paper's experiments, and every choice that the paper leaves open.
 
 Reithmeir, Figueredo and Haddadin, IROS 2022 (arXiv 2208.07588), §§ V-A and V-B; the angles of the human trajectories
-and of M-Eval-1 and -2 are facts of the authors' published code. What neither tells is chosen here, once:
+and of M-Eval-1 and -2 are facts of the authors' published code. What neither contains is chosen here, once:
 
 - Two-joint arms, training: which angles the resting joint has, and where the half turn of the other begins.
 - M-Eval-2: where its half turn begins. M-Eval-3: a second resting angle of joint 1, since the paper's errors for

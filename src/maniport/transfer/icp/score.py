@@ -133,7 +133,7 @@ class EllipsoidCorrespondence(Seeking):
 class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
     """As `EllipsoidCorrespondence`, with ``exp(−|log p − log p'|) + exp(−|log vol − log vol'|)`` in the score.
 
-    The terms are ratios of condition numbers and volumes, which also tell elongated ellipsoids apart; in the paper's
+    The terms are ratios of condition numbers and volumes, which also separate elongated ellipsoids; in the paper's
     score they are all equally unlike.
 
     Parameters

@@ -61,7 +61,7 @@ class FieldReport:
         return tuple(failed)
 
     def in_words(self) -> str:
-        """Say it in a line."""
+        """Return it as one line."""
         where = f"at {self.held_out} held-out samples" if self.held_out else "at the samples of the fit"
         folds = "folds at none" if self.invertible else f"folds at {100 * self.near_singular:.1f} %"
         return (

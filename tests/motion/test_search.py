@@ -1,4 +1,4 @@
-"""What the search for the nearest feasible ellipsoid promises."""
+"""Seed configurations, nearest feasible ellipsoids, feasibility gap and projector."""
 
 import numpy as np
 import pytest
@@ -6,15 +6,48 @@ from joblib import parallel_config
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.motion import feasibility_gap, nearest_feasible
+from maniport.motion import FeasibleProjector, SeedBank, feasibility_gap, nearest_feasible
 from maniport.motion.kernels import step_within_limits
 from maniport.spd.regularization import Regularization
 
 EPSILON = 0.003
 DAMPING = Regularization.absolute(EPSILON)
 """About a hundredth of the mean eigenvalue of the Panda's ellipsoids."""
+
+
+def test_samples_of_a_bank_are_retrieved(panda, bank):
+    """The first result for the ellipsoid and hand position of a sample is that sample."""
+    nearest = bank.query(bank.ellipsoids[:50], bank.tip_positions[:50], k=3)
+    assert nearest.shape == (50, 3, 7)
+    # the last joint changes neither
+    assert_allclose(nearest[:, 0, :6], bank.joint_positions[:50, :6], atol=0)
+    assert_allclose(panda.manipulability(bank.joint_positions), bank.ellipsoids, atol=0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n": 0}, "n must be a whole number of at least 1"),
+        ({"damping": 0.0}, "damping must be a number above 0"),
+        ({"damping": None}, "damping must be above 0"),
+        ({"damping": Regularization(eigenvalue_floor=1e-4)}, "found a floor"),
+    ],
+)
+def test_wrong_banks_are_refused(panda, options, message):
+    """Wrong numbers of samples and dampings are errors."""
+    with pytest.raises(InvalidInputError, match=message):
+        SeedBank.build(panda, **{"n": 16, **options})
+
+
+def test_banks_of_other_arms_are_refused(panda, bank):
+    """A bank of another arm or end effector is an error, as are indefinite ellipsoids."""
+    for other in (load_arm("myoarm"), load_arm("panda", frame="panda_hand_tcp")):
+        with pytest.raises(InvalidInputError, match="seed bank was built for 'panda'; it does not fit"):
+            bank.require_fits(other, bank.spec)
+    with pytest.raises(NotSPDError, match="indefinite"):
+        bank.query(np.diag([-1.0, 1.0, 1.0])[None])
 
 
 def test_own_ellipsoids_are_found_again(panda, bank):
@@ -115,7 +148,7 @@ def test_flat_ellipsoids_need_damping(panda, bank):
         ({"positions": np.zeros((2, 3))}, r"positions must have shape \(1, 3\)"),
         ({"n_starts": 0}, "n_starts must be a whole number of at least 1"),
         ({"tol": 0.0}, "tol must be a number above 0"),
-        ({"spec": EllipsoidSpec("force"), "bank": "panda"}, r"built for the arm 'panda'.*kind='force'"),
+        ({"spec": EllipsoidSpec("force"), "bank": "panda"}, r"built for 'panda'.*kind='force'"),
     ],
 )
 def test_wrong_arguments_are_named(panda, bank, arguments, message):
@@ -125,3 +158,78 @@ def test_wrong_arguments_are_named(panda, bank, arguments, message):
         given["bank"] = bank
     with pytest.raises(InvalidInputError, match=message):
         nearest_feasible(panda, **given)
+
+
+@pytest.fixture(scope="module")
+def projector(panda, bank):
+    """A projector of the Panda."""
+    return FeasibleProjector(panda, bank=bank)
+
+
+@pytest.fixture(scope="module")
+def points(panda, projector):
+    """Ellipsoids of the Panda that are a little too long, with the damping."""
+    return projector.objective.damped(1.2 * panda.ellipsoids(panda.sample(40, 7)))
+
+
+def test_what_it_finds_is_feasible_and_about_as_near_as_a_thorough_search(panda, bank, projector, points):
+    """The arm makes what is returned at the postures that are told, and the distances are those of a long search."""
+    search = projector.search(projector.objective.damping.epsilon)
+    found, _ = search.nearest(points)
+    q = search.joint_positions
+    assert np.all(panda.within_limits(q))
+    assert_allclose(found, projector.objective.damped(panda.ellipsoids(q)), rtol=1e-12)
+    thorough = nearest_feasible(
+        panda, projector.objective.undamped(points), damping=projector.objective.damping, bank=bank
+    )
+    away = spd.distance(points, found)
+    assert away.mean() < 1.05 * thorough.distance.mean()
+    assert_array_equal(projector(points), found)
+
+
+def test_asking_again_comes_no_less_near(projector, points):
+    """Each further round starts where the last one ended, and where its neighbors did."""
+    search = projector.search(projector.objective.damping.epsilon)
+    first = spd.distance(points, search.nearest(points)[0])
+    beside = np.stack([np.roll(np.arange(len(points)), k) for k in (1, 2, 3)], axis=1)
+    again = spd.distance(points, search.nearest(points, beside)[0])
+    assert np.all(again <= first + 1e-9)
+    moved = spd.distance(1.01 * points, search.nearest(1.01 * points)[0])
+    assert moved.mean() < first.mean() + 0.02
+
+
+@pytest.mark.parametrize("kind", ["velocity", "force"])
+def test_ways_are_derivatives_of_the_logarithm(panda, kind):
+    """Each way is the change of log(A^-½ M A^-½) along a joint, by central differences; zero at a limit."""
+    spec = EllipsoidSpec(kind)
+    projector = FeasibleProjector(panda, spec, bank=SeedBank.build(panda, 512, spec=spec))
+    objective = projector.objective
+    points = objective.damped(1.1 * panda.ellipsoids(panda.sample(6, 1), spec))
+    search = projector.search(objective.damping.epsilon)
+    _, ways = search.nearest(points)
+    q, targets = search.joint_positions, objective.targets(objective.undamped(points))
+    held = (q <= panda.lower) | (q >= panda.upper)
+    assert np.all(ways[held] == 0.0)
+    for k in range(panda.dof):
+        step = 1e-5 * np.eye(panda.dof)[k]
+        wanted = (targets.logarithms(q + step) - targets.logarithms(q - step)) / 2e-5
+        free = ~held[:, k]
+        assert_allclose(ways[free, k], wanted[free], atol=1e-5 * max(1.0, np.abs(wanted).max()))
+
+
+def test_bad_input_is_refused(panda, bank, projector, points):
+    """Wrong shapes, what is not SPD, other numbers of points and no damping are refused by name."""
+    with pytest.raises(InvalidInputError, match=r"points must hold 3×3"):
+        projector(np.array([np.eye(2)]))
+    with pytest.raises(NotSPDError, match=r"points\[1\] is indefinite"):
+        projector(np.array([np.eye(3), -np.eye(3)]))
+    search = projector.search(0.01)
+    search.nearest(points[:3])
+    with pytest.raises(InvalidInputError, match=r"points must have shape \(3, 3, 3\), as in the first call"):
+        search.nearest(points[:2])
+    with pytest.raises(InvalidInputError, match="damping must be a number above 0"):
+        projector.search(0.0)
+    with pytest.raises(InvalidInputError, match="damping must be above 0"):
+        FeasibleProjector(panda, damping=None, bank=bank)
+    with pytest.raises(InvalidInputError, match="seed bank was built for"):
+        FeasibleProjector(panda, EllipsoidSpec(part="rotation"), bank=bank)
