@@ -24,10 +24,10 @@ import numpy as np
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.motion import PlanControl
+from maniport.motion import MotionLimits, Planner
 from maniport.motion.effort import EFFORTS, FULL, QUICK
 from maniport.motion.placement import placement_search
-from maniport.motion.plan import planner
+from maniport.motion.plan import arm_planner, refinement
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -46,10 +46,10 @@ BUDGETS: dict[str, dict[str, Any]] = {
 PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no joint descent of the placement": (placement_search, "_improved", lambda problem, start, terms: start),
     "1 planned placement": (placement_search, "PLANS", 1),
-    "planning time scale 2": (planner, "PLANNING_TIME_SCALE", 2.0),
-    "smoothness / 3": (planner, "smoothness", lambda time, smoothness=planner.smoothness: smoothness(time) / 3.0),
-    "smoothness · 3": (planner, "smoothness", lambda time, smoothness=planner.smoothness: smoothness(time) * 3.0),
-    "no first optimization at the stages": (planner, "optimize", lambda targets, time, q, terms, weight: q),
+    "planning time scale 2": (refinement, "PLANNING_TIME_SCALE", 2.0),
+    "smoothness / 3": (refinement, "smoothness", lambda time, smoothness=refinement.smoothness: smoothness(time) / 3.0),
+    "smoothness · 3": (refinement, "smoothness", lambda time, smoothness=refinement.smoothness: smoothness(time) * 3.0),
+    "no first optimization at the stages": (arm_planner, "optimize", lambda targets, time, q, terms, weight: q),
 }
 """Changed functions and constants: module, name and value."""
 VARIANTS = [*BUDGETS, *PATCHES, "quick"]
@@ -89,7 +89,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
     for robot in robots:
         arm = load(robot)
         student = mp.sample_domain(arm, 4096, 1)
-        samples = PlanControl().planner(arm, VELOCITY, 0)
+        samples = Planner.of(MotionLimits.of(arm), VELOCITY)
         for name, person, clock, profile, path in todo:
             adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3))
             adapter.fit(mp.sample_domain(person, 4096, 0), student)

@@ -10,7 +10,7 @@ import numpy as np
 
 import maniport as mp
 from maniport.arms import VELOCITY, Arm
-from maniport.motion import PlanControl, place_path, plan_motion, track
+from maniport.motion import MotionLimits, Planner, place_path, plan_motion, track
 from maniport.util.defaults import STUDENT_SAMPLES, TEACHER_SAMPLES
 
 from .inputs import DAMPING, Array
@@ -63,7 +63,7 @@ def transferred(name: str, motion: Motion) -> Comparison:
     adapter = mp.ParallelTransport(damping=DAMPING, base_rotation=np.eye(3)).fit(teacher, student)
     damping, time = adapter.student_regularization, motion.robot_time
     begin = clock.process_time()
-    planner = PlanControl().planner(robot, VELOCITY, 0)
+    planner = Planner.of(MotionLimits.of(robot), VELOCITY)
     bank = planner.arms[0].bank
     placed = place_path(
         motion.hand,

@@ -20,7 +20,7 @@ from lengths_table import FILES, ROBOTS
 from maniport.arms import VELOCITY, Arm
 from maniport.feasibility import knowing
 from maniport.mocap import fit_arm, read_recording, shipped_recording
-from maniport.motion import PlanControl, Planner, nearest_feasible, place_path, plan_motion
+from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
 from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import method_of
@@ -175,7 +175,7 @@ def main() -> None:
     for seed in given.seeds:
         for name in given.robots:
             robot = load(name)
-            planner = PlanControl().planner(robot, VELOCITY, seed)
+            planner = Planner.of(MotionLimits.of(robot), VELOCITY, random_state=seed)
             student = mp.sample_domain(robot, STUDENT_SAMPLES, seed + 1)
             for motion in motions(given.motions):
                 for line in lines(motion, name, robot, planner, student, seed):

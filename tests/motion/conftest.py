@@ -5,7 +5,7 @@ import pytest
 from maniport.arms import VELOCITY, load_arm
 from maniport.arms.collisions import Collisions
 from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank
-from maniport.motion.plan.planner import ArmPlanner
+from maniport.motion.plan.arm_planner import ArmPlanner
 
 
 @pytest.fixture(scope="session")

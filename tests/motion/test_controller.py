@@ -10,7 +10,7 @@ from maniport.arms import Arm, EllipsoidSpec, load_arm, load_arms
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.motion import SeedBank, controller, track
-from maniport.motion.follow.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.motion.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
 from maniport.report import as_numbers, report_of
 from maniport.util.files import load_ellipsoids
 

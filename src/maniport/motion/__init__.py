@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from maniport.motion.arm_motion import ArmMotion
     from maniport.motion.controller import Controller, ControlProblem, ControlState
     from maniport.motion.exports import export_motion
-    from maniport.motion.follow.control import Control
-    from maniport.motion.follow.tracker import track
     from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
     from maniport.motion.motion_limits import LimitUse, MotionLimits
     from maniport.motion.placement.placed_path import Place, Placement
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
     from maniport.motion.plan.time_parameterization import Timed, retime
     from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
     from maniport.motion.robot_motion import RobotMotion
+    from maniport.motion.tracker import Control, track
     from maniport.motion.trajectory import Clearance, Trajectory
 
 _LAZY = {
@@ -37,8 +36,6 @@ _LAZY = {
     "arm_motion": ("ArmMotion",),
     "controller": ("Controller", "ControlProblem", "ControlState"),
     "exports": ("export_motion",),
-    "follow.control": ("Control",),
-    "follow.tracker": ("track",),
     "limits": ("BrakingLimit", "CollisionLimit", "Limit"),
     "motion_limits": ("LimitUse", "MotionLimits"),
     "placement.placed_path": ("Place", "Placement"),
@@ -51,6 +48,7 @@ _LAZY = {
     "plan.time_parameterization": ("Timed", "retime"),
     "problem": ("Cost", "MotionProblem", "RelativePositionCost"),
     "robot_motion": ("RobotMotion",),
+    "tracker": ("Control", "track"),
     "trajectory": ("Clearance", "Trajectory"),
 }
 """Names by module, loaded on first use, since some modules import slowly."""

@@ -1,18 +1,19 @@
 """The motion of one arm, and how well it follows its targets."""
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.motion.follow.status import ENOUGH_METRES, NEAR_SPEED, NEAR_STOP, statuses_of
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Damping, Objective
-from maniport.motion.schedule import speed_limits
-from maniport.motion.trajectory import Clearance, Trajectory
+from maniport.motion.schedule import Schedule, speed_limits
+from maniport.motion.status import ENOUGH_METRES, statuses_of
+from maniport.motion.trajectory import Clearance, Trajectory, interpolated
 from maniport.spd.affine_invariant import distance
 from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
 from maniport.spd.regularization import Regularization
@@ -51,7 +52,7 @@ class ArmMotion(Trajectory):
     position_tolerance : float
         Largest position error of a waypoint that counts as on the path [m].
     status : tuple of str
-        The worst since the previous waypoint, one of `maniport.motion.follow.status.STATUSES`.
+        The worst since the previous waypoint, one of `maniport.motion.status.STATUSES`.
     held : ndarray, shape (m,)
         Control steps at which the quadratic program failed and the arm was brought to rest, bool.
     velocity_limits : ndarray, shape (dof,)
@@ -103,56 +104,59 @@ class ArmMotion(Trajectory):
         spec: EllipsoidSpec = VELOCITY,
         damping: Damping = DAMPING,
         path: Array | None = None,
-        velocity_limits: Array | None = None,
-        held: NDArray[np.bool_] | None = None,
         control_velocities: Array | None = None,
         control_accelerations: Array | None = None,
-        position_tolerance: float = ENOUGH_METRES,
     ) -> "ArmMotion":
         """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
 
-        Velocities and accelerations are differences of the positions by default, velocity limits those of the arm.
+        Velocities and accelerations are differences of the positions by default.
         """
-        speeds = speed_limits(arm, velocity_limits)
-        stopped = np.zeros(len(control_time), bool) if held is None else held
-        q = _at(time, control_time, control_positions)
-        objective = Objective.of(arm, spec, damping)
-        targets = objective.targets(target, path)
-        distance, error = targets.distance(q), targets.tip_error(q)
-        velocities, accelerations = control_velocities, control_accelerations
-        if velocities is None:
-            velocities = np.gradient(control_positions, control_time, axis=0)
-        if accelerations is None:
-            accelerations = _second_differences(control_time, control_positions)
-        moves = np.diff(control_positions, axis=0)
-        fast = np.abs(moves / np.diff(control_time)[:, None]) >= NEAR_SPEED * speeds
-        ends = (control_positions <= arm.lower + NEAR_STOP) | (control_positions >= arm.upper - NEAR_STOP)
+        schedule = Schedule(Objective.of(arm, spec, damping), time, target, path)
+        steps = control_positions, control_velocities, control_accelerations
+        return cls.of(schedule, Trajectory.of_positions(arm, time, control_time, *steps))
+
+    @classmethod
+    def of(
+        cls,
+        schedule: Schedule,
+        trajectory: Trajectory,
+        velocity_limits: Array | None = None,
+        held: NDArray[np.bool_] | None = None,
+        position_tolerance: float = ENOUGH_METRES,
+        **plan: Any,
+    ) -> "ArmMotion":
+        """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
+        arm, q, targets = schedule.objective.arm, trajectory.joint_positions, schedule.targets()
+        speeds, error = speed_limits(arm, velocity_limits), targets.tip_error(q)
+        time, positions = trajectory.control_time, trajectory.control_positions
+        stopped = np.zeros(len(time), bool) if held is None else held
+        near_stop, near_speed = 1e-3, 0.999 * speeds  # [rad or m], and per second
+        ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
+        fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
+        distance = targets.distance(q)
+        off_path = np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
+        at_stop = np.asarray(ends.any(axis=1))
+        at_speed = np.append(False, fast.any(axis=1))
         return cls(
+            **{item.name: getattr(trajectory, item.name) for item in fields(Trajectory)},
             arm=arm.name,
             frame=arm.frame,
-            joint_names=arm.joint_names,
-            joint_units=arm.joint_units,
-            time=time,
-            joint_positions=q,
-            joint_velocities=_at(time, control_time, velocities),
-            target=target,
-            achieved=arm.ellipsoids(q, spec),
-            spec=spec,
-            damping=objective.damping,
+            joint_velocities=interpolated(time, trajectory.control_velocities, trajectory.time),
+            target=schedule.ellipsoids,
+            achieved=arm.ellipsoids(q, schedule.objective.spec),
+            spec=schedule.objective.spec,
+            damping=schedule.objective.damping,
             distance=distance,
-            path=path,
+            path=schedule.positions,
             position_error=error,
-            orientation_error=None,
+            orientation_error=targets.axis_angles(q),
             position_tolerance=position_tolerance,
-            status=statuses_of(time, distance, error, control_time, stopped, ends, fast, position_tolerance),
-            control_time=control_time,
-            control_positions=control_positions,
-            control_velocities=velocities,
-            control_accelerations=accelerations,
+            status=statuses_of(trajectory.time, distance, off_path, time, stopped, at_stop, at_speed),
             held=stopped,
             velocity_limits=speeds,
             position_limit_hits=_hits(arm.joint_names, ends),
             velocity_limit_hits=_hits(arm.joint_names, fast),
+            **plan,
         )
 
     def __repr__(self) -> str:
@@ -241,20 +245,6 @@ def rms_ratio(distance: Array, best: Array) -> float:
     """Return the ratio of two root mean squares; infinite where the second is zero."""
     norm = float(np.linalg.norm(best))
     return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
-
-
-def _at(time: Array, control_time: Array, values: Array) -> Array:
-    """Interpolate linearly, which keeps joint limits."""
-    return np.stack([np.interp(time, control_time, column) for column in values.T], axis=1)
-
-
-def _second_differences(time: Array, values: Array) -> Array:
-    """Second derivatives (m, dof); at the ends those of the neighbors, zero for fewer than three times."""
-    if len(time) < 3:
-        return np.zeros_like(values)
-    slopes = np.diff(values, axis=0) / np.diff(time)[:, None]
-    inside = np.diff(slopes, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
-    return np.concatenate([inside[:1], inside, inside[-1:]])
 
 
 def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:

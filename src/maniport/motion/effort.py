@@ -16,7 +16,7 @@ class Effort:
     nodes: int = 300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
     stage: float = 0.55  # longest time between stages at the planning time scale [s]
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another optimizer step
-    relaxation: bool = True  # see maniport.motion.plan.relaxation
+    relaxation: bool = True  # see maniport.motion.plan.refinement
     pointwise_starts: int = 32  # samples for the best pointwise solution at each placed waypoint
     gap_points: int = 250  # most waypoints at which the feasibility gap is searched
     gap_starts: int = 48  # samples for each of them

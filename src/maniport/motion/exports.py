@@ -130,11 +130,11 @@ def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -
 def _ellipsoids(motion: ArmMotion, robot: Arm) -> Columns:
     """Return achieved and target ellipsoids and positions; targets are interpolated as by the tracker."""
     q, time, spec = motion.control_positions, motion.control_time, motion.spec
-    objective = Objective.of(robot, spec, motion.damping)
     begin, end, step = motion.time[0], motion.time[-1], time[1] - time[0]
     inside = (time > begin - step) & (time < end + step)
-    target = Schedule(motion.time, motion.target, motion.path).at(objective, np.clip(time[inside], begin, end))
-    targets = target.targets(objective)
+    schedule = Schedule(Objective.of(robot, spec, motion.damping), motion.time, motion.target, motion.path)
+    target = schedule.at(np.clip(time[inside], begin, end))
+    targets = target.targets()
     columns = {f"tip_{axis}": (values, "m") for axis, values in zip("xyz", robot.forward(q)[:, :3, 3].T, strict=True)}
     columns |= _entries("achieved", robot.ellipsoids(q, spec), spec)
     columns |= _entries("target", _spread(target.ellipsoids, inside), spec)

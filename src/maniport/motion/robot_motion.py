@@ -1,13 +1,19 @@
 """The motion of a group of arms."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import ArmGroup
+from maniport.arms.collisions import Collisions
 from maniport.motion.arm_motion import ArmMotion, rms_ratio
 from maniport.motion.motion_limits import LimitUse, MotionLimits
+from maniport.motion.schedule import Schedule
+from maniport.motion.status import ENOUGH_METRES
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.util.files import save_arrays
 from maniport.util.notebook import NotebookDisplay
@@ -48,6 +54,33 @@ class RobotMotion(NotebookDisplay):
     coupled: bool = False
     relative: Array | None = None
     relative_error: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        group: ArmGroup,
+        schedules: Sequence[Schedule],
+        trajectory: Trajectory,
+        collisions: Collisions | None,
+        velocity_limits: Array,
+        limits: MotionLimits | None = None,
+        held: NDArray[np.bool_] | None = None,
+        position_tolerance: float = ENOUGH_METRES,
+        pointwise_bests: Sequence[Array] | None = None,
+        **relative: Any,
+    ) -> "RobotMotion":
+        """Compare the trajectory of a group with the targets of its arms; `limits` are those of a planned motion."""
+        clearance, arms = Clearance.of(collisions, trajectory), []
+        for i, (schedule, columns) in enumerate(zip(schedules, group.columns, strict=True)):
+            arm, plan = schedule.objective.arm, dict[str, Any](clearance=clearance)
+            if limits is not None:
+                plan |= {"demonstrated_time": schedule.time, "limits": limits.of_joints(arm, columns)}
+            if pointwise_bests is not None:
+                plan["pointwise_best"] = pointwise_bests[i]
+            own, speeds = trajectory.of_arm(arm, columns), velocity_limits[columns]
+            arms.append(ArmMotion.of(schedule, own, speeds, held, position_tolerance, **plan))
+        use = None if limits is None else limits.use(trajectory.control_time, trajectory.control_positions)
+        return cls(group, trajectory, tuple(arms), limits, use, clearance, **relative)
 
     def __repr__(self) -> str:
         return f"RobotMotion({', '.join(map(repr, self.arms))})"

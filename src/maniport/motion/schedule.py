@@ -16,13 +16,12 @@ from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
 
-MOST_SAMPLES = 3_000_000  # Of a motion, at its control rate
-
 
 @dataclass(frozen=True)
 class Schedule:
-    """Targets over time, one row for each time."""
+    """Targets of an arm over time, one row for each time."""
 
+    objective: Objective
     time: Array  # (n,), increasing [s]
     ellipsoids: Array  # (n, d, d), without damping
     positions: Array | None = None  # (n, 3), of the end effector [m]
@@ -39,7 +38,7 @@ class Schedule:
         path: ArrayLike | None,
         weights: ArrayLike | None,
         rotations: ArrayLike | None = None,
-        postures: ArrayLike | None = None,
+        postures: Array | None = None,
     ) -> "Schedule":
         """Check arguments; errors name the argument."""
         d, times = objective.spec.size, as_times(time, fewest=2)
@@ -48,53 +47,51 @@ class Schedule:
         targets = as_square(profile, "profile", d)
         positions = None if path is None else as_metres(path, "path")
         metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
-        axes = None if rotations is None else _as_rotations(rotations)
-        arm = objective.arm
-        near = None if postures is None else arm.require_within_limits(postures, "reference")
+        axes = None if rotations is None else as_square(rotations, "rotations", 3)
         require_rows(
             len(times),
             profile=(targets, (d, d)),
             path=(positions, (3,)),
             weights=(metric, (m, m)),
             rotations=(axes, (3, 3)),
-            reference=(near, (arm.dof,)),
+            reference=(postures, (objective.arm.dof,)),
         )
+        if axes is not None:
+            axes = np.array([as_rotation(axis, f"rotations[{i}]", 3) for i, axis in enumerate(axes)])
         # copies: results keep them, and later changes of the caller's arrays must not change them
-        rest = (None if one is None else one.copy() for one in (positions, metric, axes, near))
-        return cls(times.copy(), targets.copy(), *rest)
-
-    def __getitem__(self, rows: slice) -> "Schedule":
-        rest = (self.positions, self.weights, self.rotations, self.postures)
-        return Schedule(self.time[rows], self.ellipsoids[rows], *(None if one is None else one[rows] for one in rest))
+        rest = (None if array is None else array.copy() for array in (positions, metric, axes, postures))
+        return cls(objective, times.copy(), targets.copy(), *rest)
 
     def __len__(self) -> int:
         return len(self.time)
 
-    def targets(self, objective: Objective) -> Targets:
+    def targets(self) -> Targets:
         """Return the targets of all times."""
-        return objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
+        return self.objective.targets(self.ellipsoids, self.positions, self.weights, self.rotations)
 
-    def sampled(self, objective: Objective, rate: float, interpolation: str) -> "Schedule":
+    def sampled(self, rate: float, interpolation: str) -> "Schedule":
         """Sample at evenly spaced times, `rate` per second, at least as many as there are times."""
         steps = max(int(np.ceil((self.time[-1] - self.time[0]) * rate - 1e-9)), len(self) - 1)
-        return self.at(objective, np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
+        return self.at(np.linspace(self.time[0], self.time[-1], steps + 1), interpolation == "cubic")
 
-    def finer(self, objective: Objective, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
+    def finer(self, gap: float) -> tuple["Schedule", NDArray[np.intp]]:
         """Insert at most 7 points between those more than `gap` [s] apart; also return the rows of its own points."""
         pieces = np.clip(np.ceil(np.diff(self.time) / gap - 1e-9), 1, 8).astype(np.intp)
         rows = np.concatenate([[0], np.cumsum(pieces)])
         if rows[-1] == len(self) - 1:
             return self, rows
-        found = self.at(objective, np.interp(np.arange(rows[-1] + 1), rows, self.time), smooth=False)
+        finer = self.at(np.interp(np.arange(rows[-1] + 1), rows, self.time))
         if self.positions is not None:
-            found = replace(found, positions=CubicSpline(self.time, self.positions)(found.time))
-        return found, rows
+            finer = replace(finer, positions=CubicSpline(self.time, self.positions)(finer.time))
+        return finer, rows
 
-    def at(self, objective: Objective, grid: Array, smooth: bool = False) -> "Schedule":
+    def at(self, grid: Array, smooth: bool = False) -> "Schedule":
         """Interpolate at other times, by splines or linearly."""
-        time, damped = self.time, symmetrize(objective.damped(self.ellipsoids))
+        time, damped = self.time, symmetrize(self.objective.damped(self.ellipsoids))
 
-        def between(values: Array, smooth: bool) -> Array:
+        def between(values: Array | None, smooth: bool = False) -> Array | None:
+            if values is None:
+                return None
             spline = CubicSpline(time, values) if smooth else make_interp_spline(time, values, k=1)
             return np.asarray(spline(grid))
 
@@ -102,35 +99,28 @@ class Schedule:
             # in logarithms about the mean of the profile, where straight lines are nearly geodesics
             root, whitening = roots(apply(apply(damped, np.log).mean(axis=0), np.exp))
             logs = apply(congruence(whitening, damped), np.log)
-            targets = congruence(root, apply(symmetrize(between(logs, True)), np.exp))
+            targets = congruence(root, apply(symmetrize(CubicSpline(time, logs)(grid)), np.exp))
         else:
             before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
             share = (grid - time[before]) / (time[before + 1] - time[before])
             targets = geodesic(damped[before], damped[before + 1], share)
         return Schedule(
+            self.objective,
             grid,
-            objective.undamped(symmetrize(targets)),
-            None if self.positions is None else between(self.positions, smooth),
-            None if self.weights is None else between(self.weights, False),  # splines may be indefinite
+            self.objective.undamped(symmetrize(targets)),
+            between(self.positions, smooth),
+            between(self.weights),  # splines may be indefinite
             None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
-            None if self.postures is None else between(self.postures, False),  # splines may exceed limits
+            between(self.postures),  # splines may exceed limits
         )
 
 
-def _as_rotations(value: ArrayLike) -> Array:
-    """Convert to rotations, shape (n, 3, 3)."""
-    given = as_square(value, "rotations", 3)
-    if given.ndim != 3:
-        raise InvalidInputError(f"rotations must have shape (n, 3, 3); found shape {given.shape}")
-    return np.array([as_rotation(one, f"rotations[{i}]", 3) for i, one in enumerate(given)])
-
-
-def require_few(samples: float) -> None:
+def require_few(samples: float, most: int = 3_000_000) -> None:
     """Raise InvalidInputError when a motion has too many samples."""
-    if not samples <= MOST_SAMPLES:
+    if not samples <= most:
         raise InvalidInputError(
-            f"the motion takes {samples:.3g} samples, allowed are {MOST_SAMPLES}: give a lower rate, or a path that "
-            "the limits let pass sooner"
+            f"the motion takes {samples:.3g} samples, allowed are {most}: give a lower rate, or a path that the limits "
+            "let pass sooner"
         )
 
 

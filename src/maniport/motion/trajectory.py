@@ -2,18 +2,19 @@
 
 import csv
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from maniport.arms import Arm
 from maniport.arms.collisions import Collisions
+from maniport.arms.joint_space import JointSpace
 from maniport.util.atomic_io import written_whole
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
-
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of cells that a spreadsheet evaluates instead of showing them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,30 @@ class Trajectory(NotebookDisplay):
     control_velocities: Array
     control_accelerations: Array
 
+    @classmethod
+    def of_positions(
+        cls,
+        joints: JointSpace,
+        time: Array,
+        control_time: Array,
+        positions: Array,
+        velocities: Array | None = None,
+        accelerations: Array | None = None,
+    ) -> "Trajectory":
+        """Make a trajectory of control steps, with differences of the positions instead of missing derivatives."""
+        if velocities is None:
+            velocities = np.gradient(positions, control_time, axis=0)
+        if accelerations is None:
+            accelerations = _second_differences(control_time, positions)
+        at_waypoints = interpolated(control_time, positions, time)
+        names, units = joints.joint_names, joints.joint_units
+        return Trajectory(names, units, time, at_waypoints, control_time, positions, velocities, accelerations)
+
+    def of_arm(self, arm: Arm, columns: NDArray[np.integer]) -> "Trajectory":
+        """Return the trajectory of one arm of a group, whose joints are some columns."""
+        parts = {name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)}
+        return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
+
     @property
     def jerk(self) -> Array:
         """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
@@ -60,7 +85,7 @@ class Trajectory(NotebookDisplay):
     @property
     def peak_jerk(self) -> float:
         """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
-        return float(np.abs(self.jerk).max()) if len(self.control_time) > 3 else 0.0
+        return float(np.abs(self.jerk).max(initial=0.0)) if len(self.control_time) > 3 else 0.0
 
     @property
     def control_states(self) -> tuple[tuple[str, Array, str], ...]:
@@ -82,9 +107,9 @@ class Trajectory(NotebookDisplay):
         OutputError
             When the file cannot be written.
         """
-        states = self.control_states
+        states, formulas = self.control_states, ("=", "+", "-", "@", "\t", "\r")
         units = [unit + per for _, _, per in states for unit in self.joint_units]
-        names = ["'" + name if name.startswith(FORMULA) else name for name in self.joint_names]
+        names = ["'" + name if name.startswith(formulas) else name for name in self.joint_names]
         header = ["time_s", *(f"{name}_{unit}" for name, unit in zip(3 * names, units, strict=True))]
         line = ",".join(["%.6f", *len(names) * ["%.12f"], *2 * len(names) * ["%.6f"]]) + "\n"
         columns = self.control_time - self.control_time[0], *(values for _, values, _ in states)
@@ -94,17 +119,32 @@ class Trajectory(NotebookDisplay):
 
     def joint_arrays(self) -> dict[str, Array]:
         """Return the arrays that files contain, by name; times are from the first control step."""
-        return {
+        begin = self.control_time[0]
+        arrays = {name: getattr(self, name) for name in ("joint_positions", *_CONTROL)}
+        return arrays | {
             "joint_names": np.array(self.joint_names),
             "joint_units": np.array(self.joint_units),
-            "began_at": self.control_time[0],
-            "time": self.time - self.control_time[0],
-            "joint_positions": self.joint_positions,
-            "control_time": self.control_time - self.control_time[0],
-            "control_positions": self.control_positions,
-            "control_velocities": self.control_velocities,
-            "control_accelerations": self.control_accelerations,
+            "began_at": begin,
+            "time": self.time - begin,
+            "control_time": self.control_time - begin,
         }
+
+
+_CONTROL = ("control_positions", "control_velocities", "control_accelerations")
+
+
+def interpolated(time: NDArray[Any], values: Array, at: NDArray[Any]) -> Array:
+    """Interpolate values (n, k) at times (n,) linearly, at other times (m,)."""
+    return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
+
+
+def _second_differences(time: Array, values: Array) -> Array:
+    """Second derivatives (m, dof); at the ends those of the neighbors, zero for fewer than three times."""
+    if len(time) < 3:
+        return np.zeros_like(values)
+    slopes = np.diff(values, axis=0) / np.diff(time)[:, None]
+    inside = np.diff(slopes, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
+    return np.concatenate([inside[:1], inside, inside[-1:]])
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.motion.follow.status import NEAR_DISTANCE
+from maniport.motion.status import NEAR_DISTANCE
 from maniport.report.values import AMBER, GREEN, NOTE, RED, WARNING, Metric, Report, Table, at_time
 
 MODULES = {

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from maniport.errors import argument
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.arm_motion import rms_ratio
-from maniport.motion.follow.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.plan.relaxation import FAR
+from maniport.motion.plan.refinement import FAR
+from maniport.motion.status import NEAR_DISTANCE, REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
 from maniport.report.metrics import METRICS, as_metric, describe, listed, warning

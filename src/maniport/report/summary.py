@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from maniport.motion.follow.status import ENOUGH_DISTANCE, NEAR_DISTANCE
+from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
 from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult

@@ -15,10 +15,10 @@ from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
 from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
-from maniport.motion.follow.tracker import follow
 from maniport.motion.limits import BrakingLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT
 from maniport.motion.schedule import Schedule, speed_limits
+from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.subsample import evenly_spaced
@@ -70,10 +70,11 @@ class Target:
     tip: Array | None = None  # Position of the end effector [m]
     note: str = ""  # Why the target is not new, or another method's
 
-    def schedule(self, seconds: float, control_step: float = 1.0 / 120.0) -> Schedule:
+    def schedule(self, objective: Objective, seconds: float, control_step: float = 1.0 / 120.0) -> Schedule:
         """Return the same target for a time, in control steps [s]."""
         steps = int(np.ceil(seconds / control_step))
         return Schedule(
+            objective,
             np.linspace(0.0, seconds, steps + 1),
             np.broadcast_to(self.ellipsoid, (steps + 1, 3, 3)),
             None if self.tip is None else np.broadcast_to(self.tip, (steps + 1, 3)),
@@ -221,9 +222,9 @@ class ViewState:
             self.joints = self._joined([side.best(target) for side, target in zip(self.sides, targets, strict=True)])
             self._jump = False
         if elapsed > 0.0:
-            schedules = [target.schedule(elapsed) for target in targets]
-            objectives = [side.objective for side in self.sides]
-            self.joints = follow(self._controller, self.joints, schedules, objectives)[0][-1]
+            pairs = zip(self.sides, targets, strict=True)
+            schedules = [target.schedule(side.objective, elapsed) for side, target in pairs]
+            self.joints = follow(self._controller, self.joints, schedules)[0][-1]
         parts = zip(self.sides, targets, self._columns, strict=True)
         return tuple(side.frame(target, self.joints[columns], command.base_rotation) for side, target, columns in parts)
 

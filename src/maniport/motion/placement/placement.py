@@ -24,11 +24,11 @@ from maniport.motion.placement.problem import (
     PlacementProblem,
     base_rotations,
 )
-from maniport.motion.plan.planner import interpolated
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
 from maniport.motion.search.descent import PointwiseBest, pointwise_best
 from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
 from maniport.util.subsample import evenly_spaced

@@ -7,14 +7,13 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.effort import FULL, as_effort
+from maniport.motion.effort import FULL, Effort, as_effort
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.motion.placement.arguments import as_workspace
-from maniport.motion.plan.planner import Planner
 from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
 from maniport.util.validation import Array, as_number
 
@@ -96,11 +95,10 @@ class PlanControl:
             require_free(self.home, "home", limits, apart)
         return replace(self, motion_limits=limits, collisions=apart or False)
 
-    def planner(self, arm: Arm, spec: EllipsoidSpec, random_state: Any = 0) -> Planner:
-        """Make a planner of an arm with these settings."""
-        ready = self.resolved(arm)
-        assert isinstance(ready.motion_limits, MotionLimits)
-        return Planner.of(ready.motion_limits, spec, ready.collisions, random_state)
+    @property
+    def budget(self) -> Effort:
+        """Search budget of the planning effort."""
+        return as_effort(self.planning_effort)
 
 
 def require_free(posture: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:

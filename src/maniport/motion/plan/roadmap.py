@@ -32,6 +32,15 @@ class Roadmap:
         return Roadmap(self.q[kept], self.cost[kept], np.searchsorted(owner[kept], np.arange(len(self.first))))
 
 
+def stages_of(time: Array, longest: float) -> NDArray[np.intp]:
+    """Rows of waypoints at most `longest` [s] apart where the waypoints allow, the first and last included."""
+    rows, last = [0], len(time) - 1
+    for i in range(1, last + 1):
+        if i == last or time[i + 1] - time[rows[-1]] > longest:
+            rows.append(i)
+    return np.array(rows)
+
+
 def shortest_path(
     nodes: Roadmap, time: Array, largest: Array, joint_motion_weight: float = JOINT_MOTION_WEIGHT
 ) -> NDArray[np.intp]:

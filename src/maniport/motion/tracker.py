@@ -1,7 +1,7 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -13,24 +13,82 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.arm_motion import ArmMotion
-from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.controller import LM_DAMPING, Controller, ControlProblem, ControlState
 from maniport.motion.effort import QUICK
-from maniport.motion.follow.control import Control
-from maniport.motion.limits import BrakingLimit, CollisionLimit
+from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import Damping, Objective
+from maniport.motion.objective import (
+    FOLLOWING_WEIGHT,
+    ORIENTATION_WEIGHT,
+    POINTING,
+    Damping,
+    Objective,
+    axis_weights,
+)
 from maniport.motion.plan.plan_motion import plan_motion
-from maniport.motion.plan.planner import ArmPlanner, Planner
-from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.problem import as_costs
+from maniport.motion.plan.planner import Planner
+from maniport.motion.problem import Cost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, of_each, speed_limits
 from maniport.motion.search.seed_bank import SeedBank
-from maniport.motion.trajectory import Clearance, Trajectory
+from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Part, Progress, Step, between, nobody
-from maniport.util.validation import Array, as_generator
+from maniport.util.validation import Array, as_choice, as_generator, as_number
+
+
+@dataclass(frozen=True)
+class Control:
+    """Settings of the tracker.
+
+    Attributes
+    ----------
+    rate : float
+        Control rate [Hz]; there is at least one step for each time of the profile.
+    interpolation : {"cubic", "linear"}
+        Interpolation of targets: splines (of logarithms for ellipsoids), or geodesics and straight lines.
+    velocity_limits, acceleration_limits : array_like, shape (dof,) or one number, optional
+        [rad/s], [rad/s²], or in meters. Default: the arm's own velocity limits, and no acceleration limits.
+    lm_damping : float
+        Levenberg-Marquardt damping of the ellipsoid cost, not negative.
+    position_cost : float
+        Weight of position errors [1/m].
+    orientation_axes, orientation_weight
+        As in `maniport.motion.PlanControl`.
+    costs : sequence of Cost
+        Further costs, see `maniport.motion.Cost`.
+    limits : sequence of Limit
+        Further hard limits, see `maniport.motion.Limit`.
+
+    Raises
+    ------
+    InvalidInputError
+        When a value is out of its range, or is no cost or limit.
+    """
+
+    rate: float = 100.0
+    interpolation: str = "cubic"
+    velocity_limits: ArrayLike | None = None
+    acceleration_limits: ArrayLike | None = None
+    lm_damping: float = LM_DAMPING
+    position_cost: float = FOLLOWING_WEIGHT
+    orientation_axes: str = POINTING
+    orientation_weight: float = ORIENTATION_WEIGHT
+    costs: Sequence[Cost] = ()
+    limits: Sequence[Limit] = ()
+
+    def __post_init__(self) -> None:
+        as_number(self.rate, "rate", above=0.0)
+        as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
+        as_number(self.position_cost, "position_cost", above=0.0)
+        axis_weights(self.orientation_axes, as_number(self.orientation_weight, "orientation_weight", above=0.0))
+        as_number(self.lm_damping, "lm_damping", minimum=0.0)
+        for name in ("costs", "limits"):
+            if not isinstance(getattr(self, name), Sequence) or isinstance(getattr(self, name), str):
+                raise InvalidInputError(f"{name} must be a sequence; found {getattr(self, name)!r}")
+        for i, limit in enumerate(self.limits):
+            if not isinstance(limit, Limit):
+                raise InvalidInputError(f"limits[{i}] must have the method inequalities; found {limit!r}")
 
 
 def track(
@@ -90,9 +148,11 @@ def track(
         three joints or coupled ones, or the bank was made for another arm.
     """
     settings, group, model = Control(**control), as_group(arm), as_collisions(collisions, arm)
+    if bank is not None:
+        bank.require_fits(group.arms[0], spec)
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    objectives, schedules = _targets(arm, settings, time, spec, damping, arrays, near)
+    schedules = _schedules(arm, settings, time, spec, damping, arrays, near)
     begin = _as_start(group, near[0] if start is None and near is not None else start)
     speeds = speed_limits(arm, settings.velocity_limits)
     accelerations = as_limits(arm, settings.acceleration_limits, "acceleration_limits")
@@ -102,20 +162,16 @@ def track(
     controller = Controller(arm, braking, distances, costs, settings.limits, settings.lm_damping)
     step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work
     if begin is None:
-        begin = _planned_start(arm, schedules, objectives, spec, settings, bank, random_state)
-    parts = list(zip(objectives, schedules, group.columns, strict=True))
-    sampled = [own.sampled(objective, settings.rate, settings.interpolation) for objective, own, _ in parts]
-    joints, held = follow(controller, begin, sampled, objectives, between(step, planned, 1.0))
-    motions = tuple(
-        _evaluated(objective, own, sampled[0].time, joints[:, columns], held, speeds[columns])
-        for objective, own, columns in parts
-    )
-    result = _joined(group, motions, model)
+        begin = _planned_start(group, schedules, spec, settings, bank, random_state)
+    sampled = [schedule.sampled(settings.rate, settings.interpolation) for schedule in schedules]
+    joints, held = follow(controller, begin, sampled, between(step, planned, 1.0))
+    trajectory = Trajectory.of_positions(group, schedules[0].time, sampled[0].time, joints)
+    result = RobotMotion.of(group, schedules, trajectory, model, speeds, held=held)
     step.end()
     return result
 
 
-def _targets(
+def _schedules(
     arm: Arm | ArmGroup,
     settings: Control,
     time: ArrayLike,
@@ -123,64 +179,36 @@ def _targets(
     damping: Damping,
     arrays: Mapping[str, Any],
     reference: Array | None,
-) -> tuple[list[Objective], list[Schedule]]:
+) -> list[Schedule]:
     """Check the targets of each arm."""
     group, alone = as_group(arm), isinstance(arm, Arm)
     columns = [(value,) if alone else of_each(value, name, len(group)) for name, value in arrays.items()]
     specs = (spec,) if alone else group.specs(spec)
-    objectives, schedules = [], []
+    schedules = []
     for i, (profile, path, weights, rotations) in enumerate(zip(*columns, strict=True)):
         require_trackable(group.arms[i], spec)
         objective = Objective.of(group.arms[i], specs[i], damping, settings.position_cost, positive=True)
-        objectives.append(objective.keeping(settings.orientation_axes, settings.orientation_weight))
+        objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
         near = None if reference is None else reference[..., group.columns[i]]
-        schedules.append(Schedule.checked(objectives[i], profile, time, path, weights, rotations, near))
-    return objectives, schedules
-
-
-def _joined(group: ArmGroup, motions: tuple[ArmMotion, ...], collisions: Collisions | None) -> RobotMotion:
-    """Join the motions of all arms."""
-    names = ("joint_positions", "control_positions", "control_velocities", "control_accelerations")
-    trajectory = Trajectory(
-        joint_names=group.joint_names,
-        joint_units=group.joint_units,
-        time=motions[0].time,
-        control_time=motions[0].control_time,
-        **{name: group.joined(*(getattr(motion, name) for motion in motions)) for name in names},
-    )
-    return RobotMotion(group, trajectory, motions, clearance=Clearance.of(collisions, trajectory))
+        schedules.append(Schedule.checked(objective, profile, time, path, weights, rotations, near))
+    return schedules
 
 
 def follow(
-    controller: Controller,
-    start: Array,
-    schedules: Sequence[Schedule],
-    objectives: Sequence[Objective],
-    progress: Part = nobody,
+    controller: Controller, start: Array, schedules: Sequence[Schedule], progress: Part = nobody
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Follow targets at evenly spaced times, from rest.
+    """Follow the targets of each arm, whose m times are the same and evenly spaced, from rest at `start` (dof,).
 
-    Parameters
-    ----------
-    controller : Controller
-    start : ndarray, shape (dof,)
-    schedules, objectives
-        Of each arm of the controller; their m times are the same.
-
-    Returns
-    -------
-    joints : ndarray, shape (m, dof)
-    held : ndarray, shape (m,)
-        Steps without a solution, in which the arm braked, bool.
+    Return configurations (m, dof), and the steps (m,) without a solution, in which the arm braked.
     """
     times = schedules[0].time
     dt = (times[-1] - times[0]) / (len(times) - 1)
-    targets = [own.targets(objective) for own, objective in zip(schedules, objectives, strict=True)]
+    targets = [schedule.targets() for schedule in schedules]
     has_reference = schedules[0].postures is not None
     references = np.tile(start, (len(times), 1))
-    for own, columns in zip(schedules, controller.columns, strict=True):
-        if own.postures is not None:
-            references[:, columns] = own.postures
+    for schedule, columns in zip(schedules, controller.columns, strict=True):
+        if schedule.postures is not None:
+            references[:, columns] = schedule.postures
     joints, held = np.empty((len(times), len(start))), np.zeros(len(times), bool)
     joints[0], state = start, ControlState.at_rest(start)
     # On matrices this small, threads of BLAS only wait for one another
@@ -207,36 +235,26 @@ def _threads() -> ThreadpoolController:
 
 
 def _planned_start(
-    arm: Arm | ArmGroup,
+    group: ArmGroup,
     schedules: Sequence[Schedule],
-    objectives: Sequence[Objective],
     spec: EllipsoidSpec,
     settings: Control,
     bank: SeedBank | None,
     random_state: Any,
 ) -> Array:
     """First configuration of a motion that is planned through the same targets."""
-    limits, random = MotionLimits.of(arm, joint_limit_margin=0.0), as_generator(random_state)
-    if isinstance(arm, ArmGroup):
-        planner = Planner.of(limits, spec, False, random)
-    else:
-        bank = SeedBank.given_or_built(bank, arm, spec, random)
-        own = ArmPlanner(limits, ReachabilityMap(arm, spec, random_state=random), bank)
-        planner = Planner(limits, spec, (own,))
-    columns = [(own.ellipsoids, own.positions, own.weights, own.rotations) for own in schedules]
-    profiles, paths, weights, rotations = (
-        None if values[0] is None else values for values in zip(*columns, strict=True)
-    )
-    assert profiles is not None
+    random = as_generator(random_state)
+    planner = Planner.of(MotionLimits.of(group, joint_limit_margin=0.0), spec, False, random)
+    if bank is not None:
+        planner = replace(planner, arms=(replace(planner.arms[0], bank=bank),))
+    names = {"profiles": "ellipsoids", "paths": "positions", "weights": "weights", "rotations": "rotations"}
+    values = {name: [getattr(schedule, own) for schedule in schedules] for name, own in names.items()}
     plan = plan_motion(
-        as_group(arm),
-        profiles,
+        group,
+        **{name: None if parts[0] is None else parts for name, parts in values.items()},  # type: ignore[arg-type]
         time=schedules[0].time,
-        paths=paths,
         spec=spec,
-        damping=objectives[0].damping,
-        weights=weights,
-        rotations=rotations,
+        damping=schedules[0].objective.damping,
         planner=planner,
         planning_effort=QUICK,
         position_tolerance=1e-3,
@@ -245,30 +263,6 @@ def _planned_start(
         random_state=random,
     )
     return np.asarray(plan.trajectory.joint_positions[0])
-
-
-def _evaluated(
-    objective: Objective,
-    schedule: Schedule,
-    time: Array,
-    joints: Array,
-    held: NDArray[np.bool_],
-    velocity_limits: Array,
-) -> ArmMotion:
-    """Compare joint positions (m, dof) at control times (m,) with their targets."""
-    result = ArmMotion.of_motion(
-        objective.arm,
-        schedule.time,
-        schedule.ellipsoids,
-        time,
-        joints,
-        spec=objective.spec,
-        damping=objective.damping,
-        path=schedule.positions,
-        velocity_limits=velocity_limits,
-        held=held,
-    )
-    return replace(result, orientation_error=schedule.targets(objective).axis_angles(result.joint_positions))
 
 
 def _as_start(group: ArmGroup, start: ArrayLike | None) -> Array | None:

@@ -1,1 +1,0 @@
-"""The control loop: an arm follows ellipsoids, and its tip a path."""
