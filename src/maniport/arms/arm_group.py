@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
 from maniport.arms.joint_space import JointSpace, Manipulable
+from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.shared_joints import shared_joints
 from maniport.errors import InvalidInputError
@@ -99,6 +100,11 @@ class ArmGroup(JointSpace):
 
     def __reduce__(self) -> tuple[Any, tuple[Arm, ...]]:
         return partial(type(self), names=self.names), self.arms
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Links of all arms as one tree."""
+        return Kinematics(*(arm.chain for arm in self.arms), columns=self.columns, common=self.common)
 
     def split(self, q: ArrayLike) -> tuple[Array, ...]:
         """Return the configurations of each arm, shapes (..., arm.dof)."""
