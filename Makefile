@@ -3,7 +3,7 @@
 # make coverage   the same, and which lines and branches of what is not drawing it leaves out (about ten minutes)
 # make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
 # make kills  kills what writes results at 1600 random moments, by SIGKILL and by Ctrl-C (about half an hour)
-# make mutants   changes spd and transfer in one place at a time and lists where no test notices (docs/mutation.md)
+# make mutants   changes spd and transfer in one place at a time and lists where no test notices (tests/mutation)
 # make nightly   5000 configurations of each arm of example-robot-data on exact meshes; then fuzz, kills and mutants
 # make docs   the site, in build/docs, with every example run; whatever Sphinx warns of fails (about three minutes)
 # make links  whether the addresses of others that pages name still answer; needs the network

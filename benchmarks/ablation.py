@@ -76,10 +76,10 @@ def load(name: str) -> Arm:
 
 
 def changed(variant: str) -> ExitStack:
-    """Register the planning effort "ablation" of a variant, and patch what the variant changes."""
+    """Give the full planning effort the budget of a variant, and patch what the variant changes."""
     stack = ExitStack()
     effort = EFFORTS[QUICK] if variant == "quick" else replace(EFFORTS[FULL], **BUDGETS.get(variant, {}))
-    stack.enter_context(mock.patch.dict(EFFORTS, {"ablation": effort}))
+    stack.enter_context(mock.patch.dict(EFFORTS, {FULL: effort}))
     if variant in PATCHES:
         stack.enter_context(mock.patch.object(*PATCHES[variant]))
     return stack
@@ -103,17 +103,17 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     continue
                 with changed(variant):
                     begin = time.process_time()
-                    options |= {"planning_effort": "ablation", "seed": seed}
+                    options |= {"planning_effort": FULL, "seed": seed}
                     result = follow_profile(arm, [target], clock, [path], **options)
                     seconds = time.process_time() - begin
-                motion = result.motion
-                assert motion.position_error is not None
+                motion, clearance = result.arm.motion, result.motion.clearance
+                assert motion is not None and motion.position_error is not None
                 row = {"variant": variant, "robot": robot, "motion": name, "seed": seed, "seconds": seconds} | {
                     "rms": float(np.sqrt(np.mean(motion.distance**2))),
                     "duration": float(motion.control_time[-1]),
                     "error_p95": float(np.percentile(motion.position_error, 95)) / tolerance,
                     "error_max": float(motion.position_error.max()) / tolerance,
-                    "collides": float(motion.room.share),
+                    "collides": float(clearance.share),
                 }
                 with open(file, "a", encoding="utf-8") as stream:
                     stream.write(json.dumps(row) + "\n")

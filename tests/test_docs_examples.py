@@ -31,8 +31,6 @@ PAGES = (
     "../README.md", "batch.md", "both_arms.md", "learn.md", "live.md", "outputs.md", "python.md", "quickstart.md",
     "recordings.md", "robots.md",
 )  # fmt: skip
-RUN_ELSEWHERE = {"add": "test_doors.py", "parallel.md": "test_joblib.py"}
-"""Pages, and folders of them, whose blocks are those of other tests."""
 SAVED = re.compile(r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 
@@ -97,9 +95,9 @@ def test_examples_of_a_page_run(page):
 
 
 def test_no_page_is_left_out():
-    """Every page with a block of Python or of commands is among those that are run here, or by another test."""
+    """Every page with a block of Python or of commands is run."""
     pages = {page.relative_to(DOCS).as_posix(): page for page in DOCS.rglob("*.md")}
     pages["../README.md"] = DOCS.parent / "README.md"
     texts = {name: page.read_text(encoding="utf-8") for name, page in pages.items()}
     with_blocks = {name for name, text in texts.items() if BLOCK.search(text)}
-    assert {page for page in with_blocks if page.split("/")[0] not in RUN_ELSEWHERE} == set(PAGES)
+    assert with_blocks == set(PAGES)

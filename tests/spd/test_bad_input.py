@@ -63,7 +63,7 @@ def test_bad_matrices_are_refused_by_name(function, good, name, value, message):
         assert isinstance(caught.value, NotSPDError)
 
 
-def doors():
+def functions():
     """List (function, arguments that fit together by name) of all functions of several matrices."""
     for function, names in METRIC_ARGUMENTS.items():
         good = {name: 0.5 if name == "t" else EYE for name in names}
@@ -72,7 +72,7 @@ def doors():
         yield pytest.param(function, {"points": EYE, "center": EYE}, id=function.__name__)
 
 
-@pytest.mark.parametrize(("function", "good"), list(doors()))
+@pytest.mark.parametrize(("function", "good"), list(functions()))
 def test_one_matrix_of_another_size_is_refused(function, good):
     """Whichever argument is of another size, the message begins with one that does not fit, and gives both sizes."""
     for name in good.keys() - {"t"}:
@@ -81,7 +81,7 @@ def test_one_matrix_of_another_size_is_refused(function, good):
         assert str(caught.value).split()[0] in good
 
 
-@pytest.mark.parametrize(("function", "good"), list(doors()))
+@pytest.mark.parametrize(("function", "good"), list(functions()))
 def test_batches_that_do_not_broadcast_are_refused(function, good):
     """Whichever argument is too many, the message gives every argument's shape by name."""
     batches = {name: np.stack([value, value]) for name, value in good.items()}
