@@ -131,7 +131,10 @@ class RobotOptions(Options):
         if len(self.robot) > 1 and not self.pose:
             raise InvalidInputError(f"{argument('robot')} of two robots needs {argument('pose')} of each")
         robots = robot if len(self.robot) == 1 else self.robot
-        return load_arms(robots, self.frame or None, bases=self.pose or None, **options)
+        group = load_arms(robots, self.frame or None, bases=self.pose or None, **options)
+        if len(group) != 2:
+            raise InvalidInputError(f"{argument('side', BOTH)} needs two arms; found {len(group)}")
+        return group
 
 
 @dataclass(frozen=True, kw_only=True)
