@@ -30,15 +30,14 @@ from maniport.motion import (
     feasibility_gap,
     place_path,
     plan_motion,
-    track,
 )
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.effort import as_effort
 from maniport.motion.plan.plan_motion import PLACED
-from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult, motion_of_arm, placement_rows
+from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult, placement_rows
 from maniport.pipeline.targets import MotionTargets, targets_of
+from maniport.pipeline.tracking import tracked
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
 from maniport.util.defaults import BOTH
@@ -215,31 +214,8 @@ def plan(
         free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
     motion = planned(rotations, settings.progress)
     if options.tracking is not None:
-        motion = _tracked(motion, planner, rotations, settings)
+        motion = tracked(motion, planner, rotations, settings)
     return Moved(motion, free, placements if tips == PLACED else None)
-
-
-def _tracked(
-    planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: Settings
-) -> RobotMotion:
-    """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
-    (plan,) = planned.arms
-    (motion,) = track(
-        planner.arms[0].limits.arm,
-        plan.target,
-        time=plan.time,
-        path=plan.path,
-        reference=plan.joint_positions,
-        rotations=None if rotations is None else rotations[0],
-        spec=plan.spec,
-        damping=plan.damping,
-        progress=settings.progress,
-        **settings.config.motion.control_options,
-    ).arms
-    kept = ("demonstrated_time", "limits", "pointwise_best")
-    clearance = Clearance.of(planner.collisions, motion)
-    motion = replace(motion, clearance=clearance, **{name: getattr(plan, name) for name in kept})
-    return motion_of_arm(planned.group, motion)
 
 
 def place_and_plan(
