@@ -8,8 +8,6 @@ import pytest
 
 import maniport as mp
 from maniport.arms.chain import Frame, Joint, pose
-from maniport.arms.collisions.solids import LinkTree
-from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
@@ -30,8 +28,7 @@ def crane():
 @pytest.fixture(scope="module")
 def three():
     """Three Pandas on different bases."""
-    bases = [pose((0.0, 0.8 * i, 0.0), (0.0, 0.0, 0.7 * i)) for i in range(3)]
-    return mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
+    return mp.load_arms("panda", bases=[(0.0, 0.8 * i, 0.0, 0.7 * i) for i in range(3)])
 
 
 def limb(side, **changes):
@@ -96,8 +93,9 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
     assert (group.dof, group.shared) == (13, ("turn", "rise", "right_1"))
     np.testing.assert_array_equal(group.common, [[6, 2, 2], [2, 6, 3], [2, 3, 6]])
     q = group.sample(4, 0)
-    rotations, origins = LinkTree(group).poses(q)
-    for arm, part, links in zip(group.arms, group.split(q), LinkTree(group).of_chain, strict=True):
+    tree = group.kinematics
+    rotations, origins = tree.link_poses(tree.positions(q))
+    for arm, part, links in zip(group.arms, group.split(q), tree.links, strict=True):
         expected = arm.link_poses(part)
         np.testing.assert_allclose(rotations[:, links], expected[..., :3, :3], atol=1e-12)
         np.testing.assert_allclose(origins[:, links], expected[..., :3, 3], atol=1e-12)
@@ -118,10 +116,10 @@ def test_a_single_arm_is_a_group_of_one():
 
 
 @pytest.mark.parametrize(("robot", "options", "said"), [
-    ("panda", {}, "is no pair: name two tips with frames="),
+    ("panda", {}, "is no pair: name the tips with frames="),
     ("panda", {"frames": ("panda_link8", "panda_hand")}, "must end two limbs; found both on one chain"),
     (("panda", "panda"), {}, "stand in one place; place them with bases="),
-    ("panda", {"bases": [(0, 0, 0)]}, "bases must be two, left and right"),
+    ("panda", {"bases": BASES, "frames": ["panda_link8"]}, "frames must be a sequence of 2, one for each arm"),
     ("panda", {"bases": [(0, 0, 0), (0, 1e9, 0)]}, "bases: right must be 3 numbers in"),
     ("panda", {"bases": BASES, "lock": {"left_joint1": 0}}, "unknown joint 'left_joint1'.* nearest first"),
     ("panda", {"bases": BASES, "joints": ["left_panda_joint1"]}, "none of left_panda_joint1 moves the right arm"),

@@ -82,7 +82,7 @@ def test_distances_of_cubes_are_those_of_geometry(gantry):
 
 
 def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
-    """With two coordinates between, links collide within a quarter of the padding; a watch counts them so, too."""
+    """With two coordinates between, links collide within a quarter of the padding; scaled distances do so, too."""
     third = _slide("z", "trolley", "load", "0 0 1")
     fixed = '<joint name="z" type="fixed"><parent link="trolley"/><child link="load"/></joint>'
     assert third in GANTRY
@@ -91,7 +91,7 @@ def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
     q = np.array([[CUBE + gap, 0.0] for gap in (0.001, 0.02, 0.03, 0.2)])
     np.testing.assert_allclose(collisions.clearance(q), [0.001, 0.02, 0.03, 0.2], atol=2e-6)
     np.testing.assert_array_equal(collisions.collides(q), [True, True, False, False])
-    rows, distance, slope = collisions.watch(0.1).gradient(q)
+    rows, distance, slope = collisions.gradient(q, 0.1, scaled=True)
     np.testing.assert_array_equal(rows, [0, 1])
     np.testing.assert_allclose(distance, [0.004, 0.08], atol=1e-5)
     np.testing.assert_allclose(slope[:, 0], 4.0, atol=1e-4)
@@ -222,21 +222,3 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     assert warned.severity == WARNING
     assert warned.key == "missing-meshes"
     assert "250 mm" in collision_value(clearance, 1.0)[0]
-
-
-def test_a_watch_sees_what_is_there(panda, collisions, gantry):
-    """Asked again after small and large moves, it tells the pairs, distances and slopes that are told without memory.
-
-    Along a path of the Panda, and where cubes slide, each joint alone and all together.
-    """
-    rng, ends = np.random.default_rng(7), panda.sample(2, 8)
-    path = np.linspace(*ends, 60)
-    for arm, apart, q in ((panda, collisions, path), (gantry, Collisions.of(gantry, table=-0.5), gantry.sample(60, 9))):
-        watch, seen = apart.watch(0.05), 0
-        for size in (0.0, 1e-3, 0.02, 0.02, 0.3, 1e-3, 1e-3):
-            moves = size * rng.normal(size=q.shape) * (rng.random(q.shape) < 0.5)
-            q = np.clip(q + moves, arm.lower, arm.upper)
-            for told, expected in zip(watch.gradient(q), apart.watch(0.05).gradient(q), strict=True):
-                np.testing.assert_array_equal(told, expected)
-            seen += len(told)
-        assert seen > 20

@@ -45,7 +45,7 @@ def collisions(arm):
 
 def _clearance(collisions, q):
     """Smallest distances at configurations (n, dof), of links with at most two coordinates between four times that."""
-    rows, distance, _ = collisions.watch(1.0).gradient(q)
+    rows, distance, _ = collisions.gradient(q, 1.0, scaled=True)
     clearance = np.full(len(q), np.inf)
     np.minimum.at(clearance, rows, distance)
     return clearance

@@ -22,17 +22,10 @@ UNEVEN = np.array([0.0, 0.3, 0.5, 0.9, 1.0, 1.6, 1.7, 2.2])
 class Wall:
     """A collision model in which the first joint reaches a wall at 0.3 rad; the distance is the angle to it."""
 
-    within = 0.0
-
-    def watch(self, within):
-        """Watch distances below a threshold."""
-        self.within = within
-        return self
-
-    def gradient(self, q):
+    def gradient(self, q, threshold, scaled):
         """Rows, distances and their slopes below the threshold."""
         distance = 0.3 - q[:, 0]
-        rows = np.flatnonzero(distance < self.within)
+        rows = np.flatnonzero(distance < threshold)
         return rows, distance[rows], np.tile(-np.eye(q.shape[1])[0], (len(rows), 1))
 
     def collides(self, q):

@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
 from maniport.arms.joint_space import Manipulable
-from maniport.arms.kinematics import Kinematics
+from maniport.arms.kinematics import Kinematics, PointKinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Geometry, Surface
-from maniport.arms.point_kinematics import PointKinematics
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_numbers
@@ -54,7 +53,7 @@ class Arm(Manipulable):
         self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
-        self.geometry = Geometry(chain, self._kinematics)
+        self.geometry = Geometry(chain)
 
     @classmethod
     def from_dh(
@@ -159,7 +158,7 @@ class Arm(Manipulable):
         Rows 0 to 2: linear velocity of its origin; rows 3 to 5: angular velocity; both in the base frame.
         """
         positions, shape = self._positions(q)
-        return self._kinematics.coupled(self._kinematics.jacobian(positions)).reshape(*shape, 6, self.dof)
+        return self._kinematics.coupled(self._kinematics.motion(positions)[1]).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
@@ -184,7 +183,7 @@ class Arm(Manipulable):
         if joint_name not in joints:
             raise unknown_name("joint", joint_name, joints, f"on the arm {self.name!r}")
         positions, shape = self._positions(q)
-        rotations = self._kinematics.joint_poses(positions, [joint_name])[:, 0, :3, :3]
+        rotations = self._kinematics.link_poses(positions)[0][:, 1 + [*joints].index(joint_name)]
         return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
@@ -196,7 +195,7 @@ class Arm(Manipulable):
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
         """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian`."""
         positions, shape = self._positions(q)
-        return self._differentials(self._kinematics.jacobian(positions), shape, spec)
+        return self._differentials(self._kinematics.motion(positions)[1], shape, spec)
 
     def _differentials(
         self, of_joints: Array, shape: tuple[int, ...], spec: EllipsoidSpec
@@ -218,7 +217,14 @@ class Arm(Manipulable):
     def skeleton(self, q: ArrayLike) -> Array:
         """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
         positions, shape = self._positions(q)
-        points = self.geometry.skeleton(positions)
+        joints, tip = self.chain.joints, self.chain.frames[self.frame]
+        origins = self._kinematics.link_poses(positions)[1]
+        if self.chain.stand is not None:
+            origins[:, 0] = self.chain.stand[:3, 3]
+        apart = [0, *(i for i, j in enumerate(joints, 1) if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC)]
+        points = origins[:, apart]
+        if np.any(tip.placement[:3, 3]) or len(apart) == 1:
+            points = np.concatenate([points, self._kinematics.forward(positions)[:, None, :3, 3]], axis=1)
         return points.reshape(*shape, *points.shape[1:])
 
     def link_poses(self, q: ArrayLike) -> Array:
@@ -227,7 +233,9 @@ class Arm(Manipulable):
         `Surface.joint` is an index into them; all joints of the chain count, also locked and mimic joints.
         """
         positions, shape = self._positions(q)
-        poses = self.geometry.link_poses(positions)
+        rotations, origins = self._kinematics.link_poses(positions)
+        poses = np.zeros((*origins.shape[:2], 4, 4))
+        poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, origins, 1.0
         return poses.reshape(*shape, *poses.shape[1:])
 
     def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:

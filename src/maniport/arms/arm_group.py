@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
+from maniport.arms.chain import Chain, Joint
 from maniport.arms.joint_space import JointSpace, Manipulable
+from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
-from maniport.arms.shared_joints import shared_joints
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_finite, as_numbers
 
 FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}
@@ -28,14 +30,14 @@ class ArmGroup(JointSpace):
     Parameters
     ----------
     *arms : Arm
-        Joints with which several chains begin, such as those of a torso, are shared.
+        Joints with which several chains begin, such as those of a torso, are shared. `InvalidInputError` when base
+        frames differ, one arm is a part of another, or shared joints differ in limits or locked positions.
     names : sequence of str, optional
         Names of the arms, such as ``("left", "right")``; ``("arm1", "arm2", …)`` by default.
 
     Attributes
     ----------
-    arms : tuple of Arm
-    names : tuple of str
+    arms, names : tuple
     columns : tuple of ndarray of int
         Indices of each arm's joints in `q`.
     shared : tuple of str
@@ -45,12 +47,6 @@ class ArmGroup(JointSpace):
     joint_names
         Names of all joints; where joints of two robots have the same name, all have the name of their arm as a prefix.
         The other attributes are those of `maniport.arms.Arm`.
-
-    Raises
-    ------
-    InvalidInputError
-        When the base frames differ, one arm is a part of another, or shared joints differ in limits or locked
-        positions.
     """
 
     def __init__(self, *arms: Arm, names: Sequence[str] | None = None):
@@ -63,7 +59,7 @@ class ArmGroup(JointSpace):
             raise InvalidInputError(
                 f"names must be one for each of {len(arms)} arms, all different; found {self.names}"
             )
-        self.common, shared = shared_joints([arm.chain for arm in arms], self.names)
+        self.common, shared = _shared_joints([arm.chain for arm in arms], self.names)
         self.shared = tuple(dict.fromkeys(name for _, _, moving in shared for name in moving))
         self.frames = tuple(dict.fromkeys(frame for arm in arms for frame in arm.frames))
         own: list[tuple[int, int]] = []  # arm and joint of each column
@@ -99,6 +95,11 @@ class ArmGroup(JointSpace):
 
     def __reduce__(self) -> tuple[Any, tuple[Arm, ...]]:
         return partial(type(self), names=self.names), self.arms
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Links of all arms as one tree."""
+        return Kinematics(*(arm.chain for arm in self.arms), columns=self.columns, common=self.common)
 
     def split(self, q: ArrayLike) -> tuple[Array, ...]:
         """Return the configurations of each arm, shapes (..., arm.dof)."""
@@ -147,25 +148,8 @@ class ArmGroup(JointSpace):
             jacobians[..., i, :, columns] = np.moveaxis(arm.jacobian(part), -1, 0)
         return jacobians
 
-    def manipulability(
-        self,
-        q: ArrayLike,
-        kind: str = "velocity",
-        part: str = "translation",
-        joint_weights: ArrayLike | str | None = None,
-    ) -> Array:
-        """Compute the manipulability matrices of all arms, shape (..., n_arms, d, d).
-
-        Parameters
-        ----------
-        q : array_like, shape (..., dof)
-        kind, part, joint_weights
-            Which ellipsoids, as in `maniport.arms.EllipsoidSpec`; weights for all joints of the group.
-        """
-        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
-
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Compute the manipulability matrices that a specification describes; see `manipulability`."""
+        """Compute the manipulability matrices of all arms, shape (..., n_arms, d, d); weights are for all joints."""
         parts = zip(self.arms, self.split(q), self.specs(spec), strict=True)
         return np.stack([arm.ellipsoids(part, own) for arm, part, own in parts], axis=-3)
 
@@ -206,8 +190,7 @@ class CooperativeArm(Manipulable):
 
     Parameters
     ----------
-    group : ArmGroup
-    kind : {"relative", "absolute"}
+    group, kind : ArmGroup, {"relative", "absolute"}
     pair : (int, int), optional
         Indices of the two arms; by default those of a group of two.
     """
@@ -283,3 +266,58 @@ class CooperativeArm(Manipulable):
             rotation = first[..., :3, :3] @ half.as_matrix().reshape(rotation.shape)
         result[..., :3, :3] = rotation
         return result
+
+
+def _shared_joints(
+    chains: Sequence[Chain], names: Sequence[str]
+) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
+    """Return numbers of common joints (n_arms, n_arms), and the coordinates that move them for each pair of arms."""
+    common = np.diag([len(chain.joints) for chain in chains]).astype(np.intp)
+    shared = []
+    for i, j in combinations(range(len(chains)), 2):
+        first, second = chains[i], chains[j]
+        if first.base != second.base:
+            ends = " and ".join(repr(chain.base or "the robot's base") for chain in (first, second))
+            raise InvalidInputError(f"all arms must have the same base frame; found {ends}")
+        pairs = list(zip(first.joints, second.joints, strict=False))
+        count = next((k for k, (a, b) in enumerate(pairs) if not _equal(a, b)), len(pairs))
+        if count in (len(first.joints), len(second.joints)):
+            where = "" if first.stand is None else f", which stand in one place; place them with {placing_options()}"
+            raise InvalidInputError(
+                f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
+                f"{first.name!r}{where}"
+            )
+        common[i, j] = common[j, i] = count
+        shared.append((i, j, _require_agreement((first, second), (names[i], names[j]), count)))
+    return common, shared
+
+
+def _equal(a: Joint, b: Joint) -> bool:
+    same = (a.name, a.kind) == (b.name, b.kind) and np.array_equal(a.axis, b.axis)
+    return same and np.array_equal(a.placement, b.placement)
+
+
+def _require_agreement(chains: tuple[Chain, Chain], names: tuple[str, str], count: int) -> tuple[str, ...]:
+    """Names of the coordinates that move the common joints; raise unless both chains have the same limits for them."""
+    moving, ranges = [], []
+    for chain in chains:
+        limits = zip(chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True)
+        own = {name: (low, high, column.tolist()) for name, low, high, column in limits if np.any(column)}
+        locked = {joint.name: f"locked at {at:g}" for joint, at in zip(chain.joints, chain.offset, strict=True)}
+        moving.append(own)
+        ranges.append({**locked, **{name: f"{low:g} to {high:g}" for name, (low, high, _) in own.items()}})
+    differ = [name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)]
+    offsets = (chain.offset[:count] for chain in chains)
+    differ += [chains[0].joints[i].name for i in np.flatnonzero(np.not_equal(*offsets))]
+    if differ:
+        raise InvalidInputError(
+            f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one position; "
+            f"found {ranges[0].get(differ[0])} for {names[0]}, {ranges[1].get(differ[0])} for {names[1]}"
+        )
+    return tuple(moving[0])
+
+
+def placing_options() -> str:
+    """Describe the options that place several robots, for messages."""
+    given = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
+    return given if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

@@ -112,6 +112,40 @@ class JointSpace(NotebookDisplay):
         spec.weights(self.dof)
         return spec
 
+    @abstractmethod
+    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Compute the manipulability matrices (..., d, d) that a specification describes; see `manipulability`."""
+
+    def manipulability(
+        self,
+        q: ArrayLike,
+        kind: str = "velocity",
+        part: str = "translation",
+        joint_weights: ArrayLike | str | None = None,
+    ) -> Array:
+        """Compute manipulability matrices ``J W² Jᵀ`` (velocity) or their inverses (force).
+
+        Parameters
+        ----------
+        q : array_like, shape (..., dof)
+            Configurations.
+        kind, part, joint_weights
+            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
+
+        Returns
+        -------
+        ndarray, shape (..., d, d), of a group (..., n_arms, d, d)
+            Exactly symmetric matrices.
+
+        Raises
+        ------
+        InvalidInputError
+            When an argument has a wrong shape or value, or the velocity limits are not known.
+        NotSPDError
+            For the force ellipsoid of a singular configuration.
+        """
+        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
+
 
 class Manipulable(JointSpace):
     """A joint space that moves one frame: an arm, or both arms of a pair as one."""
@@ -131,36 +165,6 @@ class Manipulable(JointSpace):
     @abstractmethod
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """What `forward` gives, and then what `differentials` does."""
-
-    def manipulability(
-        self,
-        q: ArrayLike,
-        kind: str = "velocity",
-        part: str = "translation",
-        joint_weights: ArrayLike | str | None = None,
-    ) -> Array:
-        """Manipulability matrices ``J W² Jᵀ`` (velocity) or their inverses (force).
-
-        Parameters
-        ----------
-        q : array_like, shape (..., dof)
-            Configurations.
-        kind, part, joint_weights
-            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
-
-        Returns
-        -------
-        ndarray, shape (..., d, d)
-            Exactly symmetric matrices.
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong shape or value, or the velocity limits are not known.
-        NotSPDError
-            When a force ellipsoid is requested where the arm is singular.
-        """
-        return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Manipulability matrices (..., d, d) of a specification; see `manipulability`."""

@@ -1,65 +1,139 @@
-"""Kinematics of a chain for many configurations, without checks."""
+"""Kinematics of chains for many configurations, without checks.
+
+Numba takes a quarter of a second to load, so that the kernels are imported where they are called.
+"""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms.chain import PRISMATIC, Chain
 from maniport.util.validation import Array
 
+Attachment = tuple[int, Array]  # number of joints before it, and a vector (3,) in the frame of the last of them
+
 
 class Kinematics:
-    """Poses and Jacobians of a chain."""
+    """Poses and Jacobians of chains that may begin with common joints; the end effector is that of the first.
 
-    def __init__(self, chain: Chain):
-        self._chain = chain
-        self._trivial = np.array_equal(chain.coupling, np.eye(len(chain.joints))) and not np.any(chain.offset)
-        count, frame = len(chain.joints), chain.frames[chain.frame]
-        self._placements = np.array([joint.placement for joint in chain.joints], dtype=np.float64).reshape(count, 4, 4)
-        self._axes = np.array([joint.axis for joint in chain.joints], dtype=np.float64).reshape(count, 3)
-        self._slides = np.array([joint.kind == PRISMATIC for joint in chain.joints], dtype=np.bool_)
+    Link 0 is the base, link k + 1 that after joint k. Without `columns` there is one chain.
+    """
+
+    def __init__(
+        self,
+        *chains: Chain,
+        columns: Sequence[NDArray[np.intp]] = (),  # indices of the coordinates of each chain
+        common: NDArray[np.intp] | None = None,  # (chains, chains): number of joints with which two chains begin
+    ):
+        columns = columns or [np.arange(len(chains[0].coordinates))]
+        joints, parents, rows, offset = [], list[int](), [], list[float]()
+        self.links: list[list[int]] = []  # of each chain
+        for i, (chain, own) in enumerate(zip(chains, columns, strict=True)):
+            before = np.zeros(1, dtype=np.intp) if common is None or not i else common[i, :i]
+            shared = int(before.max())
+            links = self.links[int(before.argmax())][: shared + 1] if i else [0]
+            for k in range(shared, len(chain.joints)):
+                joints.append(chain.joints[k])
+                parents.append(links[-1])
+                links.append(len(joints))
+                rows.append(np.zeros(1 + max(int(own.max()) for own in columns)))
+                rows[-1][own] = chain.coupling[k]
+                offset.append(chain.offset[k])
+            self.links.append(links)
+        count, frame = len(joints), chains[0].frames[chains[0].frame]
+        self.parents = np.array(parents, dtype=np.int64)
+        self.coupling, self.offset = np.array(rows), np.array(offset)
+        self._trivial = np.array_equal(self.coupling, np.eye(count)) and not np.any(self.offset)
+        self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(count, 4, 4)
+        self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
+        self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
-        self._links = {joint.name: i + 1 for i, joint in enumerate(chain.joints)}
+        self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
+        for joint, parent in enumerate(parents):
+            self.moves[joint + 1] = self.moves[parent]
+            self.moves[joint + 1, joint] = True
 
     def positions(self, q: Array) -> Array:
-        """Positions of the chain's joints, shape (n, joints), for degrees of freedom, shape (n, dof)."""
-        return np.ascontiguousarray(q if self._trivial else q @ self._chain.coupling.T + self._chain.offset)
+        """Positions of the joints, shape (n, joints), for degrees of freedom, shape (n, dof)."""
+        return np.ascontiguousarray(q if self._trivial else q @ self.coupling.T + self.offset)
 
     def coupled(self, jacobians: Array) -> Array:
-        """Chain rule from the chain's joints, shape (..., joints), to the degrees of freedom, shape (..., dof)."""
+        """Chain rule from the joints, shape (..., joints), to the degrees of freedom, shape (..., dof)."""
         if self._trivial:
             return jacobians
         # One large product is faster than one small product a configuration.
-        flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self._chain.coupling
+        flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self.coupling
         return np.asarray(flat.reshape(*jacobians.shape[:-1], flat.shape[1]))
 
     def forward(self, positions: Array) -> Array:
         """Poses of the end effector, shape (n, 4, 4)."""
         return self._motion(positions, 0)[0]
 
-    def jacobian(self, positions: Array) -> Array:
-        """Jacobians of the end effector in the chain's joints, linear rows first, shape (n, 6, joints)."""
-        return self.motion(positions)[1]
-
     def motion(self, positions: Array) -> tuple[Array, Array]:
-        """Results of `forward` and `jacobian`, in one pass over the chain."""
+        """Results of `forward`, and Jacobians in the joints, linear rows first, shape (n, 6, joints)."""
         return self._motion(positions, len(positions))
 
-    def joint_poses(self, positions: Array, joints: Sequence[str]) -> Array:
-        """Poses of joints' frames after their motion, shape (n, k, 4, 4)."""
-        from maniport.arms.chain_kernels import fill_link_poses
-
-        n, count = positions.shape
-        rotations, origins = np.empty((n, count + 1, 3, 3)), np.empty((n, count + 1, 3))
-        parents = np.arange(count)
-        fill_link_poses(positions, parents, self._placements, self._axes, self._slides, rotations, origins)
-        links, poses = [self._links[name] for name in joints], np.zeros((n, len(joints), 4, 4))
-        poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations[:, links], origins[:, links], 1.0
-        return poses
-
     def _motion(self, positions: Array, n_jacobians: int) -> tuple[Array, Array]:
-        from maniport.arms.chain_kernels import fill_motion  # here: Numba takes a quarter of a second to load
+        from maniport.arms.kernels import fill_motion
 
-        poses, jacobians = np.empty((len(positions), 4, 4)), np.empty((n_jacobians, 6, len(self._axes)))
-        fill_motion(positions, self._placements, self._axes, self._slides, *self._frame, poses, jacobians)
+        poses, jacobians = np.empty((len(positions), 4, 4)), np.empty((n_jacobians, 6, len(self.axes)))
+        fill_motion(positions, self.placements, self.axes, self.slides, *self._frame, poses, jacobians)
         return poses, jacobians
+
+    def link_poses(self, positions: Array) -> tuple[Array, Array]:
+        """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links."""
+        from maniport.arms.kernels import fill_link_poses
+
+        rotations, origins = (np.empty((len(positions), len(self.moves), *size)) for size in ((3, 3), (3,)))
+        fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
+        return rotations, origins
+
+    def distance_slopes(self, q: Array, points: Array, normals: Array, links: NDArray[np.intp]) -> Array:
+        """How quickly pairs of links (n, 2) part along normals (n, 3) at points (n, 3), shape (n, dof)."""
+        turns, origins = self.link_poses(self.positions(q))
+        axes = np.einsum("njab,jb->nja", turns[:, 1:], self.axes)
+        lever, velocities = points[:, None] - origins[:, 1:], np.empty(axes.shape)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # NumPy's cross product takes twice the time for a few
+            velocities[..., i] = axes[..., j] * lever[..., k] - axes[..., k] * lever[..., j]
+        velocities = np.where(self.slides[:, None], axes, velocities)
+        carries = self.moves[links[:, 0]].astype(float) - self.moves[links[:, 1]]
+        return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self.coupling)
+
+
+class PointKinematics:
+    """Origins of frames and directions fixed to a chain, with derivatives."""
+
+    def __init__(self, chain: Chain, points: Sequence[str], directions: Sequence[Attachment] = ()):
+        frames, self._count = [chain.frames[name] for name in points], len(points)
+        fixed = [*((frame.joint, frame.placement[:3, 3]) for frame in frames), *directions]
+        self._kinematics = Kinematics(chain)
+        self._joints = np.array([joint for joint, _ in fixed], dtype=np.int64)
+        self._vectors = np.array([vector for _, vector in fixed], dtype=np.float64).reshape(-1, 3)
+
+    def arrays(self) -> tuple[Any, ...]:
+        """Return the arguments of `maniport.arms.kernels.place_points` after the positions, and the offset first."""
+        of = self._kinematics
+        return of.offset, of.placements, of.axes, of.slides, of.coupling, self._joints, self._vectors, self._count
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """Compute vectors (n, k, 3) and derivatives (n, k, 3, dof) at configurations (n, dof)."""
+        from maniport.arms.kernels import fill_points
+
+        values = np.empty((len(q), len(self._joints), 3))
+        slopes = np.empty((*values.shape, q.shape[1]))
+        fill_points(self._kinematics.positions(q), *self.arrays()[1:], values, slopes)
+        return values, slopes
+
+
+def axis_of(chain: Chain, coordinate: int, above: int) -> Attachment:
+    """Return the axis of the joint of a coordinate while the coordinates from `above` up to it are zero."""
+    last = [joint.name for joint in chain.joints].index(chain.coordinates[coordinate])
+    still = np.clip(0.0, chain.lower[above:coordinate], chain.upper[above:coordinate])
+    first = max((j + 1 for j in range(last) if chain.coupling[j, :above].any()), default=0)
+    vector = chain.joints[last].placement[:3, :3] @ chain.joints[last].axis
+    for j in range(last - 1, first - 1, -1):
+        joint, position = chain.joints[j], chain.coupling[j, above:coordinate] @ still + chain.offset[j]
+        vector = (joint.placement @ joint.motion(position))[:3, :3] @ vector
+    return first, vector

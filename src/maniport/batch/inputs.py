@@ -44,7 +44,7 @@ class Robot:
 
     name: str  # of its folder
     job: Settings
-    key: str  # digest of the job
+    key: str  # digest of the settings
     settings: Mapping[str, str]  # options as text by name
 
 
@@ -137,24 +137,25 @@ def find_robots(robots: Sequence[RobotInput], config: Config, taken: Collection[
     found, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
         name, own = robot if isinstance(robot, tuple) else (robot, {})
-        options = config.changed(**{"robot": name, **own})
-        job = settings_of(options)
-        key = digest(__version__, job)
+        job = settings_of(config.changed(**{"robot": name, **own}))
+        settings = _as_texts(job)
+        key = digest(settings)
         if key not in found:
-            found[key] = Robot(_as_folder(job.robot.name, names), job, key, _as_texts(options, job))
+            found[key] = Robot(_as_folder(job.robot.name, names), job, key, settings)
     return list(found.values())
 
 
-def _as_texts(config: Config, job: Settings) -> dict[str, str]:
+def _as_texts(job: Settings) -> dict[str, str]:
     """Return all options as text by name; contents stand for files."""
+    config = job.config
     values: dict[str, Any] = {
         name: getattr(getattr(config, section) if section else config, name)
         for name, (section, described) in OPTIONS.items()
         if not described.is_file
     }
-    values |= {"maniport": __version__, "robot": job.robot, "markers": job.person["markers"]}
-    if job.motion is not None:
-        values |= {"limits": job.motion.plan.motion_limits, "collisions": job.motion.plan.collisions}
+    values |= {"maniport": __version__, "robot": job.robot, "markers": config.human.roles()}
+    if job.control is not None:
+        values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
     return {name: as_setting(value) for name, value in values.items()}
 
 

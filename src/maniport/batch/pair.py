@@ -25,7 +25,7 @@ from maniport.pipeline.transfer import recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import report_of
 from maniport.report.write import RUN_FILES, write_run
-from maniport.transfer import DomainAdapter, load_adapter
+from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
 
 PAIR = "pair.json"  # The file with the settings of a pair, the sizes of its files, and its row of the table
@@ -162,7 +162,7 @@ def _pair(
     task: Task, robot: Robot, settings: Mapping[str, str], human: Human, texts: Warnings, begun: float
 ) -> dict[str, Any]:
     """Transfer the recording to one robot, and write the results."""
-    order, selects = task.order, not isinstance(robot.job.adapter, DomainAdapter)
+    order, selects = task.order, robot.job.adapter is None
     sampled, of_robot = _sampled(robot)
     if selects:
         maps, of_map = recorded(partial(stages.fit_transfer, human, sampled, robot.job))
@@ -199,7 +199,7 @@ def _fitted(order: Order, robot: Robot, sampled: SampledRobot, fit: ArmFit) -> t
     """
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
-    person = human_arm(robot.job.person["person"], side, lengths=lengths)
+    person = human_arm(robot.job.config.human.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
     file = order.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person)[:8]}.npz"
     about = file.with_suffix(".json")

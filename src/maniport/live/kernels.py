@@ -10,11 +10,12 @@ from maniport.util.jit import kernel, part
 @kernel
 def evaluate(q, targets, weights, body, pull, neutral, mean, prior, gradient, hessian):  # type: ignore[no-untyped-def]
     """Cost of `search` and |r|²; its halved gradient, and its halved second derivative without the prior."""
-    coupling, offset, products, places, slides, joints, vectors, ends = body
+    offset, placements, axes, slides, coupling, joints, vectors, points, ends = body
     gradient[:], hessian[:] = 0.0, 0.0
     square = frame_terms(
-        q, coupling, offset, products, places, slides, joints, vectors, ends, targets, weights, gradient, hessian
-    )
+        q, offset, placements, axes, slides, coupling, joints, vectors, points, ends,
+        targets, weights, gradient, hessian,
+    )  # fmt: skip
     cost = square
     for i in range(len(q)):
         off = pull[i] * (q[i] - neutral[i])

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from maniport.arms import Arm
 from maniport.arms.human import JOINTS
-from maniport.arms.point_kinematics import PointKinematics, axis_of
+from maniport.arms.kernels import place_points
+from maniport.arms.kinematics import PointKinematics, axis_of
 from maniport.errors import InvalidInputError
 from maniport.mocap.path_solver import BLOCK, parts_of
 from maniport.util.jit import kernel, part
@@ -101,7 +102,7 @@ class Directions:
         return PointKinematics(self.arm.chain, self._points, axes)
 
     def arrays(self) -> tuple[tuple[Any, ...], Array]:
-        """Return the arguments of `frame_terms` from `coupling` to `ends`, and the weights."""
+        """Return the arguments of `frame_terms` from `offset` to `ends`, and the weights."""
         return (*self._attached.arrays(), self._ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
@@ -138,46 +139,14 @@ class Directions:
 
 @kernel
 def frame_terms(  # type: ignore[no-untyped-def]
-    q, coupling, offset, products, places, slides, joints, vectors, ends, targets, weights, gradient, hessian
+    q, offset, placements, axes, slides, coupling, joints, vectors, points, ends, targets, weights, gradient, hessian
 ):
     """Add Jᵀr and JᵀJ of the residuals of one frame, for the live view, to gradient and hessian; return |r|²."""
-    dof, last, count, points = len(q), len(offset), len(joints), len(joints) - len(targets) + len(ends)
-    turns, origins = np.zeros((last + 1, 3, 3)), np.zeros((last + 1, 3))
-    along, places_of = np.zeros((last, 3)), np.zeros((last, 3))
-    for i in range(3):
-        turns[0, i, i] = 1.0
-    for j in range(last):
-        angle = offset[j]
-        for k in range(dof):
-            angle += coupling[j, k] * q[k]
-        sine, versed = (0.0, 0.0) if slides[j] else (np.sin(angle), 1.0 - np.cos(angle))
-        for a in range(3):
-            for b in range(3):
-                places_of[j, a] += turns[j, a, b] * places[j, 0, b]
-                along[j, a] += turns[j, a, b] * places[j, 1, b]
-            places_of[j, a] += origins[j, a]
-            origins[j + 1, a] = places_of[j, a] + (angle * along[j, a] if slides[j] else 0.0)
-            for b in range(3):
-                for c in range(3):
-                    part = products[j, 0, c, b] + sine * products[j, 1, c, b] + versed * products[j, 2, c, b]
-                    turns[j + 1, a, b] += turns[j, a, c] * part
-    values, slopes = np.zeros((count, 3)), np.zeros((count, 3, dof))
-    for n in range(count):
-        for a in range(3):
-            for b in range(3):
-                values[n, a] += turns[joints[n], a, b] * vectors[n, b]
-            if n < points:
-                values[n, a] += origins[joints[n], a]
-        for j in range(joints[n]):
-            for a in range(3):
-                b, c = (a + 1) % 3, (a + 2) % 3
-                if slides[j]:
-                    moved = along[j, a] if n < points else 0.0
-                else:
-                    at_b, at_c = (places_of[j, b], places_of[j, c]) if n < points else (0.0, 0.0)
-                    moved = along[j, b] * (values[n, c] - at_c) - along[j, c] * (values[n, b] - at_b)
-                for k in range(dof):
-                    slopes[n, a, k] += moved * coupling[j, k]
+    positions, values, slopes = offset.copy(), np.empty((len(joints), 3)), np.empty((len(joints), 3, len(q)))
+    for j in range(len(offset)):
+        for k in range(len(q)):
+            positions[j] += coupling[j, k] * q[k]
+    place_points(positions, placements, axes, slides, coupling, joints, vectors, points, values, slopes)
     return add_residuals(values, slopes, points, ends, targets, weights, gradient, hessian)
 
 

@@ -165,7 +165,6 @@ class CollisionLimit:
 
     def reset(self) -> None:
         """Discard distances computed for earlier configurations."""
-        self._watch = self.collisions.watch(self.reach)
         self._q: Array | None = None
         self._distance, self._slope = np.empty(0), np.empty((0, 0))
 
@@ -174,7 +173,7 @@ class CollisionLimit:
         offset = None if self._q is None else q - self._q
         if offset is None or offset @ offset > 0.045**2:
             self._q = q.copy()
-            self._distance, self._slope = self._watch.gradient(q[None])[1:]
+            self._distance, self._slope = self.collisions.gradient(q[None], self.reach, scaled=True)[1:]
             return self._distance, self._slope
         return self._distance + self._slope @ offset, self._slope
 
@@ -188,4 +187,4 @@ class CollisionLimit:
 
     def free(self, q: Array) -> bool:
         """Return whether none of the configurations (n, dof) collides."""
-        return self._watch.free(q, self.collisions.padding)
+        return not self.collisions.collides(q).any()

@@ -10,7 +10,7 @@ from maniport.learning import Alignment, ProfileGMM
 from maniport.learning.agreement import Agreement
 from maniport.mocap import ArmFit, Recording
 from maniport.pipeline.config import Config
-from maniport.pipeline.saved_result import SavedResult
+from maniport.pipeline.results import SavedResult
 from maniport.spd.regularization import Regularization
 from maniport.util.files import save_arrays, save_ellipsoids, save_path
 from maniport.util.validation import Array

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from maniport.mocap import Recording
     from maniport.motion import PlanControl
 
-FREE = "free"
+FREE, DEMONSTRATED, CONSTANT = "free", "demonstrated", "constant"  # orientations of the end effector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +131,10 @@ class RobotOptions(Options):
         if len(self.robot) > 1 and not self.pose:
             raise InvalidInputError(f"{argument('robot')} of two robots needs {argument('pose')} of each")
         robots = robot if len(self.robot) == 1 else self.robot
-        return load_arms(robots, self.frame or None, bases=self.pose or None, **options)
+        group = load_arms(robots, self.frame or None, bases=self.pose or None, **options)
+        if len(group) != 2:
+            raise InvalidInputError(f"{argument('side', BOTH)} needs two arms; found {len(group)}")
+        return group
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,7 +204,7 @@ class MotionOptions(Options):
     )
     speed_scale: float = option(1.0, "Largest relative speed", above=0.0, common=True)
     orientation: str | tuple[float, ...] = option(
-        FREE, "free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", "constant"),
+        FREE, "free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, DEMONSTRATED, CONSTANT),
         metavar="WORD|X,Y,Z", count=3, common=True,
     )  # fmt: skip
     orientation_axes: str = option("pointing", "Constrained axes: z or all", choices=("pointing", "whole"))
@@ -245,6 +248,12 @@ class MotionOptions(Options):
             raise InvalidInputError("orientation must not be a zero vector")
         if self.export and not self.move:
             raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
+
+    @property
+    def control_options(self) -> dict[str, Any]:
+        """Options of the controller that follows the plan."""
+        shared = ("rate", "orientation_axes", "orientation_weight", "costs")
+        return {name: getattr(self, name) for name in shared} | dict(self.tracking or {})
 
     def control(self, arm: Any) -> "PlanControl":
         """Return the settings of `maniport.motion.plan_motion` for an arm, checked."""

@@ -1,6 +1,6 @@
 """Results of the main job as data, and the files that they are saved as."""
 
-import csv
+import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,8 +18,8 @@ from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import Config
-from maniport.pipeline.saved_result import SavedResult
 from maniport.transfer import DomainAdapter
+from maniport.util.atomic_io import folder_written_whole
 from maniport.util.files import save_ellipsoids, save_path
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
@@ -31,35 +31,40 @@ TRANSFER_FILES = ("person.csv", "demonstrated_profile.npz", "target_profile.npz"
 """Files of the transfer to one arm."""
 
 
+class SavedResult(NotebookDisplay):
+    """Base of results that are saved as a folder of data files."""
+
+    @property
+    def data_files(self) -> tuple[str, ...]:
+        """Names of the files and folders that `save` may write."""
+        raise NotImplementedError
+
+    def save(self, folder: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the data to a folder, whole or not at all; `maniport.write_results` adds a report.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds earlier data and `overwrite` is false, or other files, or cannot be written.
+        """
+        with folder_written_whole(folder, self.data_files, overwrite) as staging:
+            self.write_data(staging)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the data files into an existing folder."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ArmResult(NotebookDisplay):
-    """One arm of a robot and its motion along target ellipsoids.
+    """One arm of a robot and its motion along target ellipsoids."""
 
-    Attributes
-    ----------
-    name : str
-        Name within the result, and of its folder where there are several arms: ``"right"`` or ``"left"``, or that of
-        the robot.
-    robot : Arm
-        With the limits of its description, without the margin of the plan.
-    placement : Placement or None
-        Placement of the path relative to the robot; None without a path, and where the path was not placed.
-    motion : ArmMotion or None
-        Joint trajectory, its errors and limits. None where the robot was not moved; a warning has the reason.
-    free : ArmMotion or None
-        The same with a free orientation of the end effector, where an orientation was requested.
-    gap : ndarray, shape (n,), or None
-        Feasibility gap: distance from each target ellipsoid to the nearest one that the arm can reach.
-    collisions : Collisions or None
-        Collision model of this arm.
-    """
-
-    name: str
-    robot: Arm
-    placement: Placement | None = None
-    motion: ArmMotion | None = None
-    free: ArmMotion | None = None
-    gap: Array | None = None
+    name: str  # within the result, and of its folder where there are several arms: the side, or that of the robot
+    robot: Arm  # with the limits of its description, without the margin of the plan
+    placement: Placement | None = None  # of the path relative to the robot; None where it was not placed
+    motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
+    free: ArmMotion | None = None  # the same with a free orientation, where an orientation was requested
+    gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
 
     files: ClassVar[tuple[str, ...]] = MOTION_FILES
@@ -110,48 +115,21 @@ class ArmResult(NotebookDisplay):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ArmTransfer(ArmResult):
-    """Transfer from one arm of a person to one arm of a robot.
+    """Transfer from one arm of a person to one arm of a robot; the name is the side of the person's arm."""
 
-    Attributes
-    ----------
-    name, robot, placement, motion, free, gap, collisions
-        As in `ArmResult`; the name is the side of the person's arm.
-    fit : ArmFit
-        Human arm scaled to the person, and its joint angles.
-    person_base : ndarray, shape (3,)
-        Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`.
-    method : str
-        Name of the transfer method.
-    adapter : DomainAdapter
-        Fitted map of ellipsoids from the person's domain (teacher) to the robot's (student).
-    choice : Choice or None
-        Selection of the method, where ``method="auto"``.
-    evaluation : Evaluation or None
-        Comparison of the method with baselines; None where it was not requested, as in a batch.
-    time : ndarray, shape (n,)
-        Demonstrated times of the profiles [s].
-    demonstrated_profile : ndarray, shape (n, d, d)
-        Ellipsoids of the person in the trunk frame.
-    target_profile : ndarray, shape (n, d, d)
-        Mapped ellipsoids in the robot's base frame, before the rotation of the placement.
-    teacher_domain, student_domain : ndarray, shape (N, d, d) and (M, d, d)
-        Sampled domains of the person's arm and of the robot's.
-    seconds_to_fit : float
-        Duration of the fit, or of the selection with its evaluation [s].
-    """
-
-    fit: ArmFit
+    fit: ArmFit  # human arm scaled to the person, and its joint angles
     person_base: Array = field(default_factory=lambda: np.zeros(3))
+    """Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`."""
     method: str
-    adapter: DomainAdapter
-    choice: Choice | None = None
-    evaluation: Evaluation | None = None
-    time: Array
-    demonstrated_profile: Array
-    target_profile: Array
-    teacher_domain: Array
-    student_domain: Array
-    seconds_to_fit: float
+    adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
+    choice: Choice | None = None  # selection of the method, where ``method="auto"``
+    evaluation: Evaluation | None = None  # comparison with baselines; None where not requested, as in a batch
+    time: Array  # (n,), demonstrated times of the profiles [s]
+    demonstrated_profile: Array  # (n, d, d), ellipsoids of the person in the trunk frame
+    target_profile: Array  # (n, d, d), mapped, in the robot's base frame, before the rotation of the placement
+    teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
+    student_domain: Array  # (M, d, d), of the robot's
+    seconds_to_fit: float  # duration of the fit, or of the selection with its evaluation
 
     files: ClassVar[tuple[str, ...]] = TRANSFER_FILES
 
@@ -169,27 +147,13 @@ A = TypeVar("A", bound=ArmResult, covariant=True)
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RobotResult(SavedResult, Generic[A]):
-    """Base of results of one or several arms of a robot, with one motion.
+    """Base of results of one or several arms of a robot, with one motion."""
 
-    Attributes
-    ----------
-    robot : ArmGroup
-        All arms of the result.
-    arms : tuple of ArmResult
-        Result of each arm; with two arms of a person left first.
-    motion : RobotMotion or None
-        Joint trajectory of all arms, with one time. None where the robot was not moved.
-    random_state : int
-        Random seed.
-    config : Config or None
-        Configuration that the result was requested with.
-    """
-
-    robot: ArmGroup
-    arms: tuple[A, ...]
-    motion: RobotMotion | None = None
+    robot: ArmGroup  # all arms of the result
+    arms: tuple[A, ...]  # result of each arm; with two arms of a person left first
+    motion: RobotMotion | None = None  # of all arms, with one time; None where the robot was not moved
     random_state: int = 0
-    config: Config | None = None
+    config: Config | None = None  # with which the result was requested
 
     @property
     def arm(self) -> A:
@@ -234,8 +198,14 @@ class MotionResult(RobotResult[ArmResult]):
 
     Attributes
     ----------
-    robot, arms, motion, random_state, config
-        As in `RobotResult`; the motion exists.
+    robot : ArmGroup
+    arms : tuple of ArmResult
+        Robot, placement, motion, feasibility gap and collision model of each arm.
+    motion : RobotMotion
+        Joint trajectory of all arms, with one time.
+    random_state : int
+    config : Config or None
+        Options that the result was requested with.
     sources : tuple of str
         Files of the profile and the path.
     """
@@ -249,8 +219,10 @@ class TransferResult(RobotResult[ArmTransfer]):
 
     Attributes
     ----------
-    robot, arms, motion, random_state, config
-        As in `RobotResult`.
+    robot, motion, random_state, config
+        As in `MotionResult`; the motion is None where the robot was not moved.
+    arms : tuple of ArmTransfer
+        As in `MotionResult`, with arm fit, adapter, profiles and domains; for two arms of a person left first.
     recording : Recording
     spec : EllipsoidSpec
         Which ellipsoids were transferred; joint weights are for all joints of the robot.
@@ -298,8 +270,7 @@ def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:
 
 
 def _write_joint_angles(path: Path, fit: ArmFit) -> None:
-    with open(path, "w", newline="", encoding="utf-8") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(["time_s", *(f"{name}_deg" for name in fit.arm.joint_names)])
-        for time, angles in zip(fit.time, np.degrees(fit.joint_angles), strict=True):
-            rows.writerow([f"{time:.6f}", *(f"{angle:.4f}" for angle in angles)])
+    rows = np.column_stack([fit.time, np.degrees(fit.joint_angles)])
+    names = ",".join(["time_s", *(f"{name}_deg" for name in fit.arm.joint_names)])
+    formats = ["%.6f"] + ["%.4f"] * fit.arm.dof
+    np.savetxt(path, rows, formats, delimiter=",", header=names, comments="", encoding="utf-8")

@@ -9,7 +9,7 @@ import copy
 import time as clock
 import warnings
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +22,26 @@ from maniport.evaluation import choose
 from maniport.evaluation import evaluate as compared_with_baselines
 from maniport.feasibility import knowing
 from maniport.mocap import HumanMotion, Recording, fit_arm, fit_arms, read_recording
-from maniport.motion import Planner, SeedBank
-from maniport.motion.arm_model import require_trackable
-from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.motion_stages import measure, place_and_plan, planner_of
-from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
-from maniport.pipeline.targets import targets_of
-from maniport.pipeline.values import (
-    MIN_FRAMES,
-    FittedMap,
-    Human,
-    Moved,
-    SampledRobot,
-    Settings,
+from maniport.motion import (
+    MotionLimits,
+    Placement,
+    Planner,
+    RobotMotion,
+    feasibility_gap,
+    place_path,
+    plan_motion,
 )
-from maniport.transfer import DomainAdapter, LengthField, method_of, name_of
+from maniport.motion.arm_model import require_trackable
+from maniport.motion.effort import as_effort
+from maniport.motion.plan.plan_motion import PLACED
+from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult, placement_rows
+from maniport.pipeline.targets import MotionTargets, targets_of
+from maniport.pipeline.tracking import tracked
+from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
+from maniport.transfer import LengthField, method_of, name_of
 from maniport.util.defaults import BOTH
+from maniport.util.progress import Progress
 from maniport.util.validation import Array
 
 
@@ -61,7 +65,7 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
         reference = recording.reference
         motion = HumanMotion((reference.fit,), np.zeros((1, 3)))
         return Human(reference.recording, motion, (recording.profile,), (recording.path,))
-    options = {**settings.person, "progress": settings.progress}
+    options = {**settings.config.human.fit_options, "progress": settings.progress}
     if options["side"] == BOTH:
         del options["side"]
         motion = fit_arms(recording, **options)
@@ -76,33 +80,40 @@ def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Huma
 
 
 def sample_robot(settings: Settings) -> SampledRobot:
-    """Sample the robot's domains, and what the planner needs to know of it."""
-    generator = np.random.default_rng(settings.random_state)
-    planner = _planner(settings, generator)
-    step, count = "Sample robot ellipsoids", settings.n_student
+    """Make the planner, unless the robot cannot or shall not move, and sample the robot's domains."""
+    generator = np.random.default_rng(settings.config.seed)
+    planner = planner_of(settings, generator) if _is_trackable(settings) else None
+    step, count, seed = "Sample robot ellipsoids", settings.config.transfer.n_student, settings.config.seed + 1
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
-    robot, seed = settings.robot, settings.random_state + 1
-    if isinstance(robot, ArmGroup):
-        domains = sample_domains(robot, count, seed, **options)
+    if isinstance(settings.robot, ArmGroup):
+        domains = sample_domains(settings.robot, count, seed, **options)
     else:
-        domains = (sample_domain(robot, count, seed, **options),)
-    settings.progress(step, 1.0, f"{count} ellipsoids of {robot.name}")
+        domains = (sample_domain(settings.robot, count, seed, **options),)
+    settings.progress(step, 1.0, f"{count} ellipsoids of {settings.robot.name}")
     return SampledRobot(planner, domains, generator)
 
 
-def _planner(settings: Settings, generator: np.random.Generator) -> Planner | None:
-    """Make the planner, unless the robot cannot or shall not move."""
-    if settings.motion is None:
-        return None
-    for arm, spec in zip(settings.arms, settings.specs, strict=True):
-        try:
+def _is_trackable(settings: Settings) -> bool:
+    """Return whether the robot is to be moved and can be; warn where it cannot."""
+    if settings.control is None:
+        return False
+    try:
+        for arm, spec in zip(settings.arms, settings.specs, strict=True):
             require_trackable(arm, spec)
-        except InvalidInputError as error:
-            warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
-            return None
+    except InvalidInputError as error:
+        warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
+        return False
+    return True
+
+
+def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
+    """Sample the robot within its limits."""
+    assert settings.control is not None
+    limits = settings.control.motion_limits
+    assert isinstance(limits, MotionLimits)
     settings.progress("Sample robot", 0.0)
-    planner = planner_of(settings.motion, settings.spec.velocity, generator)
+    planner = Planner.of(limits, settings.spec.velocity, settings.control.collisions, generator)
     text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
     settings.progress("Sample robot", 1.0, text)
     return planner
@@ -119,16 +130,17 @@ def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple
 def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0) -> FittedMap:
     """Fit the map from a person's arm to an arm of the robot; a selection needs the demonstrated profile (n, d, d)."""
     teacher, student, spec = sample_teacher(person, settings), robot.domains[arm], settings.specs[arm]
-    bank, started, progress = _bank(robot, settings, arm), clock.perf_counter(), settings.progress
-    if not isinstance(settings.adapter, DomainAdapter):
+    bank, started, progress = robot.bank(arm, spec), clock.perf_counter(), settings.progress
+    seed, options = settings.config.seed, settings.config.transfer
+    if settings.adapter is None:
         assert profile is not None
         choice = choose(
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
-            random_state=settings.random_state, progress=progress, **settings.adapter,
+            random_state=seed, progress=progress, base_rotation=options.rotation, **options.regularization,
         )  # fmt: skip
         return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
     progress("Fit transfer", 0.0)
-    adapter = knowing(method_of(settings.adapter), settings.arms[arm], spec, bank, settings.random_state)
+    adapter = knowing(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
     adapter.fit(teacher, student)
     if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
         text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
@@ -139,11 +151,100 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
 
 def sample_teacher(person: Arm, settings: Settings) -> Array:
     """Sample the domain of a person's arm, shape (n_teacher, d, d)."""
-    step, count = "Sample human ellipsoids", settings.n_teacher
+    step, count = "Sample human ellipsoids", settings.config.transfer.n_teacher
     settings.progress(step, 0.0)
-    domain = sample_domain(person, count, settings.random_state, spec=settings.spec)
+    domain = sample_domain(person, count, settings.config.seed, spec=settings.spec)
     settings.progress(step, 1.0, f"{count} ellipsoids of {person.name}")
     return domain
+
+
+def place(
+    targets: MotionTargets,
+    planner: Planner,
+    settings: Settings,
+    generator: np.random.Generator,
+    whole: bool = False,
+) -> tuple[Placement, ...]:
+    """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
+    assert targets.paths is not None
+    assert settings.control is not None
+    rows, arms = placement_rows(len(targets.time)), planner.arms
+    return place_path(
+        [path[rows] for path in targets.paths],
+        [profile[rows] for profile in targets.profiles],
+        [own.limits.arm for own in arms],
+        time=targets.time[rows],
+        whole=targets.paths if whole else None,
+        turn=targets.turn,
+        workspace=settings.control.workspace,
+        reachability_map=[own.reachability_map for own in arms],
+        bank=[own.bank for own in arms],
+        planning_effort=settings.control.planning_effort,
+        spec=targets.spec,
+        damping=targets.damping,
+        random_state=generator,
+        progress=settings.progress,
+    )
+
+
+def plan(
+    targets: MotionTargets,
+    placements: tuple[Placement, ...] | None,
+    planner: Planner,
+    settings: Settings,
+    generator: np.random.Generator,
+) -> Moved:
+    """Plan a motion of all arms along the placed targets; a controller of the settings follows the plan."""
+    control, options, tips = settings.control, settings.config.motion, settings.config.robot.tips
+    assert control is not None
+    placed = targets if placements is None else targets.placed(placements)
+
+    def planned(rotations: Sequence[Array] | None, progress: Progress) -> RobotMotion:
+        return plan_motion(
+            planner.group, placed.profiles, time=placed.time, paths=placed.paths, spec=placed.spec,
+            damping=placed.damping, rotations=rotations, costs=options.costs, tips=tips, planner=planner,
+            pointwise_bests=placed.pointwise_bests, random_state=generator, progress=progress,
+            **{option.name: getattr(control, option.name) for option in fields(control)},
+        )  # fmt: skip
+
+    rotations, free = placed.base_rotations, None
+    if rotations is not None:
+        free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
+    motion = planned(rotations, settings.progress)
+    if options.tracking is not None:
+        motion = tracked(motion, planner, rotations, settings)
+    return Moved(motion, free, placements if tips == PLACED else None)
+
+
+def place_and_plan(
+    targets: MotionTargets, planner: Planner, settings: Settings, generator: np.random.Generator
+) -> Moved:
+    """Place the paths and plan a motion; where that collides, again with a placement that reaches all waypoints."""
+    placements = place(targets, planner, settings, generator)
+    moved = plan(targets, placements, planner, settings, generator)
+    if moved.motion.clearance.share == 0.0:
+        return moved
+    others = place(targets, planner, settings, generator, whole=True)
+    if all(np.array_equal(own.path, other.path) for own, other in zip(placements, others, strict=True)):
+        return moved
+    again = plan(targets, others, planner, settings, generator)
+    return min(moved, again, key=lambda result: result.motion.clearance.share)
+
+
+def measure(moved: Moved, names: Sequence[str], planner: Planner, settings: Settings) -> tuple[ArmResult, ...]:
+    """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
+    assert settings.control is not None
+    effort, results = as_effort(settings.control.planning_effort).of_gap, []
+    for i, (name, arm, own) in enumerate(zip(names, settings.arms, planner.arms, strict=True)):
+        motion = moved.motion.arms[i]
+        gap = feasibility_gap(
+            own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
+            progress=settings.progress, **effort,
+        )  # fmt: skip
+        result = ArmResult(name=name, robot=arm, motion=motion, gap=gap, collisions=own.collisions)
+        placement = None if moved.placements is None else moved.placements[i]
+        results.append(replace(result, placement=placement, free=None if moved.free is None else moved.free.arms[i]))
+    return tuple(results)
 
 
 def evaluate(
@@ -159,16 +260,16 @@ def evaluate(
     if len(set(names)) < len(names):
         names = list(as_group(settings.robot).names)
     results = tuple(ArmResult(name=name, robot=own) for name, own in zip(names, settings.arms, strict=True))
-    if moved is not None and robot.planner is not None and settings.motion is not None:
-        results = measure(moved, names, robot.planner, settings.motion)
+    if moved is not None and robot.planner is not None:
+        results = measure(moved, names, robot.planner, settings)
     transfers = []
     for i, (result, own) in enumerate(zip(results, maps, strict=True)):
         evaluation = None if own.choice is None else own.choice.evaluation
         if evaluation is None and baselines:
             evaluation = compared_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
-                spec=settings.specs[i], bank=_bank(robot, settings, i), n_domain=0,
-                random_state=settings.random_state, progress=settings.progress,
+                spec=settings.specs[i], bank=robot.bank(i, settings.spec), n_domain=0,
+                random_state=settings.config.seed, progress=settings.progress,
             )  # fmt: skip
         transfers.append(
             ArmTransfer(
@@ -191,10 +292,10 @@ def evaluate(
         robot=as_group(settings.robot),
         arms=tuple(transfers),
         motion=None if moved is None else moved.motion,
-        random_state=settings.random_state,
+        random_state=settings.config.seed,
         recording=human.recording,
         spec=settings.spec,
-        base_rotation=settings.base_rotation,
+        base_rotation=settings.config.transfer.rotation,
     )
 
 
@@ -203,17 +304,10 @@ def transfer(
 ) -> TransferResult:
     """Run the stages from the fitted maps on."""
     moved = None
-    if robot.planner is not None and settings.motion is not None:
+    if robot.planner is not None:
         generator = copy.deepcopy(robot.random)
-        moved = place_and_plan(targets_of(human, maps, settings), robot.planner, settings.motion, generator)
+        moved = place_and_plan(targets_of(human, maps, settings), robot.planner, settings, generator)
     return evaluate(human, robot, maps, moved, settings, baselines)
-
-
-def _bank(robot: SampledRobot, settings: Settings, arm: int) -> SeedBank | None:
-    """Return the planner's samples of an arm where they are of these ellipsoids."""
-    if robot.planner is None or settings.spec.kind != "velocity":
-        return None
-    return robot.planner.arms[arm].bank
 
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:

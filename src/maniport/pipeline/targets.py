@@ -5,21 +5,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.arms import EllipsoidSpec
 from maniport.arms.human import hand_rotations
-from maniport.errors import InvalidInputError, ManiportWarning
+from maniport.errors import ManiportWarning
 from maniport.motion import Placement
-from maniport.motion.objective import POINTING, Damping
+from maniport.motion.objective import Damping
 from maniport.motion.search.descent import interpolated_distance
+from maniport.pipeline.options import CONSTANT, FREE
 from maniport.pipeline.results import placement_rows
 from maniport.pipeline.values import FittedMap, Human, Settings
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.defaults import DAMPING
-from maniport.util.validation import Array, as_numbers
-
-FREE, DEMONSTRATED, CONSTANT = "free", "demonstrated", "constant"  # orientations of the end effector
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,33 +49,34 @@ class MotionTargets:
             pointwise_bests=tuple(interpolated_distance(rows, own.distance, count) for own in placements),
         )
 
-    def base_rotations(self, axes: str) -> tuple[Array, ...] | None:
-        """Return target orientations in the base frame (n, 3, 3) of each arm, None where they are free."""
+    @property
+    def base_rotations(self) -> tuple[Array, ...] | None:
+        """Target orientations in the base frame (n, 3, 3) of each arm, None where they are free."""
         if self.direction is None:
             return self.rotations
-        return (np.tile(facing(self.direction, axes), (len(self.time), 1, 1)),) * len(self.profiles)
+        return (np.tile(facing(self.direction), (len(self.time), 1, 1)),) * len(self.profiles)
 
 
 def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings) -> MotionTargets:
     """Map the demonstrated ellipsoids; collect all targets of the robot's motion."""
     force = settings.spec.kind == "force"  # the inverse of a velocity ellipsoid, at the same distances
-    profiles = [each.adapter.transform(profile) for each, profile in zip(maps, human.profiles, strict=True)]
-    own = [each.adapter.student_regularization for each in maps]
-    strongest = max(own, key=lambda regularization: regularization.epsilon)
+    adapters, orientation = [own.adapter for own in maps], settings.config.motion.orientation
+    profiles = [adapter.transform(profile) for adapter, profile in zip(adapters, human.profiles, strict=True)]
+    strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
     targets = MotionTargets(
         human.fits[0].time,
         tuple(np.asarray(np.linalg.inv(profile)) if force else profile for profile in profiles),
         human.hands,
         settings.spec.velocity,
         strongest if strongest.epsilon > 0.0 and not force else DAMPING,
-        _common_rotation([each.adapter.map_rotation_ for each in maps]),
+        _common_rotation([adapter.map_rotation_ for adapter in adapters]),
     )
-    if not isinstance(settings.orientation, str):
-        return replace(targets, direction=np.array(settings.orientation))
-    if settings.orientation == FREE:
+    if not isinstance(orientation, str):
+        return replace(targets, direction=np.array(orientation))
+    if orientation == FREE:
         return targets
     hands = [hand_rotations(fit.arm, fit.joint_angles) for fit in human.fits]
-    if settings.orientation == CONSTANT:
+    if orientation == CONSTANT:
         hands = [np.broadcast_to(hand[0], hand.shape) for hand in hands]
     return replace(targets, rotations=tuple(hands))
 
@@ -93,13 +92,8 @@ def _common_rotation(turns: Sequence[Array], largest: float = 5.0) -> Array:
     return orthonormal(np.sum(turns, axis=0))
 
 
-def facing(direction: ArrayLike, axes: str) -> Array:
-    """Return a rotation with its z axis in a direction (3,), shape (3, 3); `axes` must leave the other axes free."""
-    vector = as_numbers(direction, "direction", 3)
-    if not np.linalg.norm(vector) > 0.0:
-        raise InvalidInputError("direction must not be zero")
-    if axes != POINTING:
-        raise InvalidInputError(f"orientation_axes must be {POINTING!r} with a direction; found {axes!r}")
-    z = vector / np.linalg.norm(vector)
+def facing(direction: Array) -> Array:
+    """Return a rotation with its z axis in a direction (3,), shape (3, 3)."""
+    z = direction / np.linalg.norm(direction)
     across = np.linalg.svd(z[None])[2][1]
     return np.stack([across, np.cross(z, across), z], axis=1)

@@ -13,16 +13,16 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import PERSONS, Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError, ManiportWarning, argument, unknown_name
 from maniport.mocap import Recording
-from maniport.motion import Control, Planner
+from maniport.motion import Control, PlanControl, Planner
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
-from maniport.pipeline import motion_stages, stages
+from maniport.pipeline import stages
 from maniport.pipeline.config import Config
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import MotionResult, TransferResult
 from maniport.pipeline.targets import MotionTargets
-from maniport.pipeline.values import MotionSettings, Settings
+from maniport.pipeline.values import Settings
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, no_progress
@@ -78,38 +78,28 @@ def transfer_recording(
 
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     """Load the robot of a configuration, and check all options for it."""
-    transfer, motion, person = config.transfer, config.motion, config.human.fit_options
-    side = person["side"]
-    as_choice(person["person"], "person", PERSONS)
+    transfer, side = config.transfer, config.human.side
+    as_choice(config.human.person, "person", PERSONS)
     robot = config.robot.load(side == BOTH)
     group = as_group(robot)
     if len(group) == 2 and side == AUTO:
-        person["side"] = BOTH
+        config = config.changed(side=BOTH)
     elif side == BOTH and len(group) != 2:
         raise InvalidInputError(f"{argument('side', BOTH)} is for a robot of two arms; found {len(group)}")
     group.specs(transfer.spec)
     if len(group) > 1 and not isinstance(transfer.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    shared = {**transfer.regularization, "base_rotation": transfer.rotation}
-    selects = isinstance(transfer.method, str) and as_choice(transfer.method, "method", (AUTO, *METHODS)) == AUTO
-    return Settings(
-        person=person,
-        robot=robot,
-        adapter=shared if selects else method_of(transfer.method, random_state=config.seed, **shared),
-        spec=transfer.spec,
-        base_rotation=shared["base_rotation"],
-        n_teacher=transfer.n_teacher,
-        n_student=transfer.n_student,
-        orientation=motion.orientation,
-        motion=_motion_settings(robot, config, progress) if motion.move else None,
-        random_state=config.seed,
-        progress=progress or no_progress,
-    )
+    shared: dict[str, Any] = {**transfer.regularization, "base_rotation": transfer.rotation}
+    adapter = None
+    if not isinstance(transfer.method, str) or as_choice(transfer.method, "method", (AUTO, *METHODS)) != AUTO:
+        adapter = method_of(transfer.method, random_state=config.seed, **shared)
+    control = _control_of(robot, config) if config.motion.move else None
+    return Settings(config, robot, control, adapter, progress or no_progress)
 
 
-def _motion_settings(robot: Arm | ArmGroup, config: Config, progress: Progress | None) -> MotionSettings:
-    """Look up limits and collisions, and check the options of the controller."""
-    motion, tracking = config.motion, None
+def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanControl:
+    """Look up limits and collisions, and check the options of the motion for the robot."""
+    motion = config.motion
     if config.robot.tips == RELATIVE and motion.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with tips='relative'")
     if motion.tracking is not None:
@@ -119,12 +109,8 @@ def _motion_settings(robot: Arm | ArmGroup, config: Config, progress: Progress |
         for name in motion.tracking:
             if name not in names:
                 raise unknown_name("option of tracking", name, names)
-        shared = ("rate", "orientation_axes", "orientation_weight", "costs")
-        tracking = {name: getattr(motion, name) for name in shared} | dict(motion.tracking)
-        Control(**tracking)
-    return MotionSettings(
-        robot, motion.control(robot), progress or no_progress, motion.costs, tracking, config.robot.tips
-    )
+        Control(**motion.control_options)
+    return motion.control(robot)
 
 
 def _with_source(config: Config, recording: Recording | LearnedProfile | str | Path) -> Config:
@@ -194,8 +180,8 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != FREE:
         found = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
         raise InvalidInputError(found)
-    settings = _motion_settings(robot, config, progress)
-    if settings.plan.workspace is not None and (paths is None or not place):
+    settings = Settings(config, robot, control := _control_of(robot, config), progress=progress or no_progress)
+    if control.workspace is not None and (paths is None or not place):
         raise InvalidInputError("workspace bounds a path that is placed; found none")
     group, generator = as_group(robot), np.random.default_rng(config.seed)
     times = as_times(time)
@@ -214,13 +200,13 @@ def follow_profile(
         Objective.of(group.arms[0], spec, damping, positive=True).damping,
         direction=None if isinstance(orientation, str) else np.array(orientation),
     )
-    planner = motion_stages.planner_of(settings, spec, generator) if planner is None else planner
+    planner = stages.planner_of(settings, generator) if planner is None else planner
     if place and targets.paths is not None:
-        moved = motion_stages.place_and_plan(targets, planner, settings, generator)
+        moved = stages.place_and_plan(targets, planner, settings, generator)
     else:
-        moved = motion_stages.plan(targets, None, planner, settings, generator)
+        moved = stages.plan(targets, None, planner, settings, generator)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
-    results = motion_stages.measure(moved, names, planner, settings)
+    results = stages.measure(moved, names, planner, settings)
     return MotionResult(robot=group, arms=results, motion=moved.motion, random_state=config.seed, config=config)
 
 

@@ -1,18 +1,16 @@
-"""Values that the stages of the main job pass on; those of each arm are tuples over the arms."""
+"""Values that the stages pass on; those of each arm are tuples over the arms, for two arms of a person left first."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.evaluation import Choice
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.motion import Cost, Placement, PlanControl, Planner, RobotMotion
-from maniport.motion.plan.plan_motion import PLACED
+from maniport.motion import Placement, PlanControl, Planner, RobotMotion, SeedBank
+from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
-from maniport.util.progress import Progress
+from maniport.util.progress import Progress, no_progress
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
@@ -20,37 +18,24 @@ MIN_FRAMES = 3  # frames without which there is no motion
 
 
 @dataclass(frozen=True, eq=False)
-class MotionSettings:
-    """Checked settings of the motion."""
-
-    robot: Arm | ArmGroup
-    plan: PlanControl  # resolved for the robot
-    progress: Progress
-    costs: Sequence[Cost] = ()
-    tracking: Mapping[str, Any] | None = None  # arguments of `track`; None without a controller
-    tips: str = PLACED
-
-
-@dataclass(frozen=True, eq=False)
 class Settings:
-    """Checked settings of a run; `maniport.pipeline.transfer.settings_of` makes them."""
+    """A configuration with the robot loaded and all options checked for it."""
 
-    person: Mapping[str, Any]  # arguments of `fit_arm`
+    config: Config
     robot: Arm | ArmGroup
-    adapter: DomainAdapter | Mapping[str, Any]  # unfitted, or parameters of one that is selected
-    spec: EllipsoidSpec
-    base_rotation: Array
-    n_teacher: int
-    n_student: int
-    orientation: str | tuple[float, ...]  # a word, or the z axis of the end effector in the base frame
-    motion: MotionSettings | None  # None where the robot is not moved
-    random_state: int
-    progress: Progress
+    control: PlanControl | None  # resolved for the robot; None where it is not moved
+    adapter: DomainAdapter | None = None  # unfitted; None where a method is selected
+    progress: Progress = no_progress
 
     @property
     def arms(self) -> tuple[Arm, ...]:
         """All arms of the robot."""
         return as_group(self.robot).arms
+
+    @property
+    def spec(self) -> EllipsoidSpec:
+        """Ellipsoids of the robot."""
+        return self.config.transfer.spec
 
     @property
     def specs(self) -> tuple[EllipsoidSpec, ...]:
@@ -91,6 +76,10 @@ class SampledRobot:
     planner: Planner | None  # None where the robot is not moved
     domains: tuple[Array, ...]  # (m, d, d) of each arm
     random: np.random.Generator  # state after sampling; each motion uses a copy
+
+    def bank(self, arm: int, spec: EllipsoidSpec) -> SeedBank | None:
+        """Return the planner's samples of an arm where they are of these ellipsoids."""
+        return None if self.planner is None or spec.kind != "velocity" else self.planner.arms[arm].bank
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,10 +41,11 @@ NAME = 256
 """Characters of the name of a column, a marker with those of its model; what takes names apart tries every cut."""
 
 
-def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str]) -> None:
-    """Raise `FileFormatError` when a file holds more than it may; `what` names what is counted."""
+def require_at_most(count: int, most: int, what: str, path: str | os.PathLike[str] | None = None) -> None:
+    """Raise `FileFormatError` when a file holds too many of `what`; `InvalidInputError` without its path."""
     if count > most:
-        raise FileFormatError(f"{path}: has {count} {what}; at most {most} are read")
+        text = f"has {count} {what}; at most {most} are read"
+        raise InvalidInputError(text) if path is None else FileFormatError(f"{path}: {text}")
 
 
 def as_path(value: Any, name: str = "path", other: str = "") -> Path:

@@ -12,14 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms.arm import Arm
 from maniport.arms.arm_group import ArmGroup, CooperativeArm, as_group
 from maniport.arms.collisions.obstacles import as_boxes, disabled_pairs
-from maniport.arms.collisions.pairs import (
-    MeshContacts,
-    SelectedPairs,
-    body_hulls,
-    require_free_base,
-    select_pairs,
-)
-from maniport.arms.collisions.solids import LinkTree, Pairs, Solids, Watch
+from maniport.arms.collisions.pairs import NO_PAIRS, SelectedPairs, select_pairs
+from maniport.arms.collisions.solids import Pairs, Solids
 from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_generator, as_number
@@ -69,12 +63,11 @@ class Collisions(NotebookDisplay):
         selected: SelectedPairs,
         padding: float,
         why: str = "",
-        across: NDArray[np.bool_] | None = None,
         surroundings: Mapping[str, Any] | None = None,
     ):
         self.arm, self.padding, self.why, self.known = arm, padding, why, not why
         self._solids, self._pairs, self._selected = solids, selected.pairs, selected
-        self._across, self._surroundings = across, dict(surroundings or {})
+        self._surroundings = dict(surroundings or {})
         self.obstacles = self._surroundings.get("obstacles") is not None
         self.pairs, self.always, never, self._full = (
             tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
@@ -116,29 +109,17 @@ class Collisions(NotebookDisplay):
         height = -np.inf if table is None else as_number(table, "table")
         distance = as_number(padding, "padding", minimum=0.0)
         boxes = [box.hull() for box in as_boxes(obstacles)]
-        disabled = None if srdf is None else disabled_pairs(srdf, arm)
+        disabled = set() if srdf is None else disabled_pairs(srdf, arm)
         surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
-        tree, why = (
-            LinkTree(arm),
-            f"{arm.name!r} is known by its joints alone: its description names no shapes of links",
-        )
+        group = as_group(arm)
+        why = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
         try:
-            bodies = body_hulls(arm, tree)
+            chosen = select_pairs(group, boxes, height, disabled, distance)
         except FileFormatError as error:
-            bodies, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
-        if bodies is None:
-            none = np.empty((0, 2), dtype=np.int64)
-            nothing = SelectedPairs(none, none, none, none, np.empty(0))
-            return cls(arm, Solids(tree, [], -np.inf), nothing, distance, why, none[:, 0] > 0, surroundings)
-        solids = Solids(tree, [*bodies.hulls, *boxes], height)
-        require_free_base(solids, bodies)
-        meshes = MeshContacts(arm, tree)
-        selected, coarse = select_pairs(meshes, solids, bodies, disabled, distance)
-        if coarse:
-            bodies = body_hulls(arm, tree, coarse) or bodies
-            solids = Solids(tree, [*bodies.hulls, *boxes], height)
-            selected, _ = select_pairs(meshes, solids, bodies, disabled, distance)
-        return cls(arm, solids, selected, distance, "", bodies.across(selected.pairs), surroundings)
+            chosen, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
+        if chosen is None:
+            return cls(arm, Solids(group.kinematics, [], -np.inf), NO_PAIRS, distance, why, surroundings)
+        return cls(arm, *chosen, distance, "", surroundings)
 
     def __repr__(self) -> str:
         text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
@@ -147,8 +128,8 @@ class Collisions(NotebookDisplay):
     @cached_property
     def between(self) -> "Collisions":
         """Collisions between different arms of a group only."""
-        every, across = self._selected, self._across
-        selected = every._replace(pairs=every.pairs[across], share=every.share[across])
+        every, across = self._selected, self._selected.across
+        selected = every._replace(pairs=every.pairs[across], share=every.share[across], across=across[across])
         return Collisions(self.arm, self._solids, selected, self.padding, self.why)
 
     @cached_property
@@ -222,21 +203,23 @@ class Collisions(NotebookDisplay):
         names = np.array([*self._names(self._pairs), ("", "")])[which]
         return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
 
-    def gradient(self, q: ArrayLike, threshold: float) -> tuple[NDArray[np.intp], Array, Array]:
+    def gradient(self, q: ArrayLike, threshold: float, scaled: bool = False) -> tuple[NDArray[np.intp], Array, Array]:
         """Compute distances below a threshold [m] and their derivatives at configurations (n, dof).
 
         Returns for each of k pairs: index of the configuration, ascending; signed distance [m]; derivative (k, dof).
+        With `scaled`, distances of links with at most two coordinates between them, which need a quarter of the
+        clearance, are multiplied by four.
         """
-        whole = np.ones(len(self._pairs))
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), whole).gradient(self._flat(q)[0])
-
-    def watch(self, threshold: float) -> Watch:
-        """Return an object whose `gradient` is faster for configurations (n, dof) that change little.
-
-        Distances of links with at most two coordinates between them, which need a quarter of the clearance, are
-        multiplied by four.
-        """
-        return Watch(self._solids, self._pairs, as_number(threshold, "threshold"), self._selected.share, cached=True)
+        flat, pairs = self._flat(q)[0], self._pairs
+        share = self._selected.share if scaled else np.ones(len(pairs))
+        limit = as_number(threshold, "threshold") * share
+        near = self._solids.maybe_near(flat, pairs, limit)
+        distance, normals, points = self._solids.distances(flat, pairs, near)
+        slope = self._solids.slopes(flat, pairs, near, normals, points)
+        rows, columns = np.nonzero(near)
+        kept = distance < limit[columns]
+        share = share[columns[kept]]
+        return rows[kept], distance[kept] / share, slope[kept] / share[:, None]
 
     def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
         names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end

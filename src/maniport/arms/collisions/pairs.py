@@ -2,24 +2,21 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
 import coal
 import numpy as np
 from numpy.typing import NDArray
 
-from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup, as_group
+from maniport.arms.arm_group import ArmGroup
 from maniport.arms.collisions.hulls import Hull, Part, hulls_of, parts_of
-from maniport.arms.collisions.solids import TABLE, LinkTree, Pairs, Solids
+from maniport.arms.collisions.solids import TABLE, Pairs, Solids
+from maniport.arms.kinematics import Kinematics
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
 FIRST = 1024  # samples that estimate how often hulls meet; the others are used before a pair is left out
-OFTEN = 0.05  # pairs whose hulls meet in a larger share of the samples are decided by their meshes
-NEARLY_ALL = 0.9  # pairs whose meshes meet in a larger share of the samples, and at rest, overlap by design
-
-_Body = tuple[Part, int]  # A part, and the link of the tree that it is on
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,7 +24,6 @@ class BodyHulls:
     """Hulls of the parts of a group of arms: all of the first arm, then those of each further arm alone."""
 
     hulls: tuple[Hull, ...]  # their joints are links of the tree; named by their arms too where robots share names
-    links: tuple[str, ...]  # names of the links
     parts: tuple[Part, ...]  # the part that each hull encloses, or a piece of it
     joined: NDArray[np.bool_]  # (hulls, hulls): pairs joined by one joint, or that do not move against one another
     between: NDArray[np.intp]  # (hulls, hulls): number of coordinates that move one against the other
@@ -35,47 +31,29 @@ class BodyHulls:
     robots: NDArray[np.intp]  # (hulls,): robot that each hull is a part of
     last: frozenset[int]  # the last links
 
-    def across(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which pairs of hulls are of two arms; table and obstacles are of none."""
-        links = (pairs >= 0) & (pairs < len(self.hulls))
-        owners = self.owners[np.where(links, pairs, 0)]
-        together = np.any(owners.all(axis=1), axis=1)
-        return np.asarray(links.all(axis=1) & ~together)
 
-
-def body_hulls(arm: Arm | ArmGroup, tree: LinkTree, fine: Collection[str] = ()) -> BodyHulls | None:
-    """Collect the hulls of an arm or a group; None where the shapes of an arm are not known."""
-    group = as_group(arm)
+def _body_hulls(group: ArmGroup, fine: Collection[str] = ()) -> BodyHulls | None:
+    """Collect the hulls of a group; None where the shapes of an arm are not known."""
     listed = [list(parts_of(member)) for member in group.arms]
     if not all(any(part.own for part in parts) for parts in listed):
         return None
-    robots = _robots(group)
+    tree, robots = group.kinematics, _robots(group)
     listed = _without_duplicates(listed, group.common, robots)
-    hulls: list[Hull] = []
-    parts: list[Part] = []
-    owners: list[NDArray[np.bool_]] = []
-    sides: list[int] = []
+    found: list[tuple[Hull, Part, int]] = []
     for side, member in enumerate(group.arms):
         for part in listed[side]:
-            link = tree.of_chain[side][part.joint]
-            pieces = [replace(hull, joint=link) for hull in hulls_of(member, part, part.name in fine)]
-            hulls += pieces
-            parts += [part] * len(pieces)
-            owners += [(robots == robots[side]) & (group.common[side] >= part.joint)] * len(pieces)
-            sides += [side] * len(pieces)
-    links = tuple(hull.name for hull in hulls)
+            link = tree.links[side][part.joint]
+            found += [(replace(hull, joint=link), part, side) for hull in hulls_of(member, part, part.name in fine)]
     names = [name for parts in listed for name in {part.name for part in parts}]
     if len(set(names)) < len(names):
-        hulls = [
-            replace(hull, name=f"{group.names[side]}_{hull.name}") for hull, side in zip(hulls, sides, strict=True)
-        ]
-    last = frozenset(
-        tree.of_chain[side][max(part.joint for part in members if part.own)] for side, members in enumerate(listed)
-    )
-    joined, between = _relations(group.arms, tree, hulls, np.array([part.own for part in parts]))
-    of_hulls = robots[sides]
+        found = [(replace(h, name=f"{group.names[side]}_{h.name}"), part, side) for h, part, side in found]
+    hulls, parts, sides = zip(*found, strict=True)
+    last = [tree.links[side][max(part.joint for part in members if part.own)] for side, members in enumerate(listed)]
+    joined, between = _relations(group, hulls, np.array([part.own for part in parts]))
+    of_hulls = robots[list(sides)]
     joined &= of_hulls[:, None] == of_hulls
-    return BodyHulls(tuple(hulls), links, tuple(parts), joined, between, np.array(owners), of_hulls, last)
+    owners = [(robots == robots[side]) & (group.common[side] >= part.joint) for _, part, side in found]
+    return BodyHulls(hulls, parts, joined, between, np.array(owners), of_hulls, frozenset(last))
 
 
 def _without_duplicates(
@@ -96,11 +74,11 @@ def _without_duplicates(
 
 
 def _relations(
-    arms: Sequence[Arm], tree: LinkTree, hulls: Sequence[Hull], on_chain: NDArray[np.bool_]
-) -> tuple[Any, Any]:
+    group: ArmGroup, hulls: Sequence[Hull], on_chain: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
     """Which hulls one joint joins, or none moves against one another, and how many coordinates are between them."""
-    links_with_bodies = {0}
-    for arm, links in zip(arms, tree.of_chain, strict=True):
+    tree, links_with_bodies = group.kinematics, {0}
+    for arm, links in zip(group.arms, tree.links, strict=True):
         links_with_bodies |= {links[frame.joint] for frame in arm.chain.frames.values()}
     above = [0]  # the link with a body that each link hangs on
     for parent in tree.parents.tolist():
@@ -135,42 +113,54 @@ class SelectedPairs(NamedTuple):
     never: Pairs
     unresolved: Pairs
     share: Array  # (pairs,): fraction of the padding that applies
+    across: NDArray[np.bool_]  # (pairs,): pairs of links of two arms
 
 
-class MeshContacts:
-    """Exact meshes of parts in 10 000 samples of the joint space, of which the first is at rest."""
-
-    def __init__(self, arm: Arm | ArmGroup, tree: LinkTree):
-        rest = np.clip(0.0, arm.lower, arm.upper)[None]
-        self.samples = np.concatenate([rest, arm.sample(9999, random_state=0)])
-        self._tree = tree
-        self._solids: dict[Part, coal.BVHModelOBBRSS] = {}
-        self._results: dict[tuple[_Body, _Body], dict[int, bool]] = {}
-
-    def touch(self, rows: NDArray[np.intp], first: _Body, second: _Body) -> NDArray[np.bool_]:
-        """Whether the meshes of two parts touch in some of the samples, shape (n,)."""
-        results = self._results.setdefault((first, second), {})
-        missing = [row for row in rows.tolist() if row not in results]
-        request, result = coal.CollisionRequest(), coal.CollisionResult()
-        mesh_a, mesh_b = self._solid(first[0]), self._solid(second[0])
-        for row, turns, origins in zip(missing, *self._tree.poses(self.samples[missing]), strict=True):
-            a, b = (coal.Transform3s(turns[link], origins[link]) for _, link in (first, second))
-            result.clear()
-            results[row] = coal.collide(mesh_a, a, mesh_b, b, request, result) > 0
-        return np.array([results[row] for row in rows.tolist()], dtype=np.bool_)
-
-    def _solid(self, part: Part) -> coal.BVHModelOBBRSS:
-        if part not in self._solids:
-            points, triangles = part.mesh
-            solid = self._solids[part] = coal.BVHModelOBBRSS()
-            solid.beginModel(len(triangles), len(points))
-            solid.addVertices(points)
-            solid.addTriangles(triangles.astype(np.int64))
-            solid.endModel()
-        return self._solids[part]
+NO_PAIRS = SelectedPairs(*(np.empty((0, 2), dtype=np.int64),) * 4, np.empty(0), np.empty(0, dtype=np.bool_))
 
 
-def require_free_base(solids: Solids, bodies: BodyHulls) -> None:
+def select_pairs(
+    group: ArmGroup, boxes: Sequence[Hull], table: float, disabled: Collection[frozenset[str]], padding: float
+) -> tuple[Solids, SelectedPairs] | None:
+    """Choose hulls, and the pairs of them to check; None where the shapes of an arm are not known."""
+    samples = np.concatenate([np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)])
+    coarse: frozenset[str] = frozenset()
+    for attempt in range(2):
+        bodies = _body_hulls(group, coarse)
+        if bodies is None:
+            return None
+        solids = Solids(group.kinematics, [*bodies.hulls, *boxes], table)
+        if attempt == 0:
+            _require_free_base(solids, bodies)
+        selected, coarse = _select(solids, bodies, samples, disabled, padding)
+        if not coarse:
+            break
+    return solids, selected
+
+
+def _touching(tree: Kinematics, q: Array, *bodies: tuple[Part, int]) -> NDArray[np.bool_]:
+    """Whether the meshes of two parts on links touch at configurations (n, dof), shape (n,)."""
+    request, result = coal.CollisionRequest(), coal.CollisionResult()
+    (mesh_a, mesh_b), touching = (_mesh_solid(part) for part, _ in bodies), np.zeros(len(q), dtype=np.bool_)
+    for row, (turns, origins) in enumerate(zip(*tree.link_poses(tree.positions(q)), strict=True)):
+        a, b = (coal.Transform3s(turns[link], origins[link]) for _, link in bodies)
+        result.clear()
+        touching[row] = coal.collide(mesh_a, a, mesh_b, b, request, result) > 0
+    return touching
+
+
+@lru_cache(maxsize=256)
+def _mesh_solid(part: Part) -> coal.BVHModelOBBRSS:
+    points, triangles = part.mesh
+    solid = coal.BVHModelOBBRSS()
+    solid.beginModel(len(triangles), len(points))
+    solid.addVertices(points)
+    solid.addTriangles(triangles.astype(np.int64))
+    solid.endModel()
+    return solid
+
+
+def _require_free_base(solids: Solids, bodies: BodyHulls) -> None:
     """Raise InvalidInputError when what a base carries overlaps a box or another base, or a table goes through it."""
     hulls, links = solids.hulls, len(bodies.hulls)
     sunk = 0.01  # feet and rounded meshes may reach so far into a table or box [m]
@@ -200,23 +190,22 @@ def require_free_base(solids: Solids, bodies: BodyHulls) -> None:
                 )
 
 
-def _candidates(bodies: BodyHulls, solids: Solids, disabled: set[frozenset[str]] | None) -> Pairs:
+def _candidates(bodies: BodyHulls, solids: Solids, disabled: Collection[frozenset[str]]) -> Pairs:
     """All pairs that could be checked, as `Solids` takes them; obstacles follow the hulls of links."""
-    hulls, links, robots = bodies.hulls, bodies.links, bodies.robots
+    count, robots = len(bodies.hulls), bodies.robots
     pairs = []
-    for b in range(len(hulls)):
-        for a in range(b + 1, len(hulls)):
-            same = robots[a] == robots[b]
-            allowed = disabled is not None and frozenset((links[a], links[b])) in disabled and same
+    for b in range(count):
+        for a in range(b + 1, count):
+            allowed = robots[a] == robots[b] and frozenset((bodies.parts[a].name, bodies.parts[b].name)) in disabled
             if not bodies.joined[a, b] and not allowed:
                 pairs.append((a, b))
-    surroundings = [*range(len(hulls), len(solids.hulls)), *([TABLE] if np.isfinite(solids.table) else [])]
-    pairs += [(a, b) for a, hull in enumerate(hulls) if hull.joint for b in surroundings]
+    surroundings = [*range(count, len(solids.hulls)), *([TABLE] if np.isfinite(solids.table) else [])]
+    pairs += [(a, b) for a, hull in enumerate(bodies.hulls) if hull.joint for b in surroundings]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def select_pairs(
-    meshes: MeshContacts, solids: Solids, bodies: BodyHulls, disabled: set[frozenset[str]] | None, padding: float
+def _select(
+    solids: Solids, bodies: BodyHulls, q: Array, disabled: Collection[frozenset[str]], padding: float
 ) -> tuple[SelectedPairs, frozenset[str]]:
     """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
 
@@ -225,32 +214,44 @@ def select_pairs(
     A pair is never near if it stays farther apart in all samples than 5 mm with at most two coordinates between, whose
     samples are 2° to 4° apart, 2 cm from table or obstacles, and else 10 cm, as samples miss the nearest configuration.
     """
-    q, pairs = meshes.samples, _candidates(bodies, solids, disabled)
+    pairs = _candidates(bodies, solids, disabled)
     links = np.array(((pairs >= 0) & (pairs < len(bodies.hulls))).all(axis=1), dtype=np.bool_)
-    near = links & (bodies.between[tuple(np.where(links[:, None], pairs, 0).T)] <= 2)
+    of_links = np.where(links[:, None], pairs, 0)
+    near = links & (bodies.between[tuple(of_links.T)] <= 2)
+    across = links & ~np.any(bodies.owners[of_links].all(axis=1), axis=1)
     share = np.where(near, 0.25, 1.0)
     limit = padding * share
     reach = limit + np.where(near, 0.005, np.where(links, 0.1, 0.02))
-    first = np.ones((FIRST, len(pairs)), dtype=np.bool_)
-    bounds = solids.distance_bounds(q[:FIRST], pairs, reach, first)
+    bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
     never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
     never[never] = ~solids.maybe_near(q[FIRST:], pairs[never], reach[never]).any(axis=0)
     hits = np.array(bounds <= np.where(links, 0.0, limit), dtype=np.bool_)
     always = np.asarray(hits.all(axis=0) & ~links)
+    every = np.ones((FIRST, 1), dtype=np.bool_)
     for pair in np.flatnonzero(always):
-        always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], first[:, :1])[0] <= limit[pair])
+        always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], every)[0] <= limit[pair])
     _require_way_out(solids, bodies, pairs[always])
-    overlapping, apart, coarse, full = _by_meshes(meshes, solids, bodies, pairs, hits & links & ~never)
+    overlapping, apart, coarse, full = _by_meshes(solids, bodies, q, pairs, hits & links & ~never)
     always |= overlapping
     never |= apart
     kept = ~(always | never | full)
-    return SelectedPairs(pairs[kept], pairs[always], pairs[never], pairs[full], share[kept]), coarse
+    left_out = (pairs[always], pairs[never], pairs[full])
+    return SelectedPairs(pairs[kept], *left_out, share[kept], across[kept]), coarse
 
 
 def _by_meshes(
-    meshes: MeshContacts, solids: Solids, bodies: BodyHulls, pairs: Pairs, hits: NDArray[np.bool_]
+    solids: Solids,
+    bodies: BodyHulls,
+    q: Array,
+    pairs: Pairs,
+    hits: NDArray[np.bool_],
+    often: float = 0.05,
+    nearly_all: float = 0.9,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], frozenset[str], NDArray[np.bool_]]:
-    """Decide about pairs of links whose hulls meet often, by their meshes."""
+    """Decide by meshes about pairs of links whose hulls meet in a larger share of the samples than `often`.
+
+    Pairs whose meshes meet in a larger share than `nearly_all`, and at rest, overlap by design.
+    """
     coarse = set[str]()
     always, apart, full = (np.zeros(len(pairs), dtype=np.bool_) for _ in range(3))
     of_parts: dict[tuple[str, ...], list[int]] = {}
@@ -258,24 +259,23 @@ def _by_meshes(
         of_parts.setdefault(tuple(solids.hulls[i].name for i in pairs[pair]), []).append(pair)
     for columns in of_parts.values():
         meeting = np.asarray(hits[:, columns].any(axis=1))
-        if meeting.mean() <= OFTEN:
+        if meeting.mean() <= often:
             continue
         a, b = pairs[columns[0]].tolist()
-        rows = np.flatnonzero(meeting)[:128]
         ends = [(bodies.parts[i], solids.hulls[i].joint) for i in (a, b)]
-        touching = meshes.touch(rows, *ends)
+        touching = _touching(solids.tree, q[np.flatnonzero(meeting)[:128]], *ends)
         share = float(meeting.mean() * touching.mean())
-        if share > NEARLY_ALL and meeting[0] and touching[0]:
+        if share > nearly_all and meeting[0] and touching[0]:
             always[columns] = True
             continue
         if not touching.any() and bodies.between[a, b] <= 2:
             # 2048 samples with two coordinates are 8° apart
-            near = np.asarray(solids.maybe_near(meshes.samples[:2048], pairs[columns], 0.0).any(axis=1))
-            if not meshes.touch(np.flatnonzero(near), *ends).any():
+            near = np.asarray(solids.maybe_near(q[:2048], pairs[columns], 0.0).any(axis=1))
+            if not _touching(solids.tree, q[:2048][near], *ends).any():
                 apart[columns] = True
                 continue
-        full[columns] = meeting.mean() > NEARLY_ALL
-        if meeting.mean() - share > OFTEN:
+        full[columns] = meeting.mean() > nearly_all
+        if meeting.mean() - share > often:
             coarse |= {bodies.parts[i].name for i in (a, b)}
     return always, apart, frozenset(coarse), full
 

@@ -1,4 +1,4 @@
-"""Geometry of an arm: skeleton, link poses, surfaces; operations on meshes and meshes of simple solids."""
+"""Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,8 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from maniport.arms.chain import PRISMATIC, Chain, Mesh, Triangles
-from maniport.arms.kinematics import Kinematics
+from maniport.arms.chain import Chain, Mesh, Triangles
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
@@ -38,29 +37,11 @@ class Surface:
 
 
 class Geometry:
-    """Geometry of a chain; positions are those of its joints, shape (n, joints). Files are read once."""
+    """Shapes of the links of a chain. Files are read once."""
 
-    def __init__(self, chain: Chain, kinematics: Kinematics):
+    def __init__(self, chain: Chain):
         self.chain = chain
-        self._kinematics = kinematics
         self._surfaces: dict[int | None, tuple[Surface, ...]] = {}
-
-    def skeleton(self, positions: Array) -> Array:
-        """Compute polylines from the base through the joints to the end effector, shape (n, k, 3) [m]."""
-        joints, tip = self.chain.joints, self.chain.frames[self.chain.frame]
-        apart = [j.name for j in joints if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC]
-        start = np.zeros(3) if self.chain.stand is None else self.chain.stand[:3, 3]
-        corners = [np.tile(start, (len(positions), 1, 1)), self._kinematics.joint_poses(positions, apart)[..., :3, 3]]
-        if np.any(tip.placement[:3, 3]) or not apart:
-            corners.append(self._kinematics.forward(positions)[:, None, :3, 3])
-        return np.concatenate(corners, axis=1)
-
-    def link_poses(self, positions: Array) -> Array:
-        """Compute the poses of the base and of the frame after each joint, shape (n, joints + 1, 4, 4)."""
-        poses = np.empty((len(positions), len(self.chain.joints) + 1, 4, 4))
-        poses[:, 0] = np.eye(4)
-        poses[:, 1:] = self._kinematics.joint_poses(positions, [joint.name for joint in self.chain.joints])
-        return poses
 
     def surfaces(self, most: int | None) -> tuple[Surface, ...]:
         """Return the surfaces of each joint, reduced to `most` triangles in total."""

@@ -20,8 +20,8 @@ Reader = Callable[[Path, ImportOptions], Recording]
 READERS: dict[str, Reader | str] = {ending: f"{__name__}.{module}" for ending, module in RECORDINGS.items()}
 """For each ending the reader, or the module with a function ``read``, imported on first use.
 
-A reader takes the path and the `ImportOptions` of the caller, the method ``recording`` of which makes the result; it
-raises `FileFormatError` where the file is at fault. `read_recording` uses the entries that are added.
+A reader takes the path and the `ImportOptions` of the caller, the method ``recording`` of which makes the result. Its
+`ValueError` becomes a `FileFormatError` with the path. `read_recording` uses the entries that are added.
 """
 
 SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "both_arms.c3d"}
@@ -73,7 +73,15 @@ def read_recording(
     kind = _format_of(file)
     reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
-    return options.checked(replace(read(file, options), format=kind))
+    try:
+        recording = replace(read(file, options), format=kind)
+    except FileFormatError:
+        raise
+    except ValueError as error:
+        raise FileFormatError(f"{file}: {error}") from None
+    except (LookupError, TypeError, OverflowError, RecursionError, SyntaxError) as error:  # also of XML and encodings
+        raise FileFormatError(f"{file}: not readable as {kind}, perhaps cut off: {error}") from None
+    return options.checked(recording)
 
 
 def shipped_recording(name: str) -> Path:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.marker_sets import END
 from maniport.mocap.readers.text import positive_number, rows_from, text_lines
@@ -30,16 +29,16 @@ def read(file: Path, options: ImportOptions) -> Recording:
     """Read a BVH file; see `maniport.mocap.readers.read_recording`."""
     lines = text_lines(file)
     if not lines or not any(line.split()[:1] == ["HIERARCHY"] for line in lines[:20]):
-        raise FileFormatError(f"{file}: this is no BVH file: it does not begin with HIERARCHY")
+        raise ValueError("this is no BVH file: it does not begin with HIERARCHY")
     motion = next((i for i, line in enumerate(lines) if line.split()[:1] == ["MOTION"]), None)
     if motion is None:
-        raise FileFormatError(f"{file}: the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION")
-    nodes = _hierarchy(file, lines[:motion])
-    require_at_most(len(nodes), POINTS, "joints and end sites", file)
-    step, table, notes = _motion(file, lines, motion, sum(len(node.channels) for node in nodes))
+        raise ValueError(f"the file is cut off in its hierarchy, at line {len(lines)}: there is no MOTION")
+    nodes = _hierarchy(lines[:motion])
+    require_at_most(len(nodes), POINTS, "joints and end sites")
+    step, table, notes = _motion(lines, motion, sum(len(node.channels) for node in nodes))
     if any(kind == "position" for node in nodes[1:] for _, kind, _ in node.channels):
         notes.append("position channels below the root were ignored: every bone keeps the length of its offset")
-    require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)", file)
+    require_at_most(len(table) * len(nodes), PLACES, "places (frames × joints)")
     parts = np.split(table, range(2000, len(table), 2000))  # limits the memory
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         positions = np.concatenate([_positions(nodes, part) for part in parts])
@@ -51,11 +50,11 @@ def read(file: Path, options: ImportOptions) -> Recording:
     return replace(recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes))
 
 
-def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
+def _hierarchy(lines: list[str]) -> list[_Node]:
     """Return the joints and end sites, parents before children."""
     opened, closed = (sum(line.count(brace) for line in lines) for brace in "{}")
     if opened != closed:
-        raise FileFormatError(f"{file}: the hierarchy has {opened} opening and {closed} closing braces")
+        raise ValueError(f"the hierarchy has {opened} opening and {closed} closing braces")
     nodes: list[_Node] = []
     path: list[int] = []  # the nodes with open braces
     columns = 0
@@ -79,9 +78,9 @@ def _hierarchy(file: Path, lines: list[str]) -> list[_Node]:
                 nodes[path[-1]].channels = _channels(rest, columns)
                 columns += len(nodes[path[-1]].channels)
         except (ValueError, IndexError) as error:
-            raise FileFormatError(f"{file}: not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
+            raise ValueError(f"not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
     if not nodes:
-        raise FileFormatError(f"{file}: the hierarchy holds no ROOT")
+        raise ValueError("the hierarchy holds no ROOT")
     return nodes
 
 
@@ -94,33 +93,26 @@ def _channels(words: list[str], first: int) -> list[tuple[int, str, str]]:
     return channels
 
 
-def _motion(file: Path, lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
+def _motion(lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
     """Return the time step [s], the channels of each frame, shape (n, width), and notes on repairs."""
     body = rows_from(lines, motion + 1)
     count = re.match(r"\s*Frames\s*:\s*(\d{1,15})\s*$", body[0][1]) if body else None
     frame_time = re.match(r"\s*Frame\s+Time\s*:\s*(\S+)\s*$", body[1][1]) if len(body) > 1 else None
     if count is None or frame_time is None:
-        raise FileFormatError(f"{file}: MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
+        raise ValueError(f"MOTION at line {motion + 1} must be followed by 'Frames:' and 'Frame Time:'")
     step = positive_number(frame_time[1])
     if step is None:
-        raise FileFormatError(
-            f"{file}: Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}"
-        )
+        raise ValueError(f"Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}")
     declared, rows = int(count[1]), body[2:]
     if not rows:
-        raise FileFormatError(f"{file}: the file holds no frames")
+        raise ValueError("the file holds no frames")
     for number, line in rows:
         if (values := len(line.split())) != width:
             fault = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
-            raise FileFormatError(f"{file}: {fault} at line {number}: {values} values instead of {width}")
+            raise ValueError(f"{fault} at line {number}: {values} values instead of {width}")
     if declared > len(rows) + 1:
-        raise FileFormatError(
-            f"{file}: the file is cut off: its header declares {declared} frames, and there are {len(rows)}"
-        )
-    try:
-        table = np.loadtxt([line for _, line in rows], ndmin=2)
-    except ValueError as error:
-        raise FileFormatError(f"{file}: not readable as BVH: its motion: {error}") from None
+        raise ValueError(f"the file is cut off: its header declares {declared} frames, and there are {len(rows)}")
+    table = np.loadtxt([line for _, line in rows], ndmin=2)
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate

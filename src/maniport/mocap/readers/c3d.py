@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.recording import Bools, Recording
 from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
@@ -29,12 +28,12 @@ Parameters = dict[str, Values]
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a C3D file; see `maniport.mocap.readers.read_recording`."""
-    positions, valid, parameters = _read(file)
+    positions, valid, parameters = _read(read_whole(file, (), RECORDING_BYTES))
     dropped = ~valid | (positions == 0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)
     positions[dropped] = np.nan
     rate = float(parameters["RATE"][0])
     if not np.isfinite(rate) or rate <= 0:
-        raise FileFormatError(f"{file}: POINT:RATE must be a positive number; found {rate}")
+        raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
     names, notes = _names(parameters, positions.shape[1])
     if dropped.any():
         absent = ", ".join(name for name, never in zip(names, dropped.all(axis=0), strict=True) if never)
@@ -45,29 +44,26 @@ def read(file: Path, options: ImportOptions) -> Recording:
     return options.recording(file, names, positions, time, unit, up, notes=notes)
 
 
-def _read(file: Path) -> tuple[Array, Bools, Parameters]:
+def _read(content: bytes) -> tuple[Array, Bools, Parameters]:
     """Return points (n_frames, n_points, 3) in the file's unit, whether they are valid, and the group POINT."""
-    content = read_whole(file, (), RECORDING_BYTES)
     if len(content) < BLOCK:
-        raise FileFormatError(f"{file}: the file is cut off in its header: {len(content)} of {BLOCK} bytes")
+        raise ValueError(f"the file is cut off in its header: {len(content)} of {BLOCK} bytes")
     if content[1] != 0x50:
-        raise FileFormatError(f"{file}: this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50")
+        raise ValueError(f"this is no C3D file: its second byte is {content[1]:#04x} instead of 0x50")
     start = BLOCK * (max(content[0], 1) - 1)
     section = content[start : start + BLOCK * content[start + 2]] if start + 4 <= len(content) else b""
     if len(section) < 4 or section[3] not in (84, DEC, MIPS):
-        raise FileFormatError(f"{file}: its parameters are missing or damaged at byte {start}")
+        raise ValueError(f"its parameters are missing or damaged at byte {start}")
     if len(section) < BLOCK * section[2]:
-        raise FileFormatError(
-            f"{file}: the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes"
-        )
-    groups = _parameters(file, section, start)
+        raise ValueError(f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes")
+    groups = _parameters(section, start)
     point = groups.get("POINT", {})
     for name, kind in {"USED": SHORT, "SCALE": REAL, "RATE": REAL, "DATA_START": SHORT, "LABELS": TEXT}.items():
         if point.get(name, (0, []))[0] != kind or (kind != TEXT and not point[name][1]):
-            raise FileFormatError(f"{file}: its parameters are damaged: POINT:{name} is missing or of the wrong type")
+            raise ValueError(f"its parameters are damaged: POINT:{name} is missing or of the wrong type")
     values = {name: value for name, (_, value) in point.items()}
     trial = {name: value for name, (_, value) in groups.get("TRIAL", {}).items()}
-    return (*_points(file, content, section[3], values, trial), values)
+    return (*_points(content, section[3], values, trial), values)
 
 
 def _names(parameters: Parameters, count: int) -> tuple[tuple[str, ...], list[str]]:
@@ -83,7 +79,7 @@ def _names(parameters: Parameters, count: int) -> tuple[tuple[str, ...], list[st
     return tuple(names), notes
 
 
-def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, tuple[int, Values]]]:
+def _parameters(section: bytes, start: int) -> dict[str, dict[str, tuple[int, Values]]]:
     """Follow the chain of groups and parameters, each of which must lie inside the section and hold its own data."""
     order = ">" if section[3] == MIPS else "<"
     names: dict[int, str] = {}
@@ -97,7 +93,7 @@ def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, t
         name = section[at + 2 : body].decode("latin-1").strip().upper()
         parameter = None if group <= 0 or step < 0 else _parameter(section[:end], body + 2)
         if step < 0 or end > len(section) or group == 0 or (group > 0 and parameter is None):
-            raise FileFormatError(f"{file}: its parameters are damaged at byte {start + at}")
+            raise ValueError(f"its parameters are damaged at byte {start + at}")
         if parameter is None:
             names[-group] = name
         else:
@@ -105,7 +101,7 @@ def _parameters(file: Path, section: bytes, start: int) -> dict[str, dict[str, t
         at = end
     orphan = next((name for group, name, _ in parameters if group not in names), None)
     if orphan is not None:
-        raise FileFormatError(f"{file}: its parameters are damaged: {orphan} belongs to no group")
+        raise ValueError(f"its parameters are damaged: {orphan} belongs to no group")
     groups: dict[str, dict[str, tuple[int, Values]]] = {}
     for group, name, parameter in parameters:
         groups.setdefault(names[group], {})[name] = parameter
@@ -149,7 +145,7 @@ def _numbers(data: bytes, kind: int, processor: int) -> Array:
         return np.frombuffer(data, f"{order}{code}").astype(np.float64)
 
 
-def _points(file: Path, content: bytes, processor: int, values: Parameters, trial: Parameters) -> tuple[Array, Bools]:
+def _points(content: bytes, processor: int, values: Parameters, trial: Parameters) -> tuple[Array, Bools]:
     """Return the points of all frames, and whether they are valid."""
     order = ">" if processor == MIPS else "<"
     _, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
@@ -158,20 +154,20 @@ def _points(file: Path, content: bytes, processor: int, values: Parameters, tria
     frames = _frame_count(last - first + 1, values, trial)
     kind = REAL if scale < 0 else SHORT
     size = kind * (4 * count + analog)
-    require_at_most(count, POINTS, "points", file)
-    require_at_most(frames, FRAMES, "frames", file)
-    require_at_most(frames * count, PLACES, "places (frames × points)", file)
+    require_at_most(count, POINTS, "points")
+    require_at_most(frames, FRAMES, "frames")
+    require_at_most(frames * count, PLACES, "places (frames × points)")
     if count == 0 or frames <= 0:
-        raise FileFormatError(
-            f"{file}: the file holds no points ({count} points, {max(frames, 0)} frames); "
+        raise ValueError(
+            f"the file holds no points ({count} points, {max(frames, 0)} frames); "
             "rotations alone, as of Theia, are not supported: export centers of joints as points"
         )
     if not math.isfinite(scale) or start < BLOCK:
-        raise FileFormatError(f"{file}: its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}")
+        raise ValueError(f"its parameters are damaged: POINT:SCALE is {scale}, POINT:DATA_START {begin}")
     needed = start + frames * size
     if needed > len(content):
-        raise FileFormatError(
-            f"{file}: the file is cut off: its header announces {frames} frames of {count} points, that is "
+        raise ValueError(
+            f"the file is cut off: its header announces {frames} frames of {count} points, that is "
             f"{needed} bytes; it ends after {len(content)}"
         )
     rows = np.frombuffer(content, np.uint8, frames * size, start).reshape(frames, size)[:, : kind * 4 * count]

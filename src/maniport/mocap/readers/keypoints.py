@@ -1,7 +1,7 @@
 """Keypoints in JSON, which pose estimators write frame by frame."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +49,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
     head: Mapping[str, Any] = {}
     if file.is_dir():
         parts = sorted(file.glob("*.json"))
-        require_at_most(len(parts), FRAMES, "files", file)
-        require_at_most(sum(part.lstat().st_size for part in parts), KEYPOINTS_BYTES, "bytes in its files", file)
+        require_at_most(len(parts), FRAMES, "files")
+        require_at_most(sum(part.lstat().st_size for part in parts), KEYPOINTS_BYTES, "bytes in its files")
         frames = [_loaded(part, SETTINGS_BYTES) for part in parts]
     else:
         content = _loaded(file, KEYPOINTS_BYTES)
@@ -58,27 +58,23 @@ def read(file: Path, options: ImportOptions) -> Recording:
         if isinstance(content, dict) and (key := _first(content, _FRAMES, list)):
             frames, head = content[key], content
     if not frames:
-        raise FileFormatError(f"{file}: the file holds no frames")
-    require_at_most(len(frames), FRAMES, "frames", file)
-    try:
-        bodies = [_points(frame) for frame in frames]
-        time = _times(frames)
-        rate = next((_number(head[key]) for key in _RATES if key in head), None)
-    except (ValueError, TypeError, IndexError, OverflowError, RecursionError) as error:
-        raise FileFormatError(f"{file}: not readable as keypoints: {error}") from None
-    names = _names(file, head, bodies)
-    table = _table(file, names, bodies)
+        raise ValueError("the file holds no frames")
+    require_at_most(len(frames), FRAMES, "frames")
+    bodies, time = [_points(frame) for frame in frames], _times(frames)
+    if time is None and (key := _first(head, _RATES)) and 0 < (rate := _number(head[key])) < np.inf:
+        time = np.arange(len(bodies)) / rate
+    names = _names(head, bodies)
+    table = _table(names, bodies)
     positions, mediapipe = table[..., :3], len(names) == 33
     if mediapipe:
-        _require_space(file, positions, names)
-    if time is None and rate is not None and 0 < rate < np.inf:
-        time = np.arange(len(bodies)) / rate
+        _require_space(positions, names)
     notes = drop_untrusted(positions, table[..., 3])
     orders = load_names("joint_orders.yaml")
     if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(names, positions):
         names = orders["human36m"]
         notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths")
-    if several := sum(isinstance(frame, dict) and len(_people(frame) or ()) > 1 for frame in frames):
+    if several := sum(isinstance(frame, dict) and len(frame.get(_first(frame, _PEOPLE, list) or None, ())) > 1
+                      for frame in frames):  # fmt: skip
         notes.append(f"several people in {several} frames; the first one was taken")
     unit, up = (head[key] if isinstance(head.get(key), str) else "" for key in ("unit", "up"))
     unit, usual = unit or ("m" if mediapipe else ""), "-y" if mediapipe else "y"
@@ -101,22 +97,16 @@ def _loaded(file: Path, most: int) -> Any:
         raise FileFormatError(f"{file}: not readable as JSON: {error}") from None
 
 
-def _first(values: Mapping[str, Any], keys: Sequence[str], kind: type = object) -> str | None:
-    """Return the first of some keys with a value of a type; None where there is none."""
-    return next((key for key in keys if key in values and isinstance(values[key], kind)), None)
-
-
-def _people(frame: Mapping[str, Any]) -> list[Any] | None:
-    """Return the people of a frame; None where it does not list people."""
-    key = _first(frame, _PEOPLE, list)
-    return frame[key] if key else None
+def _first(values: Mapping[str, Any], keys: Iterable[str], kind: type = object) -> str:
+    """Return the first of some keys with a value of a type; empty where there is none."""
+    return next((key for key in keys if key in values and isinstance(values[key], kind)), "")
 
 
 def _points(frame: Any) -> list[Point] | dict[str, Point]:
     """Return the keypoints of one frame, by name where they have names; empty where nobody was detected."""
     if isinstance(frame, dict):
-        if (people := _people(frame)) is not None:
-            return _points(people[0]) if people else []
+        if key := _first(frame, _PEOPLE, list):
+            return _points(frame[key][0]) if frame[key] else []
         if not (key := _first(frame, _POINTS)):
             return _by_name(frame)
         frame = _with_confidence(frame, key)
@@ -143,7 +133,8 @@ def _with_confidence(frame: Mapping[str, Any], key: str) -> Any:
         fours = len(points) % 4 == 0 and len(points) // 4 in load_names("joint_orders.yaml")["by_count"]
         width = 4 if fours else 3
         points = [points[i : i + width] for i in range(0, len(points), width)]
-    scores: list[Any] = next((frame[name] for name in _SCORES if isinstance(frame.get(name), list)), [])
+    name = _first(frame, _SCORES, list)
+    scores = frame[name] if name else []
     if len(scores) != len(points):
         return points
     pairs = zip(points, scores, strict=True)
@@ -196,58 +187,53 @@ def _number(value: Any) -> float:
 
 def _times(frames: Sequence[Any]) -> Array | None:
     """Return times [s]; None unless every frame has one."""
-    times = []
-    for frame in frames:
-        key = _first(frame, tuple(_SECONDS)) if isinstance(frame, dict) else None
-        if key is None:
-            return None
-        times.append(_number(frame[key]) * _SECONDS[key])
-    return np.array(times)
+    keys = [_first(frame, _SECONDS) if isinstance(frame, dict) else "" for frame in frames]
+    if not all(keys):
+        return None
+    return np.array([_number(frame[key]) * _SECONDS[key] for frame, key in zip(frames, keys, strict=True)])
 
 
-def _names(file: Path, head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
+def _names(head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
     """Return the names of the points, the file's own or those of an order with their number."""
     own = list(dict.fromkeys(name for body in bodies if isinstance(body, dict) for name in body))
     counts = sorted({len(body) for body in bodies if isinstance(body, list) and body})
     if own and counts:
-        raise FileFormatError(f"{file}: some frames name their keypoints and some do not")
+        raise ValueError("some frames name their keypoints and some do not")
     if own:
         return own
     if len(counts) != 1:
-        raise FileFormatError(f"{file}: every frame needs the same number of keypoints; found {counts[:8] or 'none'}")
-    names: list[Any] = next((head[key] for key in _NAMES if isinstance(head.get(key), list)), [])
-    if len(names) == counts[0]:
-        return [str(name) for name in names]
+        raise ValueError(f"every frame needs the same number of keypoints; found {counts[:8] or 'none'}")
+    key = _first(head, _NAMES, list)
+    if key and len(head[key]) == counts[0]:
+        return list(map(str, head[key]))
     orders: dict[int, list[str]] = load_names("joint_orders.yaml")["by_count"]
     if counts[0] in orders:
         return orders[counts[0]]
-    raise FileFormatError(
-        f"{file}: {counts[0]} keypoints without names; give each a name, or list them in the file "
+    raise ValueError(
+        f"{counts[0]} keypoints without names; give each a name, or list them in the file "
         f'({{"names": [...], "frames": [...]}}); recognized by their number are {", ".join(map(str, orders))}'
     )
 
 
-def _table(file: Path, names: Sequence[str], bodies: list[Any]) -> Array:
+def _table(names: Sequence[str], bodies: list[Any]) -> Array:
     """Return x, y, z and confidence of all points in all frames, shape (n, k, 4)."""
-    require_at_most(len(names), POINTS, "points", file)
-    require_at_most(len(names) * len(bodies), PLACES, "places (frames × points)", file)
+    require_at_most(len(names), POINTS, "points")
+    require_at_most(len(names) * len(bodies), PLACES, "places (frames × points)")
     table = np.full((len(bodies), len(names), 4), np.nan)
-    index = {name: i for i, name in enumerate(names)}
     for row, body in zip(table, bodies, strict=True):
         if isinstance(body, dict):
-            for name, point in body.items():
-                row[index[name]] = point
+            row[:] = [body.get(name, (np.nan,) * 4) for name in names]
         elif body:
             row[:] = body
     return table
 
 
-def _require_space(file: Path, positions: Array, names: Sequence[str]) -> None:
+def _require_space(positions: Array, names: Sequence[str]) -> None:
     """Reject MediaPipe's landmarks of the image: in them the hips are anywhere, and their depth is zero."""
-    if "left_hip" in names and "right_hip" in names:
+    if {"left_hip", "right_hip"} <= set(names):
         middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
         present = np.isfinite(middle).all(axis=1)
         if present.any():
             x, y, depth = np.median(np.abs(middle[present]), axis=0)
             if depth < 0.05 and max(x, y) > 0.2:
-                raise FileFormatError(f"{file}: {_IN_IMAGE}")
+                raise ValueError(_IN_IMAGE)

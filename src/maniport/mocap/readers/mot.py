@@ -9,13 +9,13 @@ Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, rotate the hum
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.arms import myoarm
 from maniport.arms.human import JOINTS
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.readers.text import LARGEST_ANGLE, number_table, rows_from, text_lines
 from maniport.mocap.recording import Recording
@@ -30,59 +30,45 @@ def read(file: Path, options: ImportOptions) -> Recording:
     lines = text_lines(file)
     end = next((i for i, line in enumerate(lines[:200]) if line.strip().lower() == "endheader"), None)
     if end is None or end + 1 >= len(lines):
-        raise FileFormatError(
-            f"{file}: this is no table of OpenSim: it lacks the line endheader or the numbers after it"
-        )
+        raise ValueError("this is no table of OpenSim: it lacks the line endheader or the numbers after it")
     header = dict(re.findall(r"^\s*(\w+)\s*=\s*(\S+)", "\n".join(lines[:end]), flags=re.MULTILINE))
     # newer files write the path of a coordinate in the model, as /jointset/elbow/elbow_flexion/value
     columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
     if columns[:1] != ["time"]:
-        raise FileFormatError(
-            f"{file}: line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}"
-        )
-    table = number_table(file, rows_from(lines, end + 2), len(columns), str.split)
-    declared = header.get("nRows", "")
-    if declared.isdecimal() and int(declared[:15]) > len(table) + 1:
-        raise FileFormatError(
-            f"{file}: the file is cut off: the header declares {declared[:15]} rows, and there are {len(table)}"
-        )
+        raise ValueError(f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}")
+    table = number_table(rows_from(lines, end + 2), len(columns), str.split)
+    declared = header.get("nRows", "")[:15]
+    if declared.isdecimal() and int(declared) > len(table) + 1:
+        raise ValueError(f"the file is cut off: the header declares {declared} rows, and there are {len(table)}")
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
-    unit, notes, quality_warnings = _radians(file, angles, header.get("inDegrees", "").lower())
+    unit, notes, quality_warnings = _radians(angles, header.get("inDegrees", "").lower())
     points: dict[str, Array] = {}
     for side in ("right", "left"):
         notes += _add_arm(points, {name: angle * unit for name, angle in angles.items()}, side)
     if not points:
-        raise FileFormatError(
-            f"{file}: no joint angles of an arm; needed are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
+        raise ValueError(
+            f"no joint angles of an arm; needed are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
             f"with _r or _l; found {', '.join(columns[1:])[:300]}"
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
     positions = np.stack(list(points.values()), axis=1)
-    return options.recording(
-        file,
-        list(points),
-        positions,
-        table[:, 0],
-        "m",
-        "z",
-        origin="as in the model of the arm",
-        notes=notes,
-        quality_warnings=quality_warnings,
-        measured=False,
-    )
+    texts: dict[str, Any] = {
+        "origin": "as in the model of the arm",
+        "notes": notes,
+        "quality_warnings": quality_warnings,
+    }
+    return options.recording(file, list(points), positions, table[:, 0], "m", "z", measured=False, **texts)
 
 
-def _radians(file: Path, angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
+def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
     """Return radians per unit, from the header or by the angles, with notes and data-quality warnings."""
     full_turn = 2 * np.pi  # more than the range of any joint of an arm
-    arm = [
-        angle for name, angle in angles.items() if name.removesuffix("_r").removesuffix("_l") in {*JOINTS, *RAJAGOPAL}
-    ]
+    arm = [angle for name, angle in angles.items() if re.sub("_[rl]$", "", name) in {*JOINTS, *RAJAGOPAL}]
     values = [np.abs(angle[np.isfinite(angle)]) for angle in arm]
     largest = max((float(np.percentile(value, 95)) for value in values if len(value)), default=0.0)
     if degrees == "no" and largest > full_turn:
-        raise FileFormatError(
-            f"{file}: the header declares angles in radians (inDegrees=no), but a joint of the arm is at "
+        raise ValueError(
+            f"the header declares angles in radians (inDegrees=no), but a joint of the arm is at "
             f"{largest:.4g}; if they are degrees write inDegrees=yes"
         )
     if degrees == "no":

@@ -5,7 +5,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.recording import Recording
 from maniport.util.input_limits import FRAMES, NESTING, PLACES, RECORDING_BYTES, existing_file, require_at_most
@@ -17,19 +16,10 @@ ELEMENTS = 3_000_000  # Most elements of a file; the largest file of positions a
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read an MVNX file; see `maniport.mocap.readers.read_recording`."""
     existing_file(file, (), RECORDING_BYTES)
-    try:
-        names, rows, times, rate = _frames(file)
-    except FileFormatError:
-        raise
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # also of unknown encodings
-        raise FileFormatError(f"{file}: not readable as XML with numbers, perhaps cut off: {error}") from None
+    names, rows, times, rate = _frames(file)
     if not rows or not names:
-        raise FileFormatError(f"{file}: the file holds no frames")
-    time: Array | None = np.array(times)
-    if 0 < rate < np.inf:
-        time = np.arange(len(rows)) / rate
-    elif not np.isfinite(times).all():
-        time = None
+        raise ValueError("the file holds no frames")
+    time = np.arange(len(rows)) / rate if 0 < rate < np.inf else times if np.isfinite(times).all() else None
     positions = np.array(rows).reshape(len(rows), -1, 3)
     return options.recording(file, names, positions, time, "m", "z", origin="as in all MVNX files")
 
@@ -45,27 +35,27 @@ def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
         tag = element.tag.rpartition("}")[2]
         if event == "start":
             if not path and tag != "mvnx":
-                raise FileFormatError(f"{file}: this is no MVNX file: its root is <{tag[:40]}>")
+                raise ValueError(f"this is no MVNX file: its root is <{tag[:40]}>")
             path.append(element)
             count += 1
-            require_at_most(count, ELEMENTS, "elements", file)
-            require_at_most(len(path), NESTING, "levels of elements within elements", file)
+            require_at_most(count, ELEMENTS, "elements")
+            require_at_most(len(path), NESTING, "levels of elements within elements")
             if tag == "subject":
                 rate = float(element.get("frameRate", "0"))
             elif tag == "frame":
                 text = None
             elif tag == "segment":
                 names.append(element.get("label", ""))
-                require_at_most(len(names), 500, "segments", file)
+                require_at_most(len(names), 500, "segments")
             continue
         path.pop()
         if tag == "position" and text is None and path[-1].tag.endswith("frame"):
             text = element.text or ""
         if tag == "frame" and element.get("type", "normal") == "normal":
             number = len(rows) + 1
-            require_at_most(number, FRAMES, "frames", file)
-            require_at_most(number * len(names), PLACES, "places (frames × segments)", file)
-            rows.append(_row(file, number, text, 3 * len(names)))
+            require_at_most(number, FRAMES, "frames")
+            require_at_most(number * len(names), PLACES, "places (frames × segments)")
+            rows.append(_row(number, text, 3 * len(names)))
             times.append(float(element.get("time", "nan")) / 1000.0)
         element.clear()
         if path:
@@ -73,12 +63,12 @@ def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
     return names, rows, times, rate
 
 
-def _row(file: Path, number: int, text: str | None, width: int) -> Array:
+def _row(number: int, text: str | None, width: int) -> Array:
     """Return the numbers of a frame's <position>."""
     if text is None:
-        raise FileFormatError(f"{file}: frame {number} holds no <position>; export positions of segments, too")
+        raise ValueError(f"frame {number} holds no <position>; export positions of segments, too")
     words = text.split(None, width)  # more words than that stay in one
     if len(words) != width:
         count = len(words) if len(words) < width else f"more than {width}"
-        raise FileFormatError(f"{file}: frame {number} holds {count} numbers for {width // 3} segments, not three each")
+        raise ValueError(f"frame {number} holds {count} numbers for {width // 3} segments, not three each")
     return np.array([float(word) for word in words])

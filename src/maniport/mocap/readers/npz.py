@@ -56,13 +56,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
     """Read an ``.npz`` or ``.npy`` file; see `maniport.mocap.readers.read_recording`."""
     size = existing_file(file, (), RECORDING_BYTES).stat().st_size
     with open(file, "rb") as stream:
-        plain = stream.read(6) == b"\x93NUMPY"
-        if plain or file.suffix.lower() == ".npy":
+        if stream.read(6) == b"\x93NUMPY" or file.suffix.lower() == ".npy":
             stream.seek(0)
             try:
                 positions = read_npy(stream, size)
             except Exception as error:  # noqa: BLE001 - NumPy raises errors of many types on damaged files
-                raise FileFormatError(f"{file}: not a readable .npy file: {error}") from None
+                raise ValueError(f"not a readable .npy file: {error}") from None
             return _positions(file, options, {"positions": positions})
     names = array_names(file, "recording")
     keys = {what: next((key for key in known.split() if key in names), None) for what, known in KEYS.items()}
@@ -70,12 +69,12 @@ def read(file: Path, options: ImportOptions) -> Recording:
     arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in keys.items() if key}
     usual = "z"
     if "poses" not in arrays and {"root", "body"} <= arrays.keys():
-        usual, arrays["poses"] = "", _joined(file, arrays["root"], arrays["body"])
+        usual, arrays["poses"] = "", _joined(arrays["root"], arrays["body"])
     if "poses" in arrays and not {"names", "positions"} <= arrays.keys():
         return _posed(file, options, arrays, usual)
     if "positions" not in arrays:
-        raise FileFormatError(
-            f"{file}: a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
+        raise ValueError(
+            f"a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
             f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
             f"found: {', '.join(names) or 'nothing'}"
         )
@@ -86,29 +85,24 @@ def _positions(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) ->
     """Return a recording of positions (n, k, 3), with names of the file, of a file next to it or recognized."""
     positions = np.asarray(arrays["positions"])
     if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
-        raise FileFormatError(
-            f"{file}: positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}"
-        )
-    require_at_most(positions.size // 3, PLACES, "places (frames × points)", file)
+        raise ValueError(f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}")
+    require_at_most(positions.size // 3, PLACES, "places (frames × points)")
     if positions.dtype.kind != "f" or positions.dtype.itemsize < 4:
         positions = positions.astype(np.float64)
-    notes: list[str] = []
-    unit, up, origin = _text(arrays, "unit"), _text(arrays, "up"), "stated in the file"
+    unit, up, origin, notes = _text(arrays, "unit"), _text(arrays, "up"), "stated in the file", []
     names = arrays["names"] if "names" in arrays else _names_beside(file)
     if names is None:
         skeleton, names = _recognized(file, positions)
         up, origin = up or ("z" if skeleton == "holosoma's mocap" else ""), f"as in {skeleton}"
-        notes.append(
-            f"{len(names)} joints without names: taken as {skeleton}, in which their arms have constant lengths"
-        )
+        notes = [f"{len(names)} joints without names: taken as {skeleton}, in which their arms have constant lengths"]
     array = np.asarray(names)
     if array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
     if array.dtype.kind not in "US" or array.ndim != 1:
-        raise FileFormatError(f"{file}: names must be text; found names of {array.dtype}, shape {array.shape}")
+        raise ValueError(f"names must be text; found names of {array.dtype}, shape {array.shape}")
     if len(array) != positions.shape[1]:
-        raise FileFormatError(f"{file}: {len(array)} names do not match positions of shape {positions.shape}")
-    time = _time(file, arrays, len(positions), options)
+        raise ValueError(f"{len(array)} names do not match positions of shape {positions.shape}")
+    time = _time(arrays, len(positions), options)
     return options.recording(file, list(map(str, array)), positions, time, unit, up, origin=origin, notes=notes)
 
 
@@ -137,20 +131,19 @@ def _recognized(file: Path, positions: Array) -> tuple[str, Sequence[str]]:
     if len(fitting) != 1:
         listed = ", ".join(f"{len(joints)} ({name})" for name, joints in known.items())
         why = f"{' and '.join(fitting)} both fit" if fitting else f"recognized by their number are {listed}"
-        raise FileFormatError(
-            f"{file}: {count} joints without names; write one name per line into '{file.stem}.names.txt' next to it "
-            f"({why})"
+        raise ValueError(
+            f"{count} joints without names; write one name per line into '{file.stem}.names.txt' next to it ({why})"
         )
     return fitting[0], known[fitting[0]]
 
 
-def _time(file: Path, arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:
+def _time(arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:
     """Return the times, from the rate where there are none; None where there is neither."""
     if "time" in arrays or "rate" not in arrays or options.rate is not None:
         return arrays.get("time")
     rate = arrays["rate"]
     if rate.size != 1 or rate.dtype.kind not in "fiu" or not (np.isfinite(rate).all() and rate.min() >= 1e-6):
-        raise FileFormatError(f"{file}: a recording needs time (n,) [s], or rate in frames per second; found {rate}")
+        raise ValueError(f"a recording needs time (n,) [s], or rate in frames per second; found {rate}")
     return np.arange(count) / float(rate.reshape(-1)[0])
 
 
@@ -159,11 +152,11 @@ def _text(arrays: Mapping[str, Any], name: str) -> str:
     return str(value.reshape(-1)[0]) if value.size == 1 and value.dtype.kind in "US" else ""
 
 
-def _joined(file: Path, *parts: Array) -> Array:
+def _joined(*parts: Array) -> Array:
     """Return pose parameters (n, 66 or more) of root and body."""
     if any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != len(parts[0]) for part in parts):
         shapes = " and ".join(str(part.shape) for part in parts)
-        raise FileFormatError(f"{file}: poses of root and body must be numbers (n, …) of equal n; found {shapes}")
+        raise ValueError(f"poses of root and body must be numbers (n, …) of equal n; found {shapes}")
     return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
@@ -173,16 +166,12 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], up: st
     if angles.ndim == 3 and angles.shape[-1] == 3:
         angles = angles.reshape(len(angles), -1)
     if angles.ndim != 2 or angles.shape[1] < 66 or angles.dtype.kind not in "fiu" or not len(angles):
-        raise FileFormatError(
-            f"{file}: poses must be numbers of shape (n, 66 or more); found {angles.shape} of {angles.dtype}"
-        )
+        raise ValueError(f"poses must be numbers of shape (n, 66 or more); found {angles.shape} of {angles.dtype}")
     count = len(angles)
-    require_at_most(count, FRAMES, "frames", file)
+    require_at_most(count, FRAMES, "frames")
     root = arrays.get("trans", np.zeros((count, 3)))
     if root.shape != (count, 3) or root.dtype.kind not in "fiu":
-        raise FileFormatError(
-            f"{file}: trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}"
-        )
+        raise ValueError(f"trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}")
     bones = _bones(body_height)
     parts = [slice(first, first + 20_000) for first in range(0, count, 20_000)]  # limits the memory
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
@@ -190,7 +179,7 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], up: st
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
         f"{body_height} m unless the arm is fitted with the person's height"
     )
-    time = _time(file, arrays, count, options)
+    time = _time(arrays, count, options)
     names = ["pelvis", *bones]
     return options.recording(file, names, positions, time, "m", up, "y", "as in AMASS", notes=[note], measured=False)
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions, drop_untrusted, known_unit
 from maniport.mocap.readers.text import (
     Row,
@@ -62,7 +61,7 @@ class Table:
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a CSV file; see `maniport.mocap.readers.read_recording`."""
-    table = _find_table(file, text_lines(file))
+    table = _find_table(text_lines(file))
     columns = [column.lower() for column in table.columns]
     words = ("name", "joint", "marker", "keypoint", "landmark", "point")
     name = next((columns.index(word) for word in words if word in columns), None)
@@ -75,11 +74,11 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     indices: dict[str, dict[str, int]] = {}
     confidence: dict[str, int] = {}
     units = set()
-    require_at_most(max(map(len, table.columns)), NAME, "characters in the name of a column", file)
+    require_at_most(max(map(len, table.columns)), NAME, "characters in the name of a column")
     for i, column in enumerate(table.columns):
         if match := _COLUMN.fullmatch(column):
             if indices.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
-                raise FileFormatError(f"{file}: the column {column!r} occurs twice")
+                raise ValueError(f"the column {column!r} occurs twice")
             units.add(match[3] or "")
         elif match := _CONFIDENCE.fullmatch(column):
             confidence[match[1]] = i
@@ -87,8 +86,8 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     missing = [f"{name}_{axis}" for name, axes in indices.items() for axis in "xyz" if axis not in axes]
     if not names or missing:
         why = f"there is no column {missing[0]}" if missing else f"found columns {', '.join(table.columns[:8])[:200]}"
-        raise FileFormatError(f"{file}: {LAYOUTS}; {why}")
-    numbers = number_table(file, table.rows, len(table.columns), table.fields)
+        raise ValueError(f"{LAYOUTS}; {why}")
+    numbers = number_table(table.rows, len(table.columns), table.fields)
     positions = numbers[:, [[indices[name][axis] for axis in "xyz"] for name in names]]
     confidences = numbers[:, [confidence.get(name, 0) for name in names]]
     notes = drop_untrusted(positions, np.where([name in confidence for name in names], confidences, 1.0))
@@ -103,27 +102,23 @@ def _one_row_a_point(file: Path, options: ImportOptions, table: Table, columns: 
     clocks = [i for i, column in enumerate(columns) if _TIME.fullmatch(column)]
     clocks += [i for i, column in enumerate(columns) if column in counters]
     if not clocks:
-        raise FileFormatError(f"{file}: {LAYOUTS}; there is no column time")
+        raise ValueError(f"{LAYOUTS}; there is no column time")
     used = [clocks[0], *(columns.index(axis) for axis in "xyz")]
     names: dict[str, int] = {}
     points = []
     for number, line in table.rows:
         fields = fields_of(line, table.separator)
         if len(fields) != len(columns):
-            raise FileFormatError(
-                f"{file}: the table is broken at line {number}: {len(fields)} values instead of {len(columns)}"
-            )
+            raise ValueError(f"the table is broken at line {number}: {len(fields)} values instead of {len(columns)}")
         points.append(names.setdefault(fields[name], len(names)))
-        require_at_most(len(names), POINTS, "points", file)
-    numbers = number_table(
-        file, table.rows, len(used), lambda line: [fields_of(line, table.separator)[i] for i in used]
-    )
+        require_at_most(len(names), POINTS, "points")
+    numbers = number_table(table.rows, len(used), lambda line: [fields_of(line, table.separator)[i] for i in used])
     times, frames = np.unique(numbers[:, 0], return_inverse=True)
-    require_at_most(len(times) * len(names), PLACES, "places (frames × points)", file)
+    require_at_most(len(times) * len(names), PLACES, "places (frames × points)")
     pairs = frames * len(names) + np.array(points)
     if len(np.unique(pairs)) < len(pairs):
         again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
-        raise FileFormatError(f"{file}: line {table.rows[again][0]}: this point occurs twice at one time")
+        raise ValueError(f"line {table.rows[again][0]}: this point occurs twice at one time")
     flat = np.full((len(times) * len(names), 3), np.nan)
     flat[pairs] = numbers[:, 1:]
     positions = flat.reshape(len(times), len(names), 3)
@@ -138,33 +133,33 @@ def _time(columns: Sequence[str], table: Array) -> Array | None:
     return None
 
 
-def _find_table(file: Path, lines: Sequence[str]) -> Table:
+def _find_table(lines: Sequence[str]) -> Table:
     """Find the table of a file of any program."""
     rows = rows_from(lines, 0)
     first = rows[0][1].strip(' "') if rows else ""
     if first.startswith("Format Version"):
-        return _motive(file, rows)
+        return _motive(rows)
     if first.startswith("NO_OF_FRAMES"):
-        return _qualisys(file, rows)
+        return _qualisys(rows)
     section = next((i for i, line in enumerate(lines) if line.strip(',;\t "') == "Trajectories"), None)
     if section is not None:
-        return _nexus(file, lines[section:], section)
+        return _nexus(lines[section:], section)
     rows = [row for row in rows if not row[1].lstrip().startswith("#")]
     if not rows:
-        raise FileFormatError(f"{file}: the file holds no lines")
+        raise ValueError("the file holds no lines")
     if first.startswith("sep="):  # written by Excel
         rows = rows[1:] or rows
     separator = separator_of(rows[0][1])
     return Table(fields_of(rows[0][1], separator), rows[1:], separator)
 
 
-def _motive(file: Path, rows: Sequence[Row]) -> Table:
+def _motive(rows: Sequence[Row]) -> Table:
     separator = separator_of(rows[0][1])
     cells = fields_of(rows[0][1], separator)
     header = dict(zip(cells[::2], cells[1::2], strict=False))
     start = next((i for i, row in enumerate(rows) if i > 3 and row[1].lower().lstrip('"').startswith("frame")), None)
     if start is None:
-        raise FileFormatError(f"{file}: the header of Motive is cut off: there is no line that begins with Frame")
+        raise ValueError("the header of Motive is cut off: there is no line that begins with Frame")
     axes = fields_of(rows[start][1], separator)
     types, names, kinds = (_padded(rows[i][1], separator, len(axes)) for i in (1, 2, start - 1))
     solved = ("Rigid Body Marker", "Bone Marker")  # expected positions of markers that are recorded, too
@@ -173,28 +168,28 @@ def _motive(file: Path, rows: Sequence[Row]) -> Table:
         name if kind == "Position" and (type_ not in solved or name not in measured) else ""
         for type_, name, kind in zip(types, names, kinds, strict=True)
     ]
-    columns = _columns(file, points, axes, "Motive: export markers or bones, with their positions")
+    columns = _columns(points, axes, "Motive: export markers or bones, with their positions")
     columns[1:2] = ["time"]
     return Table(columns, rows[start + 1 :], separator, header.get("Length Units", ""), "y")
 
 
-def _nexus(file: Path, lines: Sequence[str], start: int) -> Table:
+def _nexus(lines: Sequence[str], start: int) -> Table:
     """Read the section of markers, which begins after `start` lines: title, rate, names, axes, units, numbers."""
     if len(lines) < 5:
-        raise FileFormatError(f"{file}: the header of Nexus is cut off at line {start + len(lines)}")
+        raise ValueError(f"the header of Nexus is cut off at line {start + len(lines)}")
     separator = separator_of(lines[3])
     axes = fields_of(lines[3], separator)
     points = _padded(lines[2], separator, len(axes))
     for i in range(1, len(points)):
         points[i] = points[i] or points[i - 1]  # a name is above the first of its columns
-    columns = _columns(file, points, axes, "Nexus: export trajectories")
+    columns = _columns(points, axes, "Nexus: export trajectories")
     units = {unit for cell in fields_of(lines[4], separator) if (unit := known_unit(cell)) is not None}
     rows = takewhile(lambda row: row[1].strip(separator + " "), enumerate(lines[5:], start + 6))
     rate = positive_number(lines[1].strip(separator + ' "'))
     return Table(columns, list(rows), separator, units.pop() if len(units) == 1 else "", rate=rate)
 
 
-def _qualisys(file: Path, rows: Sequence[Row]) -> Table:
+def _qualisys(rows: Sequence[Row]) -> Table:
     header: dict[str, list[str]] = {}
     start = 0
     for _, line in rows:
@@ -205,7 +200,7 @@ def _qualisys(file: Path, rows: Sequence[Row]) -> Table:
         start += 1  # keys of events repeat
     content = " ".join(header.get("DATA_INCLUDED", ["3D"]))
     if content not in ("3D", "Position"):
-        raise FileFormatError(f"{file}: it holds {content}, not positions of markers; export 3D data from Qualisys")
+        raise ValueError(f"it holds {content}, not positions of markers; export 3D data from Qualisys")
     rows = rows[start:]
     first = fields_of(rows[0][1], "\t") if rows else []
     columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
@@ -213,7 +208,7 @@ def _qualisys(file: Path, rows: Sequence[Row]) -> Table:
         columns, rows = [UNUSED, UNUSED, *(columns or first[2:])], rows[1:]
     elif columns:
         columns = [UNUSED] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
-    _require_points(file, columns, "Qualisys: export 3D data, with the names of markers")
+    _require_points(columns, "Qualisys: export 3D data, with the names of markers")
     return Table(columns, rows, "\t", "mm", rate=positive_number(" ".join(header.get("FREQUENCY", ()))))
 
 
@@ -221,7 +216,7 @@ def _padded(line: str, separator: str, width: int) -> list[str]:
     return (fields_of(line, separator) + [""] * width)[:width]
 
 
-def _columns(file: Path, points: Sequence[str], axes: Sequence[str], advice: str) -> list[str]:
+def _columns(points: Sequence[str], axes: Sequence[str], advice: str) -> list[str]:
     """Name the columns of points; later ones of the same name, as of markers that two models claim, are not used."""
     columns = [
         f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else UNUSED
@@ -229,11 +224,11 @@ def _columns(file: Path, points: Sequence[str], axes: Sequence[str], advice: str
     ]
     first = {name: i for i, name in reversed(list(enumerate(columns)))}
     columns = [name if first[name] == i else UNUSED for i, name in enumerate(columns)]
-    _require_points(file, columns, advice)
+    _require_points(columns, advice)
     return columns
 
 
-def _require_points(file: Path, columns: Sequence[str], advice: str) -> None:
+def _require_points(columns: Sequence[str], advice: str) -> None:
     if not any(columns):
-        raise FileFormatError(f"{file}: the table holds no positions of points. In {advice}")
-    require_at_most(len(columns), 4 * POINTS, "columns", file)
+        raise ValueError(f"the table holds no positions of points. In {advice}")
+    require_at_most(len(columns), 4 * POINTS, "columns")

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.errors import FileFormatError
 from maniport.util.input_limits import FRAMES, LINE, PLACES, RECORDING_BYTES, read_whole, require_at_most
 from maniport.util.validation import Array
 
@@ -21,9 +20,9 @@ def text_lines(file: Path) -> list[str]:
     """Return the lines of a file, with any line ends."""
     content = read_whole(file, (), RECORDING_BYTES)
     ends = (b"\n", b"\r", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\xc2\x85", b"\xe2\x80")
-    require_at_most(sum(map(content.count, ends)), 3 * FRAMES, "ends of lines", file)
+    require_at_most(sum(map(content.count, ends)), 3 * FRAMES, "ends of lines")
     lines = decoded(content).splitlines()
-    require_at_most(max(map(len, lines), default=0), LINE, "characters in a line", file)
+    require_at_most(max(map(len, lines), default=0), LINE, "characters in a line")
     return lines
 
 
@@ -52,13 +51,11 @@ def rows_from(lines: Sequence[str], start: int) -> list[Row]:
     return [(number, line) for number, line in enumerate(lines[start:], start + 1) if line.strip()]
 
 
-def number_table(
-    file: Path, rows: Sequence[Row], width: int, split: Callable[[str], list[str]], short: bool = False
-) -> Array:
+def number_table(rows: Sequence[Row], width: int, split: Callable[[str], list[str]], short: bool = False) -> Array:
     """Return the numbers of a table, shape (len(rows), width); nan where a field is empty."""
     if not rows:
-        raise FileFormatError(f"{file}: the file holds no frames")
-    require_at_most(len(rows) * width, 3 * PLACES, "numbers", file)
+        raise ValueError("the file holds no frames")
+    require_at_most(len(rows) * width, 3 * PLACES, "numbers")
     table = np.full((len(rows), width), np.nan)
     for i, (number, line) in enumerate(rows):
         fields = split(line)
@@ -67,11 +64,11 @@ def number_table(
         if len(fields) > width or (len(fields) < width and not short):
             last = i == len(rows) - 1 and len(fields) < width
             fault = "the file is cut off" if last else "the table is broken"
-            raise FileFormatError(f"{file}: {fault} at line {number}: {len(fields)} values instead of {width}")
+            raise ValueError(f"{fault} at line {number}: {len(fields)} values instead of {width}")
         try:
             table[i, : len(fields)] = [_number(field) for field in fields]
         except ValueError as error:
-            raise FileFormatError(f"{file}: line {number}: {error}") from None
+            raise ValueError(f"line {number}: {error}") from None
     return table
 
 

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.readers.text import fields_of, number_table, positive_number, rows_from, separator_of, text_lines
 from maniport.mocap.recording import Recording
@@ -15,16 +14,16 @@ def read(file: Path, options: ImportOptions) -> Recording:
     """Read a TRC file; see `maniport.mocap.readers.read_recording`."""
     lines = text_lines(file)
     if not lines or not lines[0].startswith("PathFileType"):
-        raise FileFormatError(f"{file}: this is no TRC file: it does not begin with PathFileType")
+        raise ValueError("this is no TRC file: it does not begin with PathFileType")
     if len(lines) < 5:  # kind of file, keys, their values, names, axes
-        raise FileFormatError(f"{file}: the file is cut off in its header, at line {len(lines)}")
+        raise ValueError(f"the file is cut off in its header, at line {len(lines)}")
     separator = "\t" if "\t" in lines[3] else separator_of(lines[3])
     keys, values = (line.split() if separator not in line else fields_of(line, separator) for line in lines[1:3])
     header = dict(zip(filter(None, keys), values, strict=False))
     names = [name for name in fields_of(lines[3], separator)[2:] if name]
     if not names:
-        raise FileFormatError(f"{file}: line 4 must name the points, after Frame# and Time, between tabs")
-    table = number_table(file, rows_from(lines, 5), 2 + 3 * len(names), lambda line: line.split(separator), short=True)
+        raise ValueError("line 4 must name the points, after Frame# and Time, between tabs")
+    table = number_table(rows_from(lines, 5), 2 + 3 * len(names), lambda line: line.split(separator), short=True)
     positions = table[:, 2:].reshape(len(table), -1, 3)
     notes: list[str] = []
     warnings: list[str] = []

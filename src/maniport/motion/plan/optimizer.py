@@ -163,7 +163,6 @@ class TrajectoryCost:
         n = len(time)
         self.clearance = np.broadcast_to(terms.clearance, n)
         self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
-        self.watch = None if terms.collisions is None else terms.collisions.watch(float(self.clearance.max()))
         self.derivatives = {order: Differences(time, order) for order in (1, 2, 3) if n > order}
         self.smoothness = np.zeros((min(4, n), n, arm.dof))  # lower diagonals of the Hessian of both smoothness costs
         for order, cost in ((1, terms.velocity_cost), (3, terms.jerk_cost)):
@@ -176,8 +175,9 @@ class TrajectoryCost:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.waypoints.evaluate(q)
         square = length**2
-        if self.watch is not None:
-            rows, distance, slope = self.watch.gradient(q)
+        if self.terms.collisions is not None:
+            largest = float(self.clearance.max())
+            rows, distance, slope = self.terms.collisions.gradient(q, largest, scaled=True)
             lacking = self.clearance[rows] - distance
             near = lacking > 0.0
             rows, lacking, slope = rows[near], lacking[near], slope[near]

@@ -1,4 +1,4 @@
-"""Compiled forward kinematics of trees of joints, for many configurations."""
+"""Compiled kinematics of trees of joints, for many configurations."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from maniport.util.jit import kernel, part
 def fill_link_poses(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
     """Fill rotations (n, links, 3, 3) and origins (n, links, 3) of the base and of the link after each joint."""
     for n in range(len(positions)):
-        _place_links(positions[n], parents, placements, axes, slides, rotations[n], origins[n])
+        place_links(positions[n], parents, placements, axes, slides, rotations[n], origins[n])
 
 
 @kernel
@@ -22,7 +22,7 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
     parents = np.arange(joints)
     rotations, origins, axis = np.empty((joints + 1, 3, 3)), np.empty((joints + 1, 3)), np.empty(3)
     for n in range(len(positions)):
-        _place_links(positions[n], parents, placements, axes, slides, rotations, origins)
+        place_links(positions[n], parents, placements, axes, slides, rotations, origins)
         pose = poses[n]
         for i in range(3):
             for j in range(4):
@@ -47,8 +47,44 @@ def fill_motion(positions, placements, axes, slides, frame_joint, frame, poses, 
                         jacobian[i, k] = jacobian[3 + i, k] = 0.0
 
 
+@kernel
+def fill_points(positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes):  # type: ignore[no-untyped-def]
+    """Fill vectors (n, k, 3) on a chain and derivatives (n, k, 3, dof); see `place_points`."""
+    for n in range(len(positions)):
+        place_points(positions[n], placements, axes, slides, coupling, joints, vectors, count, values[n], slopes[n])
+
+
 @part
-def _place_links(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
+def place_points(positions, placements, axes, slides, coupling, joints, vectors, count, values, slopes):  # type: ignore[no-untyped-def]
+    """Fill vectors (k, 3) after so many `joints` and derivatives (k, 3, dof); only the first `count` are points."""
+    rotations, origins, axis = np.empty((len(axes) + 1, 3, 3)), np.empty((len(axes) + 1, 3)), np.empty(3)
+    place_links(positions, np.arange(len(axes)), placements, axes, slides, rotations, origins)
+    for v in range(len(joints)):
+        is_point, link = v < count, joints[v]
+        for i in range(3):
+            values[v, i] = origins[link, i] if is_point else 0.0
+            for m in range(3):
+                values[v, i] += rotations[link, i, m] * vectors[v, m]
+            for k in range(coupling.shape[1]):
+                slopes[v, i, k] = 0.0
+        for j in range(link):
+            for i in range(3):
+                axis[i] = 0.0
+                for m in range(3):
+                    axis[i] += rotations[j + 1, i, m] * axes[j, m]
+            for i in range(3):
+                p, q = (i + 1) % 3, (i + 2) % 3
+                if slides[j]:
+                    moved = axis[i] if is_point else 0.0
+                else:
+                    at_p, at_q = (origins[j + 1, p], origins[j + 1, q]) if is_point else (0.0, 0.0)
+                    moved = axis[p] * (values[v, q] - at_q) - axis[q] * (values[v, p] - at_p)
+                for k in range(coupling.shape[1]):
+                    slopes[v, i, k] += moved * coupling[j, k]
+
+
+@part
+def place_links(positions, parents, placements, axes, slides, rotations, origins):  # type: ignore[no-untyped-def]
     """Fill the poses of the base and of the link after each joint, whose parent is the link `parents` names."""
     turn = np.empty((3, 3))
     for i in range(3):
