@@ -106,14 +106,18 @@ class ArmMotion(Trajectory):
         path: Array | None = None,
         control_velocities: Array | None = None,
         control_accelerations: Array | None = None,
+        velocity_limits: Array | None = None,
+        held: NDArray[np.bool_] | None = None,
+        position_tolerance: float = ENOUGH_METRES,
     ) -> "ArmMotion":
         """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
 
-        Velocities and accelerations are differences of the positions by default.
+        Velocities and accelerations are differences of the positions by default, velocity limits those of the arm.
         """
         schedule = Schedule(Objective.of(arm, spec, damping), time, target, path)
         steps = control_positions, control_velocities, control_accelerations
-        return cls.of(schedule, Trajectory.of_positions(arm, time, control_time, *steps))
+        trajectory = Trajectory.of_positions(arm, time, control_time, *steps)
+        return cls.of(schedule, trajectory, velocity_limits, held, position_tolerance)
 
     @classmethod
     def of(
