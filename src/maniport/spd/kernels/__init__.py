@@ -15,7 +15,15 @@ from numba import config
 from numpy.typing import NDArray
 
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.spd.kernels.loops import WIDTH, compose_loop, congruence_loop, distance_loop, eigh_loop, hessian_loop
+from maniport.spd.kernels.loops import (
+    WIDTH,
+    compose_loop,
+    congruence_loop,
+    distance_loop,
+    eigh_loop,
+    hessian_loop,
+    power_congruence_loop,
+)
 from maniport.util.validation import Array
 
 MIN_EIGENVALUE, MAX_EIGENVALUE = 1e-150, 1e150  # Range of the eigenvalues that an exponential or power may produce
@@ -88,14 +96,24 @@ def distances(a: Array, b: Array) -> Array:
 
 
 def power_congruence(left: Array, points: Array, exponent: float, right: Array, name: str = "points") -> Array:
-    """Build R (L X Lᵀ)^s Rᵀ: recenter, dilate, rotate and move."""
-    values, vectors = eigh(congruence(left, points))
-    if not np.all(values[..., 0] > 0.0):
-        raise NotSPDError(f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentered")
-    with np.errstate(over="ignore", under="ignore"):
-        raised = values**exponent
-    require_in_range(raised, name)
-    return compose(raised, right @ vectors)
+    """Build R (L X Lᵀ)^s Rᵀ for matrices X (..., d, d), exactly symmetric: recenter, dilate, rotate and move."""
+    flat, outer, invalid = _flat(points), (_writable(left), _writable(right)), list[float]()
+    results = np.empty(flat.shape)
+
+    def fill(first: int, last: int) -> None:
+        part = results[first:last]
+        bounds = MIN_EIGENVALUE, MAX_EIGENVALUE
+        if not power_congruence_loop(outer[0], flat[first:last], exponent, outer[1], *bounds, part):
+            invalid.append(float(part[0, 0, 0]))
+
+    in_parts(fill, len(flat), flat.shape[-1])
+    if invalid:
+        if min(invalid) < 0.0:
+            raise NotSPDError(
+                f"{name} are too ill-conditioned: rounding makes them indefinite when they are recentered"
+            )
+        require_in_range(np.array(invalid), name)
+    return results.reshape(points.shape)
 
 
 def moments(points: Array, whitening: Array, weights: Array, sizes: Array, curved: bool) -> Moments | None:

@@ -183,6 +183,53 @@ def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def power_congruence_loop(left, matrices, exponent, right, low, high, results):  # type: ignore[no-untyped-def]
+    """Write R (L M Lᵀ)^s Rᵀ; return whether all eigenvalues of L M Lᵀ, and their powers, are within the bounds.
+
+    If not, the first entry of the results is the power that is out of bounds, or -1.
+    """
+    count, n = results.shape[:2]
+    width = min(WIDTH, count)
+    a, b, v = np.empty((n, n, width)), np.empty((n, n, width)), np.empty((n, n, width))
+    turns, x, y = np.empty((2, width)), np.empty(n), np.empty((n, n))
+    for start in range(0, count, width):
+        _fill(a, matrices, start)
+        for i in range(n):
+            for j in range(n):
+                for w in range(width):
+                    b[i, j, w] = left[i, 0] * a[0, j, w]
+                for k in range(1, n):
+                    for w in range(width):
+                        b[i, j, w] += left[i, k] * a[k, j, w]
+        for i in range(n):
+            for j in range(i, n):
+                for w in range(width):
+                    a[i, j, w] = b[i, 0, w] * left[j, 0]
+                for k in range(1, n):
+                    for w in range(width):
+                        a[i, j, w] += b[i, k, w] * left[j, k]
+        diagonalize(a, v, turns)
+        for w in range(min(width, count - start)):
+            for k in range(n):
+                x[k] = a[k, k, w] ** exponent if a[k, k, w] > 0.0 else 0.0
+                if not low <= x[k] <= high:
+                    results[0, 0, 0] = x[k] if a[k, k, w] > 0.0 else -1.0
+                    return False
+                for i in range(n):
+                    total = 0.0
+                    for j in range(n):
+                        total += right[i, j] * v[j, k, w]
+                    y[i, k] = total
+            for i in range(n):
+                for j in range(i, n):
+                    total = 0.0
+                    for k in range(n):
+                        total += y[i, k] * x[k] * y[j, k]
+                    results[start + w, i, j] = results[start + w, j, i] = total
+    return True
+
+
+@kernel
 def distance_loop(a, b, results):  # type: ignore[no-untyped-def]
     """Write affine-invariant distances; one A or one B serves all."""
     count, n = len(results), a.shape[1]
