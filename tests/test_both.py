@@ -153,9 +153,11 @@ def test_what_is_shown_of_both_is_in_their_folder(moved, tmp_path):
     for side in SIDES:
         assert (tmp_path / "both" / side / "target_profile.npz").exists()
     files = mp.write_figures(tmp_path / "both")
-    assert {file.name for file in files} == {"arms.png", "arms.svg", "motion.png", "motion.svg"}
+    assert {file.name for file in files} == {
+        f"{name}.{suffix}" for name in ("arms", "curves", "motion") for suffix in ("png", "svg")
+    }
     words = (tmp_path / "both" / "motion.svg").read_text()
-    assert "Left: ellipsoid distance" in words
+    assert "Left: Ellipsoid distance" in words
     assert "right_panda_joint1 [°]" in words
     mp.write_results(moved, tmp_path / "both", overwrite=True)
 

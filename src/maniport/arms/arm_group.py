@@ -17,8 +17,7 @@ from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_finite, as_numbers
 
-FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}
-"""Factors of the Jacobians of the first and of the second arm of a pair."""
+FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}  # of both Jacobians
 
 
 class ArmGroup(JointSpace):
@@ -37,9 +36,8 @@ class ArmGroup(JointSpace):
 
     Attributes
     ----------
-    arms, names : tuple
-    columns : tuple of ndarray of int
-        Indices of each arm's joints in `q`.
+    arms, names, columns : tuple
+        Arms, names and indices of each arm's joints in `q`.
     shared : tuple of str
         Names of the joints that move more than one arm.
     common : ndarray of int, shape (n_arms, n_arms)
@@ -226,9 +224,8 @@ class CooperativeArm(Manipulable):
     def forward(self, q: ArrayLike) -> Array:
         """Compute relative or absolute poses [m], shape (..., 4, 4).
 
-        Relative: the vector from the first end effector to the second, along the axes of the common frame, and the
-        rotation of the second in the frame of the first. Absolute: the midpoint of the end effectors, and the rotation
-        halfway between theirs, which is undefined where they are 180° apart.
+        Relative: the vector from the first end effector to the second, along the common axes, and the rotation of the
+        second in the frame of the first. Absolute: the midpoint, and the rotation halfway, undefined at 180°.
         """
         return self._pose(self.arms.forward(q)[..., list(self.pair), :, :])
 

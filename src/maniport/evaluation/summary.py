@@ -28,6 +28,12 @@ class Gaps:
     """Statistics of distances to the feasible set, and the row of the largest.
 
     Methods are compared by the mean: where half of a profile is feasible, the median is zero for all of them.
+
+    Attributes
+    ----------
+    mean, median, p95, largest : float
+    where : int
+        Row of the largest distance.
     """
 
     mean: float
@@ -109,8 +115,13 @@ class Row:
 class Weakness:
     """A fault of a method: its code, the metric, and the limit of the metric.
 
-    Codes are "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
-    "rank_correlation" (of distances), "rotated_axes" (of the longest axes [degrees]) and "identity_test".
+    Attributes
+    ----------
+    code : str
+        "large_step" (largest step over the teacher's), "plateau" (median step where the teacher moves),
+        "rank_correlation" (of distances), "rotated_axes" (of the longest axes [degrees]) or "identity_test".
+    value, threshold : float
+        Metric and its limit.
     """
 
     code: str

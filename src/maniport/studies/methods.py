@@ -1,4 +1,4 @@
-"""All methods of transfer beside one another on six motions of a human arm, for the Panda."""
+"""Comparison of all transfer methods on six motions of a human arm, for the Panda."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -53,12 +53,12 @@ def compare_methods(
 
 @describe.register
 def comparison_report(comparison: Comparison) -> Report:
-    """Tell of all methods, in short and motion by motion."""
+    """Describe all methods, in a summary and by motion."""
     tables = (
-        replace(evaluation_section(one, explained=not index), title=motion, key=motion, metrics=())
-        for index, (motion, one) in enumerate(comparison.evaluations.items())
+        replace(evaluation_section(evaluation, explained=not index), title=motion, key=motion, metrics=())
+        for index, (motion, evaluation) in enumerate(comparison.evaluations.items())
     )
-    return Report("Methods beside one another", "", (replace(in_short(comparison), title="In short"), *tables))
+    return Report("Comparison of methods", "", (replace(in_short(comparison), title="Summary"), *tables))
 
 
 def in_short(comparison: Comparison) -> Section:
@@ -68,7 +68,7 @@ def in_short(comparison: Comparison) -> Section:
     columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn", "identity test")
     values = {name: _summary(rows) for name, rows in found.items()}
     cells = tuple((name, *_cells(one)) for name, one in values.items())
-    return Section("Methods beside one another", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
+    return Section("Metrics", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
 
 
 def _summary(rows: Sequence[Row]) -> dict[str, float]:

@@ -6,13 +6,9 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from maniport.arms.arm import Arm
-from maniport.arms.arm_group import ArmGroup, placing_options
-from maniport.arms.chain import LEFT, RIGHT, Chain, as_pose, check_names, pose, read_embedded
+from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
 from maniport.arms.loaders.document import XACRO, parsed
 from maniport.arms.loaders.limbs import Limb, one_side
@@ -20,10 +16,9 @@ from maniport.arms.loaders.mjcf import Mjcf
 from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.urdf import Urdf
-from maniport.arms.restriction import check_lock, restrict, standing
-from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError, argument, typed, unknown_name
+from maniport.arms.restriction import restrict
+from maniport.errors import FileFormatError, InvalidInputError, argument, unknown_name
 from maniport.util.input_limits import ROBOT_BYTES, existing_file
-from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers
 
 Robot = str | os.PathLike[str]
 Reader = Callable[[Path, str | None, Sequence[str] | None], Chain]
@@ -200,136 +195,6 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
     robot = RobotFile(path) if robot is None else robot
     return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
-
-
-def load_arms(
-    robot: Robot | Sequence[Robot],
-    frames: Sequence[str | None] | None = None,
-    *,
-    bases: Sequence[Any] | None = None,
-    joints: Sequence[str] | None = None,
-    lock: Mapping[str, float] | None = None,
-    mesh_folders: Sequence[Robot] = (),
-) -> ArmGroup:
-    """Load limbs of one robot, or several robots in one world, as one group.
-
-    Errors are those of `maniport.load_arm`, and `InvalidInputError` where numbers of arms differ. Two arms are named
-    left and right, in this order, others ``arm1``, ``arm2``, ….
-
-    Parameters
-    ----------
-    robot : str or path, or several of them
-        A robot with several arms, such as ``"talos"`` or ``"baxter"``, by name or from a file, see
-        `maniport.load_arm`; joints of several chains, such as a torso's, are shared. Several names, or `bases`, mean
-        several robots.
-    frames : sequence of str, optional
-        Names of the end effectors; by default those of `maniport.load_arm`, and for one robot the ends of the limbs
-        named left and right.
-    bases : sequence of array_like, optional
-        Bases of the robots in the world frame, in which all results are expressed: x, y, z [m] and optionally the yaw
-        [rad], or a pose of shape (4, 4); x points forward, y to the left. By default all in the origin.
-    joints : sequence of str, optional
-        Names of the joints that move, of all arms; the others are locked as by `maniport.load_arm`.
-    lock : mapping of str to float, optional
-        Positions of locked joints [rad] or [m]. A name that several robots have locks all these joints; the name of an
-        arm as a prefix, such as ``left_``, selects one.
-    mesh_folders
-        As for `maniport.load_arm`.
-
-    Examples
-    --------
-    >>> arms = load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
-    >>> arms.dof, arms.forward(arms.sample(4)).shape
-    (14, (4, 2, 4, 4))
-    """
-    single = isinstance(robot, (str, os.PathLike))
-    one = single and bases is None
-    counted = ("robot", robot) if not single else ("frames", frames or (LEFT, RIGHT)) if one else ("bases", bases)
-    count = len(_several(*counted))
-    robots: Any = [robot] * count if single else robot
-    for name in robots:
-        if isinstance(name, str) and name in PERSONS:
-            raise InvalidInputError(f"robot: {name!r} is a person; load_arms loads robots")
-    names = (LEFT, RIGHT) if count == 2 else tuple(f"arm{i + 1}" for i in range(count))
-    tips = [None] * count if frames is None else _several("frames", frames, count)
-    places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
-    places = [_base(place, name) for place, name in zip(places, names, strict=True)]
-    if one and None in tips:
-        tips = _ends(robots[0], tips)
-    arms = [load_arm(name, tip, mesh_folders=mesh_folders) for name, tip in zip(robots, tips, strict=True)]
-    arms = _restricted(arms, names, joints, lock, one)
-    if not one:
-        arms = [Arm(standing(arm.chain, where)) for arm, where in zip(arms, places, strict=True)]
-    return ArmGroup(*arms, names=names)
-
-
-def _several(name: str, value: Any, count: int | None = None) -> list[Any]:
-    """Require a sequence of values, one for each arm."""
-    values = [] if isinstance(value, (str, os.PathLike, Mapping)) or not hasattr(value, "__len__") else list(value)
-    if not values or len(values) != (count or len(values)):
-        raise InvalidInputError(f"{name} must be a sequence of {count or 'several'}, one for each arm; found {value!r}")
-    return values
-
-
-def _ends(robot: Robot, tips: Sequence[str | None]) -> list[str | None]:
-    """End effectors of the left and right limb of a robot, where `tips` has None."""
-    limbs = robot_limbs(robot)[0]
-    longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
-    if len(longest) < 2:
-        only = f"whose longest limb, to {longest[0].tip!r}, has no other like it" if longest else "which has one arm"
-        raise InvalidInputError(
-            f"the robot {os.fspath(robot)!r}, {only}, is no pair: name the tips with {argument('frames')}, or "
-            f"place two robots with {placing_options()}"
-        )
-    sides = (LEFT, RIGHT)[: len(tips)] if len(tips) <= 2 else ()
-    try:
-        return [tip or one_side(limbs, side, os.fspath(robot)).tip for tip, side in zip(tips, sides, strict=True)]
-    except (UnknownNameError, ValueError):
-        ends = ", ".join(repr(limb.tip) for limb in longest)
-        raise InvalidInputError(
-            f"the robot {os.fspath(robot)!r} has limbs that are not called left and right: name the tips with "
-            f"{argument('frames')}; they end at {ends}"
-        ) from None
-
-
-def _base(value: Any, side: str) -> Array:
-    """The pose of a base in the world."""
-    name = f"--pose ({side})" if typed() else f"bases: {side}"
-    array = as_finite(value, name)
-    if array.shape == (4, 4):
-        return as_pose(array, name)
-    if array.shape not in ((3,), (4,)):
-        raise InvalidInputError(
-            f"{name} must be x, y, z [m] and optionally the yaw [rad], or a pose of shape (4, 4); found {array.shape}"
-        )
-    as_numbers(array[:3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
-    return pose(array[:3].tolist(), (0.0, 0.0, float(sum(array[3:]))))
-
-
-def _restricted(arms: Sequence[Arm], names: Sequence[str], joints: Any, lock: Any, one: bool) -> list[Arm]:
-    """The arms with some joints only, or with locked joints; names of several robots may have those of their arms."""
-    wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
-    titles = [
-        {title: name for name in arm.joint_names for title in ((name,) if one else (name, f"{side}_{name}"))}
-        for side, arm in zip(names, arms, strict=True)
-    ]
-    for name in (*(wanted or ()), *held):
-        if not any(name in own for own in titles):
-            raise unknown_name("joint", name, set[str]().union(*titles), f"on the arms of {arms[0].name!r}")
-    results = []
-    for arm, side, own in zip(arms, names, titles, strict=True):
-        fixed: dict[str, float] = {}
-        for title in own.keys() & held.keys():
-            if fixed.setdefault(own[title], held[title]) != held[title]:
-                raise InvalidInputError(
-                    f"lock: {own[title]!r} of {side} is named twice, at {held[title]!r} and {fixed[own[title]]!r}"
-                )
-        moving = None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own))
-        if moving == []:
-            listed = ", ".join(wanted or ())
-            raise InvalidInputError(f"joints: none of {listed} moves the {side} arm, which has {', '.join(own)}")
-        results.append(arm.restricted(joints=moving, lock=fixed))
-    return results
 
 
 def _as_folders(value: Sequence[Robot]) -> tuple[Path, ...]:

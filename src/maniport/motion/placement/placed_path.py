@@ -22,8 +22,12 @@ DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
 class Place:
     """A possible placement of a path.
 
-    `distance` (m,) are affine-invariant distances of a trajectory that was planned through some waypoints of the path;
-    the other attributes are as in `Placement`.
+    Attributes
+    ----------
+    scale, yaw, tilt, heading, offset
+        As in `Placement`.
+    distance : ndarray, shape (m,)
+        Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
     """
 
     scale: float

@@ -1,8 +1,8 @@
 """Placement search: placements are compared by samples, then by planned trajectories, and improved together with them.
 
-Where several arms follow paths that keep together, the costs of the arms are summed. A trajectory is judged by means
-over the path, to which a few waypoints out of reach, or only in reach where the arm collides, are next to nothing: on
-request the placement is then moved until all waypoints of the whole path are in reach.
+Where several arms follow paths that keep together, the costs of the arms are summed. Costs are means over the
+path, which hardly depend on a few waypoints out of reach. On request the placement is therefore moved until all
+waypoints of the whole path are in reach without collision.
 """
 
 from collections.abc import Sequence
