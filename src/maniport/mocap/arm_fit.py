@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks, peak_widths
 
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools, frames_between
@@ -162,6 +161,8 @@ class ArmFit(NotebookDisplay):
         The path is smoothed over `width` [s]. A repetition reaches at least the share `least` of the largest distance;
         it starts and stops where the hand has `returned` by this share.
         """
+        from scipy.signal import find_peaks, peak_widths  # loads scipy.stats, which takes 0.5 s
+
         if len(self) < 3:
             return []
         hand = self.arm.forward(self.joint_angles)[:, :3, 3]
