@@ -33,16 +33,16 @@ def sample_domain(
     spec : EllipsoidSpec
         Which ellipsoids.
     collisions : maniport.arms.collisions.Collisions or True, optional
-        Postures that collide are left out, and the sequence is continued until n are free. True: what the arm collides
-        with by itself, 3.1 % of the Panda's postures to its flange and 7.4 % to ``panda_hand_tcp``. An arm of which no
-        surface is known is sampled as without.
+        Colliding configurations are left out, and the sequence is continued until n are free. True: self-collisions,
+        in 3.1 % of the Panda's configurations to its flange and 7.4 % to ``panda_hand_tcp``. An arm without shapes is
+        sampled without collisions.
 
     Returns
     -------
     ndarray, shape (n, d, d)
         Positive semidefinite; d = 3, or 6 for ``part="full"``.
     """
-    return arm.ellipsoids(_postures(arm, n, random_state, sequence, collisions), spec)
+    return arm.ellipsoids(_configurations(arm, n, random_state, sequence, collisions), spec)
 
 
 def sample_domains(
@@ -67,14 +67,16 @@ def sample_domains(
     tuple of ndarray, shape (n, d, d)
         Of each arm; positive semidefinite.
     """
-    each = arms.ellipsoids(_postures(arms, n, random_state, sequence, collisions), spec)
+    each = arms.ellipsoids(_configurations(arms, n, random_state, sequence, collisions), spec)
     return tuple(np.moveaxis(each, 1, 0))
 
 
-def _postures(arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
+def _configurations(
+    arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any
+) -> Array:
     """Samples of the joint space, free of collisions where they are given."""
     if collisions is None:
         return arm.sample(n, random_state, sequence)
-    from maniport.arms.collisions import free_postures  # here: Numba takes its time
+    from maniport.arms.collisions import free_configurations  # here: Numba takes its time
 
-    return free_postures(arm, n, random_state, sequence, collisions)
+    return free_configurations(arm, n, random_state, sequence, collisions)

@@ -9,7 +9,7 @@ from drawn_arms import write_digger
 from scipy.spatial import ConvexHull
 
 from maniport.arms import load_arm
-from maniport.arms.collisions import Collisions, free_postures
+from maniport.arms.collisions import Collisions, free_configurations
 from maniport.motion.trajectory import Clearance
 from maniport.report.motion import collision_value
 from maniport.report.robot import collision_warnings
@@ -198,7 +198,7 @@ def test_an_arm_without_surface_says_so(tmp_path):
     assert not bare.collides(q).any()
     assert np.all(bare.clearance(q) == np.inf)
     assert len(bare.gradient(q, 1.0)[0]) == 0
-    np.testing.assert_array_equal(free_postures(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0))
+    np.testing.assert_array_equal(free_configurations(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0))
     path = write_digger(tmp_path)
     (tmp_path / "boom.stl").unlink()
     assert "boom.stl" in Collisions.of(load_arm(path)).why

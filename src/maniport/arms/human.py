@@ -3,7 +3,7 @@
 Both models describe a right arm, have the same seven joints and express everything in a trunk frame with x forward,
 y to the person's left and z up. Their frames ``shoulder``, ``elbow``, ``wrist`` and ``hand`` mark the ends of the
 segments. At zero angles the arm hangs straight down with the palm towards the thigh. A left arm is the mirror image of
-a right one: equal joint angles mean the mirrored posture, and the table holds for both.
+a right one: equal joint angles mean the mirrored configuration, and the table holds for both.
 
 =================  ================================================================================================
 joint              positive direction, from the hanging arm

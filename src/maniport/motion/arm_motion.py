@@ -15,7 +15,7 @@ from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.status import ENOUGH_METRES, statuses_of
 from maniport.motion.trajectory import Clearance, Trajectory, interpolated
 from maniport.spd.affine_invariant import distance
-from maniport.spd.ellipsoid import axis_over_time, lengths, line_angles
+from maniport.spd.ellipsoid import axis_over_time, line_angles
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.files import save_arrays
@@ -179,12 +179,6 @@ class ArmMotion(Trajectory):
         """
         target, achieved = axis_over_time(self.target, -1), axis_over_time(self.achieved, -1)
         return line_angles(target, achieved)
-
-    @property
-    def semi_axis_ratio(self) -> Array:
-        """Semi-axes achieved over those of the target, shape (n, d), shortest first; infinite where that is flat."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(lengths(self.achieved) / lengths(self.target))
 
     @property
     def limit_use(self) -> LimitUse:

@@ -27,7 +27,7 @@ class Schedule:
     positions: Array | None = None  # (n, 3), of the end effector [m]
     weights: Array | None = None  # (n, m, m), of the directions of the ellipsoids' residual
     rotations: Array | None = None  # (n, 3, 3), of the end effector
-    postures: Array | None = None  # (n, dof), reference configurations [rad or m]
+    configurations: Array | None = None  # (n, dof), reference configurations [rad or m]
 
     @classmethod
     def checked(
@@ -38,7 +38,7 @@ class Schedule:
         path: ArrayLike | None,
         weights: ArrayLike | None,
         rotations: ArrayLike | None = None,
-        postures: Array | None = None,
+        configurations: Array | None = None,
     ) -> "Schedule":
         """Check arguments; errors name the argument."""
         d, times = objective.spec.size, as_times(time, fewest=2)
@@ -54,12 +54,12 @@ class Schedule:
             path=(positions, (3,)),
             weights=(metric, (m, m)),
             rotations=(axes, (3, 3)),
-            reference=(postures, (objective.arm.dof,)),
+            reference=(configurations, (objective.arm.dof,)),
         )
         if axes is not None:
             axes = np.array([as_rotation(axis, f"rotations[{i}]", 3) for i, axis in enumerate(axes)])
         # copies: results keep them, and later changes of the caller's arrays must not change them
-        rest = (None if array is None else array.copy() for array in (positions, metric, axes, postures))
+        rest = (None if array is None else array.copy() for array in (positions, metric, axes, configurations))
         return cls(objective, times.copy(), targets.copy(), *rest)
 
     def __len__(self) -> int:
@@ -111,7 +111,7 @@ class Schedule:
             between(self.positions, smooth),
             between(self.weights),  # splines may be indefinite
             None if self.rotations is None else Slerp(time, Rotation.from_matrix(self.rotations))(grid).as_matrix(),
-            between(self.postures),  # splines may exceed limits
+            between(self.configurations),  # splines may exceed limits
         )
 
 

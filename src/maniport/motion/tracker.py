@@ -204,11 +204,11 @@ def follow(
     times = schedules[0].time
     dt = (times[-1] - times[0]) / (len(times) - 1)
     targets = [schedule.targets() for schedule in schedules]
-    has_reference = schedules[0].postures is not None
+    has_reference = schedules[0].configurations is not None
     references = np.tile(start, (len(times), 1))
     for schedule, columns in zip(schedules, controller.columns, strict=True):
-        if schedule.postures is not None:
-            references[:, columns] = schedule.postures
+        if schedule.configurations is not None:
+            references[:, columns] = schedule.configurations
     joints, held = np.empty((len(times), len(start))), np.zeros(len(times), bool)
     joints[0], state = start, ControlState.at_rest(start)
     # On matrices this small, threads of BLAS only wait for one another

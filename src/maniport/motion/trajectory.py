@@ -83,11 +83,6 @@ class Trajectory(NotebookDisplay):
         return float(np.sqrt(np.mean(self.jerk**2))) if len(self.control_time) > 3 else 0.0
 
     @property
-    def peak_jerk(self) -> float:
-        """Largest jerk of any joint at any time; 0 for fewer than four control steps."""
-        return float(np.abs(self.jerk).max(initial=0.0)) if len(self.control_time) > 3 else 0.0
-
-    @property
     def control_states(self) -> tuple[tuple[str, Array, str], ...]:
         """Name, values (m, dof) and derivative of the unit of each quantity at the control steps."""
         return (

@@ -67,7 +67,7 @@ def learn(
         Which ellipsoids.
     lengths : {"mean", "own"}
         With "mean" all ellipsoids are made by one arm with the mean of all lengths, so that ways of using an arm are
-        compared; with "own" sizes count, too: in equal postures by 2 √3 log of the ratio of lengths, 0.33 for 10 %.
+        compared; with "own" sizes count, too: at equal joint angles by 2 √3 log of the ratio of lengths.
     damping, eigenvalue_floor : float, optional
         Regularization of ellipsoids, which are singular where an arm is stretched; see `maniport.spd.regularization`.
     components : int, optional

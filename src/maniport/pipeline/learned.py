@@ -92,11 +92,11 @@ class LearnedProfile(SavedResult):
 
     @property
     def reference(self) -> Demonstration:
-        """The demonstration that gives the times, with the learned arm in its postures."""
+        """The demonstration that gives the times, with the learned arm and its joint angles."""
         one = self.demonstrations[self.alignment.reference]
         note = (
-            f"ellipsoids and the hand's path are learned from {len(self.demonstrations)} demonstrations; the postures "
-            f"are those of {one.name}"
+            f"ellipsoids and the hand's path are learned from {len(self.demonstrations)} demonstrations; the "
+            f"configurations are those of {one.name}"
         )
         source = f"{len(self.demonstrations)} demonstrations"
         recording = replace(one.recording, source=source, notes=(*one.recording.notes, note))

@@ -73,13 +73,6 @@ class ArmResult(NotebookDisplay):
         moved = "not moved" if self.motion is None else f"d = {np.median(self.motion.distance):.2f} (median)"
         return f"{type(self).__name__}({self.name!r}, {self.robot.name!r}, {moved})"
 
-    @property
-    def placement_time(self) -> Array:
-        """Times of the robot at the waypoints that the placement was evaluated at, shape (m,) [s]."""
-        assert self.placement is not None
-        assert self.motion is not None
-        return np.asarray(self.motion.time[placement_rows(len(self.motion.time))])
-
     @cached_property
     def lowest_of_links(self) -> tuple[Lowest, ...]:
         """Lowest point of each moving link over the motion, the lowest first; empty where no shape is available."""

@@ -12,9 +12,8 @@ from maniport.evaluation.baselines import TRANSPORT
 from maniport.report.metrics import describe
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
-from maniport.spd.cloud import log_vectors
 from maniport.spd.kernels import compose, eigh
-from maniport.spd.matrix_functions import apply, congruence, from_vector, roots
+from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
 from maniport.studies.human_to_panda import study
 from maniport.transfer import METHODS
 from maniport.transfer.length_field.field import KAPPA, released
@@ -129,3 +128,8 @@ class GaussianTransport(RigidAdapter):
         """Return `transform`."""
         self._dimension()
         return self.transform
+
+
+def log_vectors(points: Array, center: Array) -> Array:
+    """Return Mandel vectors of log(C^-½ X C^-½), shape (n, d (d + 1) / 2)."""
+    return to_vector(logarithm(congruence(roots(center)[1], points)))

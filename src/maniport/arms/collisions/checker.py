@@ -253,7 +253,7 @@ def as_collisions(value: Any, arm: Arm | ArmGroup | CooperativeArm) -> Collision
     return value
 
 
-def free_postures(
+def free_configurations(
     arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
 ) -> Array:
     """Sample configurations as `maniport.arms.Arm.sample` does, of a pair, too; those that collide are replaced.

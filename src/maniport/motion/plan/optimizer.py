@@ -100,7 +100,7 @@ class Problem(Protocol[State]):
 
 
 def descend(problem: Problem[State], state: State, rel_tol: float, max_iter: int = 60) -> State:
-    """Descend until a step lowers the cost by less than its share `rel_tol`; damping as in the posture searches."""
+    """Descend until a step lowers the cost by less than its share `rel_tol`."""
     cost, slopes = problem.evaluate(state)
     damping, growth = 1e-3, 2.0
     for _ in range(max_iter):

@@ -101,9 +101,9 @@ class PlanControl:
         return as_effort(self.planning_effort)
 
 
-def require_free(posture: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
+def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
     """Require one configuration (dof,) within the limits and without collisions."""
-    q: Array = limits.arm.require_within_limits(posture, name)
+    q: Array = limits.arm.require_within_limits(configuration, name)
     if q.ndim != 1:
         raise InvalidInputError(f"{name} must be one configuration, shape ({limits.arm.dof},); found shape {q.shape}")
     if apart is not None and apart.collides(q):

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm, EllipsoidSpec
-from maniport.arms.collisions import Collisions, as_collisions, free_postures
+from maniport.arms.collisions import Collisions, as_collisions, free_configurations
 from maniport.arms.manipulability import manipulability
 from maniport.motion.arm_model import require_alike
 from maniport.motion.objective import Objective, Targets
@@ -99,7 +99,7 @@ class ReachabilityMap:
 
     @cached_property
     def _samples(self) -> Array:
-        return free_postures(self.arm, self._count, deepcopy(self._generator), collisions=self.collisions)
+        return free_configurations(self.arm, self._count, deepcopy(self._generator), collisions=self.collisions)
 
     @cached_property
     def q(self) -> Array:

@@ -46,7 +46,7 @@ def shortest_path(
 ) -> NDArray[np.intp]:
     """Choose a node for each stage with the least sum of cost and joint motion, by dynamic programming.
 
-    Changes beyond `largest` (stages, dof), those of a jump between branches of postures, are penalized.
+    Changes beyond `largest` (stages, dof), those of a jump between branches of configurations, are penalized.
     """
     gaps, weights, first = np.diff(time, prepend=time[0]), time_weights(time), nodes.first
     value, before = np.full(len(nodes.q), np.inf), np.full(len(nodes.q), -1, np.intp)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.arms.collisions import free_postures
+from maniport.arms.collisions import free_configurations
 from maniport.motion.arm_model import require_alike
 from maniport.motion.objective import Damping, Targets, as_damping
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
@@ -84,7 +84,7 @@ class SeedBank(NotebookDisplay):
         InvalidInputError
             When an argument has a wrong value.
         """
-        return cls(arm, free_postures(arm, as_count(n, "n"), random_state, collisions=collisions), damping, spec)
+        return cls(arm, free_configurations(arm, as_count(n, "n"), random_state, collisions=collisions), damping, spec)
 
     @classmethod
     def given_or_built(cls, bank: "SeedBank | None", arm: Arm, spec: EllipsoidSpec, random_state: Any) -> "SeedBank":
