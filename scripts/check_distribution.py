@@ -19,7 +19,7 @@ HOME = Path(__file__).parents[1]
 TESTED = (
     "tests/spd/test_ellipsoid.py",
     "tests/transfer/test_adapter_files.py",
-    "tests/test_start.py",
+    "tests/cli/test_start.py",
     "tests/test_project.py",
 )
 """What is run of the sdist's tests: quick ones, of its files, its commands and what the project says of itself."""
