@@ -111,7 +111,7 @@ class Line:
 HEAD = "robot", "motion", "tip", "map", "seed", "gap", "d to its own target", "d to the rigid target", "tip [mm]", "s"
 
 
-def measured_lines(
+def compare(
     motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int
 ) -> Iterator[Line]:
     """Transfer by both maps and plan with and without the path."""
@@ -180,7 +180,7 @@ def main() -> None:
             planner = Planner.of(MotionLimits.of(robot), VELOCITY, random_state=seed)
             student = mp.sample_domain(robot, STUDENT_SAMPLES, seed + 1)
             for motion in motions(options.motions):
-                for line in measured_lines(motion, name, robot, planner, student, seed):
+                for line in compare(motion, name, robot, planner, student, seed):
                     lines.append(line)
                     print(line, flush=True)
     print("", summary(lines), sep="\n")
