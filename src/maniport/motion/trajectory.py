@@ -68,6 +68,10 @@ class Trajectory(NotebookDisplay):
         parts = {name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)}
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
 
+    def at_waypoints(self, rows: NDArray[np.intp]) -> "Trajectory":
+        """Return the trajectory with some of its waypoints."""
+        return replace(self, time=self.time[rows], joint_positions=self.joint_positions[rows])
+
     @property
     def jerk(self) -> Array:
         """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""

@@ -16,7 +16,7 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
-from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
