@@ -251,10 +251,7 @@ class MeanDistance(NamedTuple):
 
 def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
     """Return the motion of a group of one arm."""
-    use = None
-    if motion.limits is not None:
-        use = motion.limits.use(motion.control_time, motion.control_positions)
-    return RobotMotion(group, motion, (motion,), motion.limits, use, motion.clearance)
+    return RobotMotion(group, motion, (motion,))
 
 
 def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:

@@ -143,7 +143,7 @@ def plan_motion(
         options["relative"] = np.stack([cost.at(problem.time) for cost in vectors], axis=1)
         options["relative_error"] = np.stack([cost.error(q, problem.time) for cost in vectors], axis=1)
     result = RobotMotion.of(
-        group, schedules, trajectory, collisions, limits.velocity, limits,
+        group, schedules, trajectory, collisions, limits.velocity,
         position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **options,
     )  # fmt: skip
     step.end()

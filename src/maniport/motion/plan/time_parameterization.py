@@ -79,7 +79,7 @@ def _at_rate(limits: MotionLimits, positions: Array, rate: float, waypoints: Arr
     ends = np.concatenate([positions[:1], positions, positions[-1:]])
     velocities, accelerations = 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0)
     time = np.arange(len(positions)) / rate
-    return Trajectory.of_positions(limits.arm, waypoints, time, positions, velocities, accelerations)
+    return Trajectory.of_positions(limits.arm, waypoints, time, positions, velocities, accelerations, limits)
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, share: float = 0.3) -> Trajectory:
