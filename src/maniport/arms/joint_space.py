@@ -65,8 +65,8 @@ class JointSpace(NotebookDisplay):
         """Whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
         return ~self._outside(self.configurations(q, "q")).any(axis=-1)
 
-    def require_within_limits(self, q: ArrayLike, name: str = "q") -> Array:
-        """Return configurations as an array if they respect the joint limits (to 1e-6 rad or m).
+    def require_within_limits(self, q: ArrayLike, name: str = "q", *, single: bool = False) -> Array:
+        """Return configurations, or a single one, as an array if they respect the joint limits (to 1e-6 rad or m).
 
         Raises
         ------
@@ -75,6 +75,8 @@ class JointSpace(NotebookDisplay):
         """
         array = self.configurations(q, name)
         outside = self._outside(array)
+        if single and array.ndim != 1:
+            raise InvalidInputError(f"{name} must be one configuration, shape ({self.dof},); found shape {array.shape}")
         if np.any(outside):
             index = tuple(int(i) for i in np.argwhere(outside)[0])
             j = index[-1]
