@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import FileFormatError, InvalidInputError, unknown_name
+from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
@@ -149,26 +149,6 @@ class Chain:
         for joint, position in zip(self.joints, positions, strict=True):
             poses.append(poses[-1] @ joint.placement @ joint.motion(position))
         return np.array(poses)
-
-    def known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
-        """Require distinct names of frames on the chain."""
-        names = check_names(frames, "frames")
-        for name in names:
-            if name not in self.frames:
-                raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
-        return names
-
-    def narrow(self, lower: ArrayLike, upper: ArrayLike) -> "Chain":
-        """Set closer limits, shape (dof,)."""
-        low, high = as_numbers(lower, "lower", len(self.lower)), as_numbers(upper, "upper", len(self.upper))
-        wrong = (low < self.lower) | (high > self.upper) | (low > high)
-        if np.any(wrong):
-            i = int(wrong.argmax())
-            raise InvalidInputError(
-                f"joint {self.coordinates[i]!r} of {self.name!r} must have limits within {self.lower[i]:g} to "
-                f"{self.upper[i]:g}; found {low[i]:g} to {high[i]:g}"
-            )
-        return replace(self, lower=low, upper=high)
 
 
 def _require_rigid(placement: Array, what: str) -> None:
