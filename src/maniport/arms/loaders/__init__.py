@@ -10,10 +10,10 @@ from pathlib import Path
 from maniport.arms.arm import Arm
 from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
-from maniport.arms.loaders.document import XACRO, parsed
+from maniport.arms.loaders.document import XACRO, RobotXML, parsed
 from maniport.arms.loaders.limbs import Limb, one_side
 from maniport.arms.loaders.mjcf import Mjcf
-from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
+from maniport.arms.loaders.model import RobotModel
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.urdf import Urdf
 from maniport.arms.restriction import restrict
@@ -36,7 +36,7 @@ def _source(path: Path) -> RobotXML:
 
 
 def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    return read_chain(_source(path), frame, joints)
+    return RobotModel(_source(path)).chain(frame, joints)
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
@@ -151,7 +151,7 @@ def read_arm(
     folders = (*mesh_folders, *file.folders)
     limb = None
     if file.side is not None:
-        limb = one_side(read_limbs(_source(file.path)), file.side, text)
+        limb = one_side(RobotModel(_source(file.path)).limbs().all(), file.side, text)
         frame = limb.tip if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
@@ -176,7 +176,7 @@ def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
     file = _robot_file(name_or_path)
     if READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
-    limbs = read_limbs(_source(file.path))
+    limbs = RobotModel(_source(file.path)).limbs().all()
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
     alone = len([limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]) == 1
