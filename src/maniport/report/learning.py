@@ -1,6 +1,5 @@
 """Report of what is learned from several demonstrations: agreement, outliers, prediction of held-out ones."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +8,10 @@ from maniport.errors import argument
 from maniport.learning.agreement import Agreement
 from maniport.learning.mixture import points_each
 from maniport.pipeline.learned import LearnedProfile
-from maniport.report.metrics import describe, in_axes, listed, notes, numbers, status_of, table_of, warnings_of
+from maniport.report.metrics import describe, in_axes
 from maniport.report.recording import RECORDING
-from maniport.report.runs import software
-from maniport.report.values import Metric, Report, Section, Summary
+from maniport.report.results import software
+from maniport.report.values import Metric, Report, Section, Summary, listed, notes, numbers, table_of, warnings_of
 
 AGREE, IN_PART = 0.2, 0.5  # Shares of the variance between demonstrations up to which they agree, and agree in part
 
@@ -32,7 +31,7 @@ def learned_report(learned: LearnedProfile) -> Report:
     )
     sections = (_profile(learned), _demonstrations(learned), _settings(learned))
     report = Report(f"A profile of {k} demonstrations", lead, sections, data_warnings=quality_warnings)
-    return replace(report, summary=_summary(learned, report.warning_keys))
+    return replace(report, summary=_summary(learned))
 
 
 def _equal(learned: LearnedProfile) -> list[str]:
@@ -50,8 +49,8 @@ def _differ(learned: LearnedProfile) -> list[str]:
     return [*([differ] if found.share > AGREE else []), *outlier]
 
 
-def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
-    """Summarize whether the demonstrations agree; `reasons` are the keys of all warnings."""
+def _summary(learned: LearnedProfile) -> Summary:
+    """Summarize whether the demonstrations agree."""
     found = learned.agreement
     how = "agree" if found.share <= AGREE else "agree in part" if found.share <= IN_PART else "do not agree"
     outlier = "" if found.outlier is None else learned.names[found.outlier]
@@ -61,7 +60,7 @@ def _summary(learned: LearnedProfile, reasons: Sequence[str]) -> Summary:
     ]
     advice = f"Leave out {outlier}, or give it a profile of its own." if outlier else _more(learned)
     title = f"The demonstrations {how}."
-    return Summary(title, " ".join(texts), advice, "", status_of(reasons), tuple(reasons), tuple(_agreement(found)))
+    return Summary(title, " ".join(texts), advice)
 
 
 def _held_out(found: Agreement) -> dict[str, float]:
@@ -89,14 +88,16 @@ def _agreement(found: Agreement) -> list[Metric]:
     metrics = [
         Metric("Dispersion", f"{found.after:.2f} after alignment, {found.before:.2f} before",
                "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long.", "spread",
-               {"before": found.before, "after": found.after}),
+               {"before": found.before, "after": found.after}, main=True),
         Metric("Variance between demonstrations", f"{100 * found.share:.0f} %", "Share of all variance.", "share",
-               found.share),
+               found.share, main=True),
     ]  # fmt: skip
     if found.held_out is not None:
         held = _held_out(found)
         text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in held.items())
-        metrics.append(Metric("Leave-one-out distance", text, "Mean over the demonstrations.", "left_out", held))
+        metrics.append(
+            Metric("Leave-one-out distance", text, "Mean over the demonstrations.", "left_out", held, main=True)
+        )
     return metrics
 
 

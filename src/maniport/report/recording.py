@@ -25,9 +25,22 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.report.metrics import describe, listed, notes, numbers, statistics, table_of, warning, warnings_of
+from maniport.report.metrics import describe
 from maniport.report.renderings import escaped
-from maniport.report.values import Metric, Report, Section, Table, at_time
+from maniport.report.values import (
+    Metric,
+    Report,
+    Section,
+    Table,
+    at_time,
+    listed,
+    notes,
+    numbers,
+    statistics,
+    table_of,
+    warning,
+    warnings_of,
+)
 from maniport.util.defaults import AUTO
 
 RECORDING, FIT = "recording", "human-model"

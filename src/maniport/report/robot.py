@@ -16,8 +16,8 @@ from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement
 from maniport.motion.motion_limits import QUANTITIES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import as_metric, describe, listed, numbers, table_of, warning
-from maniport.report.values import Metric, Report, Section, Table
+from maniport.report.metrics import describe, measure
+from maniport.report.values import Metric, Report, Section, Table, listed, numbers, table_of, warning
 
 
 @describe.register
@@ -194,7 +194,7 @@ def placement_section(placed: Placement) -> Section:
 def feasible_report(nearest: FeasibleEllipsoids) -> Report:
     """Describe the nearest feasible ellipsoids."""
     count, d = nearest.ellipsoids.shape[:2]
-    metrics = [as_metric("distance", nearest.distance)]
+    metrics = measure("distance", nearest.distance)
     if nearest.position_error is not None:
-        metrics.append(as_metric("position_error", 1e3 * nearest.position_error))
+        metrics += measure("position_error", 1e3 * nearest.position_error)
     return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))

@@ -9,8 +9,20 @@ from maniport.evaluation.baselines import IDENTITY
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
-from maniport.report.metrics import describe, listed, notes, numbers, sentence, warnings_of
-from maniport.report.values import NOTE, WARNING, Metric, Report, Section, Table
+from maniport.report.metrics import describe
+from maniport.report.values import (
+    NOTE,
+    WARNING,
+    Metric,
+    Report,
+    Section,
+    Table,
+    listed,
+    notes,
+    numbers,
+    sentence,
+    warnings_of,
+)
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import Identifiability
