@@ -107,7 +107,10 @@ def _of_trajectory(
         metrics += measure("duration", robot=robot, person=person)
     if limits is None:
         return metrics
-    used, largest = dict[str, dict[str, Any]](), limits.use(trajectory.control_time, trajectory.control_positions).largest
+    used, largest = (
+        dict[str, dict[str, Any]](),
+        limits.use(trajectory.control_time, trajectory.control_positions).largest,
+    )
     for name, (joint, share, at) in largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
     exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"

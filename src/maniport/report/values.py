@@ -199,6 +199,14 @@ class Report:
         return {metric.key: metric for metric in reversed(self.metrics)}[key]
 
 
+def info(
+    label: str, key: str, value: Any, text: str | None = None, description: str = "", unit: str = "", main: bool = False
+) -> Metric:
+    """Return a metric of a setting or a number; its text is the value by default."""
+    written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
+    return Metric(label, written, description, key, value, unit, main=main)
+
+
 def warning(key: str, text: str, severity: str = WARNING) -> Metric:
     """Return a warning with a stable key for programs."""
     return Metric("", sentence(text), key=key, severity=severity)
