@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.metrics import report_of, sentence
-from maniport.report.values import INFO, WARNING, Metric, Report, Section, Table
+from maniport.report.metrics import report_of
+from maniport.report.values import INFO, Metric, Report, Section, Table, sentence
 from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
@@ -52,13 +52,13 @@ def as_markdown(report: Report, details: bool = False) -> str:
     summary = report.summary
     if summary is not None:
         command = f" `{printable(summary.command_for())}`" if summary.command else ""
-        texts = [escaped(summary.status_text), escaped(summary.text), escaped(summary.advice) + command]
+        texts = [escaped(report.status_text), escaped(summary.text), escaped(summary.advice) + command]
         lines += [f"## {escaped(summary.title)}", "", *(line for text in texts if text for line in (text, ""))]
     if report.warnings:
         lines += ["## Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
     if summary is not None and not details:
         visible = [metric for section in report.sections if not section.folded for metric in section.metrics]
-        lines += _section(Section("Arms", tuple(metric for metric in summary.metrics if metric not in visible)))
+        lines += _section(Section("Arms", tuple(metric for metric in report.main_metrics if metric not in visible)))
     for section in report.sections:
         lines += _section(section) if details or not section.folded else []
     if summary is not None and not details:
@@ -80,13 +80,14 @@ def as_numbers(report: Report) -> dict[str, Any]:
     suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
     result: dict[str, Any] = {"title": report.title}
     if (summary := report.summary) is not None:
-        texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command", "reasons")}
-        result |= {"status": summary.status or None, "summary": texts}
+        texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command")}
+        reasons = report.warning_keys if report.status else ()
+        result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
     result["notes"] = list(report.notes)
     for section in report.sections:
         metrics = [metric for metric in section.metrics
-                   if metric.key and (metric.severity != WARNING or metric.value is not None)]  # fmt: skip
+                   if metric.key and (not metric.is_warning or metric.value is not None)]  # fmt: skip
         entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in metrics}
         entries |= {table.key: table.value for table in section.tables if table.key}
         if entries and section.key:
@@ -101,10 +102,10 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
     summary = report.summary
     assert summary is not None
     if table_only:
-        return "\n".join(_columns(summary.metrics))
-    paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
+        return "\n".join(_columns(report.main_metrics))
+    paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", report.status_text]
     lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
-    lines += _columns(summary.metrics)
+    lines += _columns(report.main_metrics)
     lines += textwrap.wrap(printable(summary.text), width)
     for text in report.warnings[:most_warnings]:
         lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ", max_lines=2, placeholder=" …")
@@ -130,7 +131,7 @@ def _columns(metrics: Sequence[Metric]) -> list[str]:
     for metric in metrics:
         text = f"  {metric.text}"
         if metric.is_statistics:
-            text = "".join(f"{cell:>9}" for cell in metric.cells()) + f"  ({metric.where.removeprefix('at ')})"
+            text = "".join(f"{cell:>9}" for cell in metric.cells) + f"  ({metric.where.removeprefix('at ')})"
         lines.append(f"  {metric.heading:<{wide}}{text}")
     return lines
 
@@ -173,12 +174,12 @@ def as_html(thing: Any) -> str:
 
 
 def _section(section: Section) -> list[str]:
-    metrics = [metric for metric in section.metrics if metric.text and metric.severity != WARNING]
+    metrics = [metric for metric in section.metrics if metric.text and not metric.is_warning]
     if not (metrics or section.tables or section.text):
         return []
     lines = [f"## {escaped(section.title)}", ""] if section.title else []
     lines += [line for text in section.text.split("\n") if text for line in (printable(text), "")]
-    rows = [(metric.heading, *metric.cells(), metric.where) for metric in metrics if metric.is_statistics]
+    rows = [(metric.heading, *metric.cells, metric.where) for metric in metrics if metric.is_statistics]
     if rows:
         lines += [*_table(Table(("", "median", "95th percentile", "max", "max at"), tuple(rows))), ""]
     texts = [_line(metric) for metric in metrics if not metric.is_statistics]

@@ -98,15 +98,15 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
             data.append(f'<script type="application/json" id="{name}">{encoded}</script>')
         metrics = [metric for metric in section.metrics if metric.text and metric.severity == INFO]
         if report.summary is not None:
-            metrics = [metric for metric in metrics if metric not in report.summary.metrics or metric.key not in CARDS]
+            metrics = [metric for metric in metrics if not (metric.main and metric.key in CARDS)]
         places.append({
             "id": f"section-{k}", "section": section, "motions": motions,
             "images": [image for image in content if isinstance(image, Image)],
-            "statistics": [(one.heading, *one.cells(), one.where) for one in metrics if one.is_statistics],
+            "statistics": [(one.heading, *one.cells, one.where) for one in metrics if one.is_statistics],
             "metrics": [metric for metric in metrics if not metric.is_statistics],
         })  # fmt: skip
     folded = next((place["id"] for place in places if place["section"].folded), "")
-    cards = _cards(() if report.summary is None else report.summary.metrics)
+    cards = _cards(report.main_metrics)
     template = templates().get_template("report.html")
     body = template.render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
                            summary_cards=cards)  # fmt: skip
@@ -121,7 +121,7 @@ def _cards(metrics: Sequence[Metric]) -> list[tuple[str, list[tuple[str, str]]]]
         if metric.is_statistics:
             unit = f" {metric.unit}".replace(" °", "°").rstrip()
             notes = "median", "95th percentile", f"max {metric.where}"
-            cards.append((metric.label, [(c + unit, note) for c, note in zip(metric.cells(), notes, strict=True)]))
+            cards.append((metric.label, [(c + unit, note) for c, note in zip(metric.cells, notes, strict=True)]))
     others = [metric for metric in metrics if metric.key in CARDS and not metric.is_statistics]
     lines = [("", f"{metric.label}: {metric.text}") for metric in others]
     return [*cards, *([("Limits and collisions", lines)] if lines else [])]
