@@ -147,11 +147,6 @@ class ReachabilityMap:
         return self._count
 
     @cached_property
-    def spacing(self) -> float:
-        """Median distance from a sample to the next, however the arm is turned [m]."""
-        return float(np.median(self._tree.query(self._tree.data[:1000], k=[2])[0]))
-
-    @cached_property
     def reach(self) -> Array:
         """Positions of the end effector at the samples, the first joint as sampled, shape (n, 3) [m]."""
         return self._turned_tips(np.arange(len(self.q)), self._samples[:, 0] - self.q[:, 0])
@@ -163,12 +158,6 @@ class ReachabilityMap:
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
         return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
-
-    def offsets(self, positions: Array) -> Array:
-        """From positions (n, 3) to the nearest sample, turned there whatever the limits of the first joint [m]."""
-        coordinates, angles = self.coordinates(positions)
-        rows = self._tree.query(coordinates)[1]
-        return self._turned_tips(rows, angles - self._angles[rows]) - positions
 
     def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
         """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
