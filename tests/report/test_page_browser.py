@@ -8,8 +8,7 @@ from pages import map_with, written
 
 from maniport.report import report_of
 from maniport.report.page import Animation, Body, Line, Panel, Stage, write_page
-from maniport.report.page.animation import animation_of
-from maniport.report.page.panels import semi_axis_panels
+from maniport.report.page.animation import animation_of, semi_axis_panels
 
 
 @pytest.fixture(scope="module")
