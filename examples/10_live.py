@@ -35,19 +35,19 @@ def calibrated(recording, robot, clock):
 
 
 def played(live, recording, fast, page):
-    """The moments of a recording that is played, and how long each took [s]."""
+    """The states of the robot while a recording is played, and how long each took [s]."""
     frames = recording.select(live.points).positions.copy()
     frames[(recording.time >= HIDDEN[0]) & (recording.time < HIDDEN[1])] = np.nan
-    moments, took, began = [], [], clock.perf_counter() - recording.time[0]
+    states, took, began = [], [], clock.perf_counter() - recording.time[0]
     for points, t in zip(frames, recording.time, strict=True):
         if not fast:
             clock.sleep(max(0.0, began + t - clock.perf_counter()))
         before = clock.perf_counter()
-        moments.append(live.step(points, t))
+        states.append(live.step(points, t))
         took.append(clock.perf_counter() - before)
         if page is not None:
-            page.show(moments[-1])
-    return moments, took
+            page.show(states[-1])
+    return states, took
 
 
 def main(folder, *options):
@@ -62,15 +62,16 @@ def main(folder, *options):
 
         page = Onlooker(person.arm, robot)
         input(f"open {page.url} and press Enter")
-    moments, took = played(live, recording, "--fast" in options, page)
-    for state, some in groupby(moments, key=lambda moment: moment.state):
-        times, d = zip(*((moment.time, moment.distance) for moment in some), strict=True)
-        print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
-    lag = 1e3 * np.quantile([moment.tip_error for moment in moments if moment.tip_error is not None], [0.5, 0.95, 1.0])
+    states, took = played(live, recording, "--fast" in options, page)
+    for name, some in groupby(states, key=lambda state: state.state):
+        times, d = zip(*((state.time, state.distance) for state in some), strict=True)
+        print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {name:10} d {np.median(d):.2f} (median)")
+    errors = [state.position_error for state in states if state.position_error is not None]
+    lag = 1e3 * np.quantile(errors, [0.5, 0.95, 1.0])
     print("lag of the end effector, median, 95 % and max: {:.0f}, {:.0f}, {:.0f} mm".format(*lag))
     print(f"computing time of a step: {1e3 * np.median(took):.1f} ms (median)")
     names = "time", "joint_positions", "state", "distance"
-    np.savez(folder / "live.npz", **{name: [getattr(moment, name) for moment in moments] for name in names})
+    np.savez(folder / "live.npz", **{name: [getattr(state, name) for state in states] for name in names})
     print(f"joints in {folder / 'live.npz'}")
 
 
