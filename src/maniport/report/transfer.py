@@ -1,7 +1,6 @@
 """Metrics of a fitted adapter, of what the domains determine, and of the comparison with baselines."""
 
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
@@ -147,22 +146,13 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
     metrics = [
         _comparison(summary) if choice is None else _selection(choice),
         *_weaknesses(summary),
-        *numbers(summary=summary.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *numbers(summary=asdict(summary), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
         *warnings_of("evaluation", [f"{first.name}: {text}" for text in first.warnings]),
         *notes(others),
     ]
     measured = tuple(row for row in cells if set(row[1:]) != {"–"})
-    table = Table(("", *columns), measured, caption, "rows",
-                  {row.name: _values(row) for row in rows})  # fmt: skip
+    table = Table(("", *columns), measured, caption, "rows", {row.name: asdict(row) for row in rows})
     return Section("Comparison with baselines", tuple(metrics), (table,), "evaluation")
-
-
-def _values(row: Row) -> dict[str, Any]:
-    """Return the measures of a row."""
-    values = {key: value for key, value in asdict(row).items() if key != "name"}
-    if row.smoothness is not None:
-        values["smoothness"] |= {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
-    return values
 
 
 def _selection(choice: Choice) -> Metric:
