@@ -109,7 +109,7 @@ def test_transfer_writes_a_folder(run, tmp_path):
 
 
 def test_track_and_place(run, profile, tmp_path):
-    """`place` ranks placements in the workspace above the table and writes one; `track` writes joints.csv; run.yaml repeats both."""
+    """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
     options = ("--planning-effort", "quick", "--json")
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
     code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", *options)

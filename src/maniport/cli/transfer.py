@@ -50,12 +50,11 @@ def transfer(
 def transfer_to_folder(config: Config, console: Console, output: Path, overwrite: bool) -> None:
     """Transfer the recording of a configuration, write the results and print them."""
     from maniport.pipeline import transfer_recording
-    from maniport.report.write import RUN_FILES, export_files, require_free_for_both, write_results
-    from maniport.util.atomic_io import require_free
+    from maniport.report.write import export_files, require_free_results, write_results
 
     both = config.human.side == BOTH
     with console.progress() as progress:
-        require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
+        require_free_results(output, ("left", "right") if both else (), overwrite)
         export_files(config.motion.export)  # raises where a package is missing
         recording = config.human.read(config.recording[0])
         arm = config.robot.load(both)

@@ -32,7 +32,6 @@ from maniport.motion import (
     track,
 )  # fmt: skip
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.effort import as_effort
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
@@ -50,8 +49,7 @@ def load(recording: Recording | str | Path, settings: Settings) -> Recording:
     settings.progress("Read recording", 0.0)
     motion = settings.config.human.read(recording)
     _require_frames(motion, len(motion), "frames")
-    text = f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz"
-    settings.progress("Read recording", 1.0, text)
+    settings.progress("Read recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
     return motion
 
 
@@ -157,9 +155,9 @@ def place(
     planner: Planner,
     settings: Settings,
     generator: np.random.Generator,
-    whole: bool = False,
+    rank: int = 1,
 ) -> tuple[Placement, ...]:
-    """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
+    """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
     assert targets.paths is not None
     assert settings.control is not None
     rows, arms = targets.placement_rows(), planner.arms
@@ -168,12 +166,12 @@ def place(
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms],
         time=targets.time[rows],
-        whole=targets.paths if whole else None,
         turn=targets.turn,
         workspace=settings.control.workspace,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
         planning_effort=settings.control.planning_effort,
+        rank=rank,
         spec=targets.spec,
         damping=targets.damping,
         random_state=generator,
@@ -228,14 +226,12 @@ def follow(
 def place_and_plan(
     targets: MotionTargets, planner: Planner, settings: Settings, generator: np.random.Generator
 ) -> Moved:
-    """Place the paths and plan a motion; where that collides, again with a placement that reaches all waypoints."""
+    """Place the paths and plan a motion; where that collides, again with the second best placement."""
     placements = place(targets, planner, settings, generator)
     moved = plan(targets, placements, planner, settings, generator)
-    if moved.motion.clearance.share == 0.0:
+    if moved.motion.clearance.share == 0.0 or len(placements[0].candidates) < 2:
         return moved
-    others = place(targets, planner, settings, generator, whole=True)
-    if all(np.array_equal(own.path, other.path) for own, other in zip(placements, others, strict=True)):
-        return moved
+    others = place(targets, planner, settings, generator, rank=2)
     again = plan(targets, others, planner, settings, generator)
     return min(moved, again, key=lambda result: result.motion.clearance.share)
 
@@ -243,11 +239,11 @@ def place_and_plan(
 def measure(moved: Moved, planner: Planner, settings: Settings) -> list[dict[str, Any]]:
     """Measure the feasibility gap of the targets of each arm; return what an `ArmResult` has of its motion."""
     assert settings.control is not None
-    effort, results = as_effort(settings.control.planning_effort).of_gap, []
+    effort, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
         gap = feasibility_gap(
             own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, **effort,
+            progress=settings.progress, n_points=effort.gap_points, n_starts=effort.gap_starts,
         )  # fmt: skip
         placement = None if moved.placements is None else moved.placements[i]
         free = None if moved.free is None else moved.free.arms[i]
