@@ -46,8 +46,8 @@ html_sidebars = {
         "sidebar/brand.html",
         "sidebar/search.html",
         "sidebar/scroll-start.html",
-        "sidebar/navigation.html",
         "sidebar/example_report.html",
+        "sidebar/navigation.html",
         "sidebar/scroll-end.html",
     ]
 }
