@@ -12,11 +12,18 @@ import maniport as mp
 from maniport.arms.chain import pose
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import Objective, Planner, ReachabilityMap, SeedBank, plan_motion
+from maniport.motion import (
+    MotionProblem,
+    Objective,
+    Planner,
+    ReachabilityMap,
+    RelativePositionCost,
+    SeedBank,
+    plan_motion,
+)
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.arm_planner import ArmPlanner
-from maniport.motion.problem import MotionProblem, RelativePositionCost
 
 TIME = np.linspace(0.0, 3.0, 10)
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])

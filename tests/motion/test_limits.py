@@ -7,6 +7,7 @@ from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState, track
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import Linearization
 
 
@@ -53,20 +54,12 @@ def _clearance(collisions, q):
 
 def _moved(arm, limit, start, goal, acceleration=10.0):
     """Configurations on the motion from one configuration towards another."""
-
-    class Posture:
-        def residual(self, q, time):
-            return q - goal
-
-        def jacobian(self, q, time):
-            return np.eye(7)[None]
-
     braking = BrakingLimit(arm.lower, arm.upper, 0.5 * arm.velocity_limits, np.full(7, acceleration))
-    controller = Controller(arm, braking, limit, costs=[Posture()])
+    controller = Controller(arm, braking, limit, costs=[PostureCost(goal, 1.0)])
     state, path = ControlState.at_rest(start), []
     no_targets = _NoTargets()
     for _ in range(150):
-        problem = ControlProblem((no_targets,), (None,), start, 1e-3)
+        problem = ControlProblem((no_targets,), (None,), PostureCost(start, 1e-3))
         state = controller.step(problem, state, 0.02)
         path.append(state.q)
     return np.array(path)
@@ -76,7 +69,7 @@ class _NoTargets:
     """Targets of an arm without a cost."""
 
     def linearize(self, q):
-        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), None)
+        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None])
 
 
 def test_configurations_that_collide_are_not_reached(arm, collisions):

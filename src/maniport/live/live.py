@@ -19,8 +19,8 @@ from maniport.live.robot import Robot, best_start
 from maniport.live.state import HOLDING, FollowState, Moment
 from maniport.mocap import ArmFit
 from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanControl
+from maniport.motion.costs.cost import as_costs
 from maniport.motion.plan.plan_control import require_free
-from maniport.motion.problem import as_costs
 from maniport.pipeline import TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING

@@ -11,9 +11,10 @@ from maniport.arms.manipulability import manipulability
 from maniport.motion import MotionLimits, Objective, SeedBank
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
-from maniport.motion.problem import Cost
 from maniport.motion.search.descent import descend
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.validation import Array
@@ -104,8 +105,7 @@ class Robot:
         problem = ControlProblem(
             (self._objective.targets(ellipsoid[None], position),),
             (before,),
-            self._reference,
-            1e-2 if self._references is None else REFERENCE_WEIGHT,
+            PostureCost(self._reference, 1e-2 if self._references is None else REFERENCE_WEIGHT),
             time,
         )
         self._set(self._controller.step(problem, self._state, dt, speed_share))

@@ -13,7 +13,8 @@ from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.joint_space import JointSpace
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.objective import Damping, Objective, Targets, axis_weights
+from maniport.motion.costs.orientation import axis_weights
+from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times

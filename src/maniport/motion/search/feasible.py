@@ -297,6 +297,6 @@ class FeasibleSearch:
             raise InvalidInputError(f"the arm {self._objective.arm.name!r} is singular at all starts for some points")
         self.joint_positions = q
         arm = self._objective.arm
-        changes = targets.log_changes(q)
+        changes = targets.ellipsoid_cost.log_changes(q)
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
         return self._objective.damped(arm.ellipsoids(q, self._objective.spec)), changes
