@@ -146,7 +146,8 @@ def track(
         bank.require_fits(group.arms[0], spec)
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    schedules = schedules_of(arm, time, spec, damping, settings.position_cost, settings, arrays, near)
+    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    schedules = schedules_of(arm, time, spec, damping, settings.position_cost, axes, arrays, near)
     begin = near[0] if start is None and near is not None else start
     if begin is not None:
         begin = np.clip(group.require_within_limits(begin, "start", single=True), group.lower, group.upper)

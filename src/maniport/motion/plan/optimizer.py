@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
+from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
 from maniport.motion.costs.smoothness import Differences, SmoothnessCost
-from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits, PathCost
+from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
@@ -103,7 +104,7 @@ def descend(problem: Any, state: Any, rel_tol: float, max_iter: int = 60) -> Any
 class TrajectoryCost:
     """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
 
-    def __init__(self, arm: JointLimits, waypoints: Any, time: Array, terms: TrajectoryTerms):
+    def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
         n = len(time)
