@@ -76,11 +76,6 @@ class Solids:
         rows, columns = np.nonzero(mask)
         return self.tree.distance_slopes(q[rows], points, normals, self._links[pairs[columns]])
 
-    def at_rest(self, first: int, second: int) -> float:
-        """Signed distance of two hulls that are fixed to the base [m]."""
-        pair, zero = np.array([[first, second]]), np.zeros((1, self.tree.coupling.shape[1]))
-        return float(self.distances(zero, pair, np.ones((1, 1), dtype=bool))[0][0])
-
 
 @kernel
 def _fill_distance_bounds(  # type: ignore[no-untyped-def]
