@@ -93,9 +93,8 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
     assert (group.dof, group.shared) == (13, ("turn", "rise", "right_1"))
     np.testing.assert_array_equal(group.common, [[6, 2, 2], [2, 6, 3], [2, 3, 6]])
     q = group.sample(4, 0)
-    tree = group.kinematics
-    rotations, origins = tree.link_poses(tree.positions(q))
-    for arm, part, links in zip(group.arms, group.split(q), tree.links, strict=True):
+    rotations, origins = group.kinematics.link_poses(q)
+    for arm, part, links in zip(group.arms, group.split(q), group.kinematics.links, strict=True):
         expected = arm.link_poses(part)
         np.testing.assert_allclose(rotations[:, links], expected[..., :3, :3], atol=1e-12)
         np.testing.assert_allclose(origins[:, links], expected[..., :3, 3], atol=1e-12)

@@ -203,7 +203,7 @@ class Manipulable(JointSpace):
         """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of each chain."""
         array = self.configurations(q)
         flat, shape = array.reshape(-1, self.dof), array.shape[:-1]
-        motions = [chain.motion(chain.positions(flat), with_jacobians) for _, chain in self._parts]
+        motions = [chain.motion(flat, with_jacobians) for _, chain in self._parts]
         poses = self._pose([poses for poses, _ in motions])
         coupled = [
             chain.coupled(own) if factor == 1.0 else factor * chain.coupled(own)

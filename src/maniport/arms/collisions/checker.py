@@ -111,15 +111,13 @@ class Collisions(NotebookDisplay):
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
         surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
-        group = as_group(arm)
         why = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
         try:
-            chosen = select_pairs(group, boxes, height, disabled, distance)
+            chosen = select_pairs(as_group(arm), boxes, height, disabled, distance)
         except FileFormatError as error:
             chosen, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
-        if chosen is None:
-            return cls(arm, Solids(group.kinematics, [], -np.inf), NO_PAIRS, distance, why, surroundings)
-        return cls(arm, *chosen, distance, "", surroundings)
+        nothing = Solids(as_group(arm).kinematics, [], -np.inf), NO_PAIRS
+        return cls(arm, *(chosen or nothing), distance, "" if chosen else why, surroundings)
 
     def __repr__(self) -> str:
         text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
@@ -135,9 +133,8 @@ class Collisions(NotebookDisplay):
     @cached_property
     def of_arms(self) -> tuple["Collisions", ...]:
         """Collisions of each arm of a group with itself and its surroundings, as `of` chooses them."""
-        if not isinstance(self.arm, ArmGroup):
-            return (self,)
-        return tuple(Collisions.of(arm, **self._surroundings) for arm in self.arm.arms)
+        arms = self.arm.arms if isinstance(self.arm, ArmGroup) else ()
+        return tuple(Collisions.of(arm, **self._surroundings) for arm in arms) or (self,)
 
     @property
     def unchecked(self) -> tuple[str, ...]:
@@ -167,7 +164,7 @@ class Collisions(NotebookDisplay):
         flat, shape = self._flat(q)
         limit = self.padding * self._selected.share
         hit = np.zeros(len(flat), dtype=np.bool_)
-        for part in _parts(len(flat)):
+        for part in _blocks(len(flat)):
             near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal decides about these
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each configuration at a time, since one suffices
@@ -190,7 +187,7 @@ class Collisions(NotebookDisplay):
         """Compute the clearance and the names of the closest pair; empty if nothing is checked."""
         flat, shape = self._flat(q)
         least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
-        for part in _parts(len(flat)) if len(self._pairs) else ():
+        for part in _blocks(len(flat)) if len(self._pairs) else ():
             left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
             while len(left):
                 near = self._solids.maybe_near(flat[left], self._pairs, reach)
@@ -230,7 +227,7 @@ class Collisions(NotebookDisplay):
         return array.reshape(-1, self.arm.dof), array.shape[:-1]
 
 
-def _parts(count: int, most: int = 8192) -> Iterator[slice]:
+def _blocks(count: int, most: int = 8192) -> Iterator[slice]:
     """Slices of at most so many configurations, to bound the memory."""
     return (slice(first, min(first + most, count)) for first in range(0, count, most))
 

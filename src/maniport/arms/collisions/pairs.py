@@ -160,7 +160,7 @@ def _touching(tree: Kinematics, q: Array, *bodies: tuple[Part, int]) -> NDArray[
     """Whether the meshes of two parts on links touch at configurations (n, dof), shape (n,)."""
     request, result = coal.CollisionRequest(), coal.CollisionResult()
     (mesh_a, mesh_b), touching = (_mesh_solid(part) for part, _ in bodies), np.zeros(len(q), dtype=np.bool_)
-    for row, (turns, origins) in enumerate(zip(*tree.link_poses(tree.positions(q)), strict=True)):
+    for row, (turns, origins) in enumerate(zip(*tree.link_poses(q), strict=True)):
         a, b = (coal.Transform3s(turns[link], origins[link]) for _, link in bodies)
         result.clear()
         touching[row] = coal.collide(mesh_a, a, mesh_b, b, request, result) > 0
