@@ -66,10 +66,12 @@ class JointSpace(NotebookDisplay):
         """Return whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
         return ~self._outside(self.configurations(q)).any(axis=-1)
 
-    def require_within_limits(self, q: ArrayLike, name: str = "q") -> Array:
-        """Return configurations as an array; an error names the first joint outside its limits (to 1e-6 rad or m)."""
+    def require_within_limits(self, q: ArrayLike, name: str = "q", *, single: bool = False) -> Array:
+        """Return configurations, or a single one, as an array; an error names the first joint outside its limits."""
         array = self.configurations(q, name)
         outside = self._outside(array)
+        if single and array.ndim != 1:
+            raise InvalidInputError(f"{name} must be one configuration, shape ({self.dof},); found shape {array.shape}")
         if np.any(outside):
             index = tuple(np.argwhere(outside)[0].tolist())
             j = index[-1]
