@@ -1,47 +1,18 @@
 """Collisions of a pair: each arm with itself, both with one another, what they share once."""
 
-from dataclasses import replace
-
 import coal
 import numpy as np
 import pytest
 
 import maniport as mp
-from maniport.arms.chain import Frame, Joint, Shape, pose
-from maniport.arms.meshes import box
 from maniport.errors import InvalidInputError
 
 
-def limb(side):
-    """One arm with four joints and a box on each, on a trunk that turns and rises and stands on a base."""
-    sign = 1.0 if side == "left" else -1.0
-    axes, places = np.eye(3)[[2, 2, 2, 1, 2, 1]], [(0, 0, 0.2), (0, 0, 0.3), (0.05, sign * 0.2, 0.1)]
-    places += [(0, sign * 0.1, 0), (0.25, 0, 0), (0.2, 0, 0.0)]
-    names = ["turn", "rise", *(f"{side}_{i}" for i in range(1, 5))]
-    joints = [
-        Joint(name, "prismatic" if name == "rise" else "revolute", axis, pose(place))
-        for name, axis, place in zip(names, axes, places, strict=True)
-    ]
-    frames = {"base": Frame(0, np.eye(4)), "trunk": Frame(2, np.eye(4))}
-    frames |= {f"{side}_link{i}": Frame(2 + i, np.eye(4)) for i in range(1, 5)}
-    sizes = {"base": (0.3, 0.3, 0.1), "trunk": (0.15, 0.2, 0.3)}
-
-    def shapes(links):
-        return [Shape(link, box(np.array(sizes.get(link, (0.15, 0.06, 0.06))))) for link in links]
-
-    chain = mp.Arm.from_dh("crane", np.zeros((6, 4)), -2.0, 2.0).chain
-    return mp.Arm(replace(
-        chain, joints=tuple(joints), frames=frames, frame=f"{side}_link4", coordinates=tuple(names), shapes=shapes,
-        lower=np.array([-2.0, 0.0, -2, -2, -2, -2]), upper=np.array([2.0, 0.3, 2, 2, 2, 2]),
-    ))  # fmt: skip
-
-
 @pytest.fixture(scope="module", params=["crane", "pandas"])
-def pair(request):
+def pair(request, crane):
     """One robot with a trunk, or two robots; and what they collide with."""
-    if request.param == "crane":
-        arms = mp.ArmGroup(limb("left"), limb("right"), names=("left", "right"))
-    else:
+    arms = crane
+    if request.param == "pandas":
         arms = mp.load_arms("panda", ("panda_link8", "panda_link8"), bases=((0, 0.25, 0), (0.1, -0.25, 0, 0.4)))
     return arms, mp.Collisions.of(arms)
 
