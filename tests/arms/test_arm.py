@@ -49,6 +49,12 @@ def test_wrong_configurations_are_refused(panda, q, message):
             method(q)
 
 
+def test_unknown_points_are_named():
+    """A misspelt frame is answered with the frames of the arm."""
+    with pytest.raises(InvalidInputError, match=r"unknown frame 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
+        load_arm("myoarm").point_positions(np.zeros(7), ["shoulder", "ellbow"])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
