@@ -113,6 +113,7 @@ def fit_arms(
     fill: float = LONGEST_GAP,
     progress: Progress | None = None,
     *,
+    side: str = BOTH,
     height: float | None = None,
     smooth: str | float = AUTO,
     jumps: str = KEEP,
@@ -127,7 +128,9 @@ def fit_arms(
         The person's trunk and both arms.
     markers : mapping, optional
         Points of roles for each arm, ``{"left": {...}, "right": {...}}``, as in `fit_arm`; those of the trunk are taken
-        from the right arm.
+        from the right arm. For one arm as in `fit_arm`.
+    side : {"both", "auto", "right", "left"}
+        Both arms, or one as in `fit_arm`.
     person, fill, progress, height, smooth, jumps : optional
         As in `fit_arm`; so are the other errors and the warnings.
 
@@ -136,6 +139,9 @@ def fit_arms(
     RecordingError
         When one of the arms is not recorded, or never all of them at once.
     """
+    if side != BOTH:
+        fit = fit_arm(recording, person, markers, fill, progress, side=side, height=height, smooth=smooth, jumps=jumps)
+        return HumanMotion((fit,), np.zeros((1, 3)))
     height, cutoff = require_person(person, AUTO, height, smooth, jumps)
     fill = as_number(fill, "fill [s]", minimum=0.0)
     own = markers_by_side(recording, markers)

@@ -115,9 +115,11 @@ def _demonstrations(learned: LearnedProfile) -> Section:
     """List the demonstrations."""
     found, held = learned.agreement, learned.agreement.held_out
     values = [
-        {"name": one.name, "start_s": float(one.fit.time[0]), "stop_s": float(one.fit.time[-1]),
-         "frames": len(one.fit), "side": one.fit.arm.side, "from_others": float(found.alone[i]),
-         "left_out": None if held is None else float(held.learned[i]), "segment_lengths_m": one.fit.segment_lengths}
+        {"name": one.name, "start_s": float(one.motion.time[0]), "stop_s": float(one.motion.time[-1]),
+         "frames": len(one.motion), "side": listed(one.motion.names), "from_others": float(found.alone[i]),
+         "left_out": None if held is None else float(held.learned[i]),
+         "segment_lengths_m": {side: fit.segment_lengths
+                               for side, fit in zip(one.motion.names, one.motion.arms, strict=True)}}
         for i, one in enumerate(learned.demonstrations)
     ]  # fmt: skip
     columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
@@ -139,10 +141,11 @@ def _demonstrations(learned: LearnedProfile) -> Section:
 
 def _preparation(learned: LearnedProfile) -> list[str]:
     """Report what made the demonstrations comparable: mirroring and segment lengths."""
-    side = learned.arm.side
-    mirrored = [one.name for one in learned.demonstrations if one.fit.arm.side != side]
-    arm = "one arm of mean lengths" if learned.lengths == "mean" else "arms that differ in size"
-    mirrors = [f"mirrored to the {side} arm: {listed(mirrored)}"] if mirrored else []
+    sides = tuple(str(arm.side) for arm in learned.arms)
+    mirrored = [one.name for one in learned.demonstrations if one.motion.names != sides]
+    arm = f"{len(sides)} arms of mean lengths" if len(sides) > 1 else "one arm of mean lengths"
+    arm = arm if learned.lengths == "mean" else "arms that differ in size"
+    mirrors = [f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []
     return [*mirrors, f"all ellipsoids are those of {arm}"]
 
 
@@ -153,7 +156,8 @@ def _settings(learned: LearnedProfile) -> Section:
                {"kind": spec.kind, "part": spec.part}),
         Metric("Damping", f"{damping:.3g}" if damping else str(learned.regularization),
                "Added to all eigenvalues before ellipsoids are compared.", "damping", damping),
-        Metric("Arm", f"{learned.arm.name}, {learned.arm.side}", key="arm", value=learned.arm.name),
+        Metric("Arm", listed(f"{arm.name}, {arm.side}" for arm in learned.arms), key="arm",
+               value=listed(arm.name for arm in learned.arms)),
         *software(learned.random_state),
     )  # fmt: skip
     return Section("Settings", metrics, key="run", folded=True)
