@@ -19,8 +19,13 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
-from maniport.motion.search.projector import FeasibleProjector, FeasibleSearch
+from maniport.motion.search.feasible import (
+    FeasibleEllipsoids,
+    FeasibleProjector,
+    FeasibleSearch,
+    feasibility_gap,
+    nearest_feasible,
+)
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
-from maniport.report.metrics import describe, warning
-from maniport.report.runs import software
-from maniport.report.values import Metric, Report, Section, Table
+from maniport.report.metrics import describe
+from maniport.report.results import software
+from maniport.report.values import Metric, Report, Section, Table, warning
 from maniport.studies.methods import Comparison, in_short
 from maniport.studies.paper.outcome import Experiment
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
