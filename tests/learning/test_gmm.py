@@ -88,16 +88,16 @@ def test_likelihood_rises_in_em(demonstrate):
     assert model.score(inputs, points) == pytest.approx(model.log_likelihood_, abs=1e-9)
 
 
-@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("count", [1, 4])
 def test_bic_finds_the_number_of_separate_components(count, scatter):
     """BIC chooses the true number of well separated Gaussians."""
     rng = np.random.default_rng(count)
     centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
     which = np.arange(160) % count
     points = scatter(centers[which], 0.1 * rng.standard_normal((160, 6)))
-    model = ProfileGMM(max_components=4, random_state=0, n_init=2).fit(which + 0.1 * rng.standard_normal(160), points)
+    model = ProfileGMM(random_state=0, n_init=2).fit(which + 0.1 * rng.standard_normal(160), points)
     assert model.n_components_ == count
-    assert model.bic_curve_.argmin() == count - 1
+    assert len(model.bic_curve_) == (2 if count == 1 else 4)
     assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)
 
 

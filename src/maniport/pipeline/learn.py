@@ -14,9 +14,8 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
-from maniport.learning import Alignment, ProfileGMM, align
+from maniport.learning import ProfileGMM, align
 from maniport.learning.agreement import agreement
-from maniport.learning.mixture import points_each
 from maniport.mocap import HumanMotion, Recording, fit_arms, read_recording
 from maniport.mocap.arm_ik import require_person
 from maniport.mocap.directions import SEGMENTS
@@ -29,6 +28,7 @@ from maniport.util.validation import as_choice, as_count, as_numbers
 
 MIN_FRAMES = 10  # Fewest frames of a demonstration
 RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
+MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
 CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
 Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
@@ -90,7 +90,7 @@ def learn(
     as_choice(lengths, "lengths", ("mean", "own"))
     regularization = Regularization(damping, eigenvalue_floor)
     seed = as_count(random_state, "random_state", minimum=0)
-    count = None if components is None else as_count(components, "components")
+    components = None if components is None else as_count(components, "components")
     options = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
     demonstrations = _demonstrations(recordings, _intervals(recordings, segments), options, progress)
     motions = [demonstration.motion for demonstration in demonstrations]
@@ -111,7 +111,8 @@ def learn(
     regularization = regularization.fitted(np.concatenate(ellipsoids))
     profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    model = _fitted(count, alignment, seed, progress)
+    mixture = ProfileGMM(components, MAX_COMPONENTS, random_state=seed)
+    model = mixture.fit(*alignment.stacked(), progress=progress)
     time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
     warped = alignment.warp(hands)
@@ -210,19 +211,3 @@ def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
         means = {name: float(np.mean(lengths)) for name, lengths in recorded.items() if lengths}
         arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
     return arms
-
-
-def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
-    """Fit a mixture of so many Gaussians, by default of the number with the least BIC."""
-    step, data = Step(progress, "Learn profile"), alignment.stacked()
-    most = max(len(data[1]) // points_each(data[1].shape[-1]), 1)
-    counts = [number for number in (1, 2, 4, 8, 16, 32) if number <= most] if count is None else [count]
-    best: ProfileGMM | None = None
-    for number in counted(counts, len(counts), step):
-        model = ProfileGMM(number, random_state=seed).fit(*data)
-        if best is not None and model.bic_curve_[0] >= best.bic_curve_[0]:
-            break
-        best = model
-    assert best is not None
-    step.end(f"{best.n_components_} Gaussians")
-    return best
