@@ -66,7 +66,8 @@ def make_state(arms, bank, make_maps, all_maps, place):
         if recorded:
             path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
             playback = Playback(np.linspace(3.0, 5.0, 5), path)
-        side = Side(*arms, maps or make_maps(all_maps), bank, place)
+        side = Side(*arms, maps or make_maps(all_maps), bank)
+        side.place = place
         made.append(ViewState(arms[1], [side], playback))
         return made[-1]
 

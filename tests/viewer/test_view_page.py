@@ -194,7 +194,7 @@ def test_moments_of_live_are_drawn(arms):
         assert "**following**" in page._text.content
         surface = arms[1].surfaces()[-1]
         pose = arms[1].link_poses(moved.joint_positions)[surface.joint]
-        np.testing.assert_allclose(page._scene.sides[0].student.meshes[-1].position, pose[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(page._scene.sides[0].meshes[-1].position, pose[:3, 3], atol=1e-6)
         with pytest.raises(urllib.error.HTTPError):
             urllib.request.urlopen(page.url.rsplit("/", 2)[0], timeout=60)
         with pytest.raises(InvalidInputError, match="3×3"):

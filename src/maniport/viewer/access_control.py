@@ -15,6 +15,7 @@ import secrets
 import threading
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
+from functools import partial
 from typing import Any
 
 from maniport.errors import InvalidInputError
@@ -39,6 +40,7 @@ CAMERA = {
     "image_width": (1, 1, 1e5),
 }
 """Fields of a camera: how many numbers, and their range."""
+SHORTEST_OF = ("wxyz", "up_direction")  # Fields that must not be zero
 FIELDS = {"ViewerCameraMessage": set(CAMERA), "GuiUpdateMessage": {"uuid", "updates"}}
 """Messages that pass, and all fields of each."""
 
@@ -96,12 +98,14 @@ class AccessControl:
     def guarding(self, server_module: Any) -> Iterator[None]:
         """Guard the server that viser starts in the context."""
         usual, passed = server_module.serve, []
+        log = logging.getLogger("maniport.viewer.server")
+        log.setLevel(logging.CRITICAL)  # connections that break off need no traceback
 
         def serve(handler: Callable[[Any], Awaitable[None]], *args: Any, **options: Any) -> Any:
             passed.append(True)
             answer = options.pop("process_request")
-            options |= {"max_size": MESSAGE_BYTES, "logger": _quiet(), "process_request": self._answering(answer)}
-            return usual(self._listening(handler), *args, **options)
+            options |= {"max_size": MESSAGE_BYTES, "logger": log, "process_request": partial(self._answer, answer)}
+            return usual(partial(self._listen, handler), *args, **options)
 
         with _ONE_AT_A_TIME:
             server_module.serve = serve
@@ -112,42 +116,38 @@ class AccessControl:
         if not passed:
             raise InvalidInputError("this version of viser starts its server in a way that cannot be guarded")
 
-    def _answering(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        def process(connection: Any, request: Any) -> Any:
-            why = self.refusal(request.headers, request.path)
-            if not why and self._pages >= MAX_PAGES and request.headers.get("Upgrade"):
-                why = f"{MAX_PAGES} pages are connected already"
-            if why:
-                self.refuse("a connection was", why)
-                return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
-            request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
-            try:
-                return _titled(answer(connection, request))
-            except (OSError, ValueError):  # viser looks for a file of that name, which may be none
-                return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
+    def _answer(self, answer: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
+        """Answer a request as viser does, unless it is refused."""
+        why = self.refusal(request.headers, request.path)
+        if not why and self._pages >= MAX_PAGES and request.headers.get("Upgrade"):
+            why = f"{MAX_PAGES} pages are connected already"
+        if why:
+            self.refuse("a connection was", why)
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
+        request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
+        try:
+            return _titled(answer(connection, request))
+        except (OSError, ValueError):  # viser looks for a file of that name, which may be none
+            return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
 
-        return process
+    async def _listen(self, handler: Callable[[Any], Awaitable[None]], connection: Any) -> None:
+        """Handle a connection as viser does, with valid messages alone."""
+        usual = connection.recv
 
-    def _listening(self, handler: Callable[[Any], Awaitable[None]]) -> Callable[[Any], Awaitable[None]]:
-        async def listen(connection: Any) -> None:
-            usual = connection.recv
+        async def recv(*args: Any, **options: Any) -> Any:
+            while True:
+                raw = await usual(*args, **options)
+                why = self.objection(raw)
+                if not why:
+                    return raw
+                self.refuse("a message was", why)
 
-            async def recv(*args: Any, **options: Any) -> Any:
-                while True:
-                    raw = await usual(*args, **options)
-                    why = self.objection(raw)
-                    if not why:
-                        return raw
-                    self.refuse("a message was", why)
-
-            connection.recv = recv
-            self._pages += 1
-            try:
-                await handler(connection)
-            finally:
-                self._pages -= 1
-
-        return listen
+        connection.recv = recv
+        self._pages += 1
+        try:
+            await handler(connection)
+        finally:
+            self._pages -= 1
 
 
 def _titled(response: Any) -> Any:
@@ -168,42 +168,28 @@ _ONE_AT_A_TIME = threading.Lock()
 
 def _invalid_value(message: dict[str, Any]) -> str:
     """Which value of a message is invalid; empty where none is."""
+
+    def is_short(value: Any) -> bool:
+        return isinstance(value, str) and len(value) <= LONGEST_TEXT
+
+    def is_number(value: Any, low: float = -math.inf, high: float = math.inf) -> bool:
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return number and math.isfinite(value) and low <= value <= high
+
     if "updates" in message:
         updates = message["updates"]
-        if not _is_short(message["uuid"]):
+        if not is_short(message["uuid"]):
             return "its uuid is invalid"
         value = updates["value"] if isinstance(updates, dict) and set(updates) == {"value"} else None
-        return "" if isinstance(value, bool) or _is_number(value) or _is_short(value) else "its updates are invalid"
+        return "" if isinstance(value, bool) or is_number(value) or is_short(value) else "its updates are invalid"
     for name, (count, low, high) in CAMERA.items():
         values = message[name] if count > 1 else [message[name]]
-        if (
-            not isinstance(values, list | tuple)
-            or len(values) != count
-            or not all(_is_number(value, low, high) for value in values)
-        ):
-            return f"its {name} is invalid"
-    for name in ("wxyz", "up_direction"):
-        if math.hypot(*message[name]) <= SHORTEST:
+        numbers = isinstance(values, list | tuple) and all(is_number(value, low, high) for value in values)
+        if not numbers or len(values) != count or (name in SHORTEST_OF and math.hypot(*values) <= SHORTEST):
             return f"its {name} is invalid"
     if math.dist(message["look_at"], message["position"]) <= SHORTEST:
         return "its camera looks at itself"
     return ""
-
-
-def _is_short(value: Any) -> bool:
-    return isinstance(value, str) and len(value) <= LONGEST_TEXT
-
-
-def _is_number(value: Any, low: float = -math.inf, high: float = math.inf) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and math.isfinite(value) and low <= value <= high
-
-
-def _quiet() -> logging.Logger:
-    """A log for the server: connections that break off need no traceback."""
-    log = logging.getLogger("maniport.viewer.server")
-    log.setLevel(logging.CRITICAL)
-    return log
 
 
 class Control:

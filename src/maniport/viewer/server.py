@@ -33,7 +33,12 @@ class LiveView:
         self._access = AccessControl(host)
         self._server, self.url = guarded_server(self._access, host, port)
         try:
-            self._furnish(method, base_rotation)
+            surfaces, self.no_surface = find_surfaces(state.robot)
+            self._panel = Panel(self._server.gui, state, method, base_rotation, self._access)
+            first = state.frames(self._panel.read(0.0), 0.0)
+            self._scene = Scene(self._server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
+            self._panel.write(first)
+            self._server.on_client_connect(self._frame)
         except BaseException:  # Ctrl-C too: a listening server must not stay behind
             self.stop()
             raise
@@ -72,16 +77,6 @@ class LiveView:
         for side in self.state.sides:
             side.maps.close(0.0)
         stop_server(self._server)
-
-    def _furnish(self, method: str, base_rotation: Array) -> None:
-        """Put the controls and the first frame on the page."""
-        server, state = self._server, self.state
-        surfaces, self.no_surface = find_surfaces(state.robot)
-        self._panel = Panel(server.gui, state, method, base_rotation, self._access)
-        first = state.frames(self._panel.read(0.0), 0.0)
-        self._scene = Scene(server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
-        self._panel.write(first)
-        server.on_client_connect(self._frame)
 
     def _frame(self, client: Any) -> None:
         """Let the camera of a browser see the whole scene in its window."""
