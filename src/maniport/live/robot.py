@@ -62,7 +62,7 @@ class Robot:
         self._state = state
         poses, jacobians = self._arm.motion(state.q[None])
         self.tip = poses[0, :3, 3]
-        self.achieved = manipulability(jacobians[0] @ self._arm.chain.coupling, self._spec)  # (d, d)
+        self.achieved = manipulability(jacobians[0], self._spec)  # (d, d)
 
     @property
     def q(self) -> Array:

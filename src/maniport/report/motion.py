@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maniport.errors import argument
 from maniport.motion import ArmMotion, RobotMotion
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.plan.refinement import FAR
+from maniport.motion.plan.arm_planner import FAR
 from maniport.motion.status import REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
