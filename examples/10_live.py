@@ -42,9 +42,9 @@ def play(live, recording, fast, page):
     for points, t in zip(frames, recording.time, strict=True):
         if not fast:
             clock.sleep(max(0.0, start + t - clock.perf_counter()))
-        before = clock.perf_counter()
+        begin = clock.perf_counter()
         states.append(live.step(points, t))
-        seconds.append(clock.perf_counter() - before)
+        seconds.append(clock.perf_counter() - begin)
         if page is not None:
             page.show(states[-1])
     return states, seconds
@@ -66,12 +66,14 @@ def main(folder, *options):
     for name, group in groupby(states, key=lambda state: state.state):
         times, d = zip(*((state.time, state.distance) for state in group), strict=True)
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {name:10} d {np.median(d):.2f} (median)")
-    error = 1e3 * np.quantile([state.tip_error for state in states if state.tip_error is not None], [0.5, 0.95, 1.0])
-    print("position error, median, 95 % and max: {:.0f}, {:.0f}, {:.0f} mm".format(*error))
+    errors = [1e3 * state.position_error for state in states if state.position_error is not None]
+    print(
+        "position error [mm]: {:.0f} (median), {:.0f} (95 %), {:.0f} (max)".format(*np.quantile(errors, [0.5, 0.95, 1]))
+    )
     print(f"computing time of a step: {1e3 * np.median(seconds):.1f} ms (median)")
     names = "time", "joint_positions", "state", "distance"
     np.savez(folder / "live.npz", **{name: [getattr(state, name) for state in states] for name in names})
-    print(f"joints in {folder / 'live.npz'}")
+    print(f"joints in {folder}")
 
 
 if __name__ == "__main__":

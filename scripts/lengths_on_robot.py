@@ -111,9 +111,7 @@ class Line:
 HEAD = "robot", "motion", "tip", "map", "seed", "gap", "d to its own target", "d to the rigid target", "tip [mm]", "s"
 
 
-def compare(
-    motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int
-) -> Iterator[Line]:
+def compare(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int) -> Iterator[Line]:
     """Transfer by both maps and plan with and without the path."""
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, seed)
     demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}

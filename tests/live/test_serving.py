@@ -16,7 +16,7 @@ from toy import NAMES, Ends, FakeClock, Toy, require_limits, serving, wait
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError
-from maniport.live.serving import serve
+from maniport.live.serving import Server
 from maniport.live.transport import Datagrams, Line, Pipe
 from maniport.util.input_limits import FRAME_BYTES
 
@@ -255,7 +255,7 @@ class Script:
         """Let a robot follow; return the summary."""
         stop, signal = socket.socketpair()
         with stop, signal:
-            return serve(live, self, stop, clock=self.clock)
+            return Server(live, self, stop, clock=self.clock).run()
 
     def states(self):
         """Answers with a state of the robot, and when they were sent."""
@@ -301,6 +301,6 @@ def test_answers_are_consistent_under_overload(small_result, positions):
     assert (np.diff(times) > 0.0).all()
     assert times[-1] - times[0] <= clock.now - 1000.0
     require_limits(small_result.arm.motion.limits, times, q)
-    lags = [(one["tip_error"], one["t"]) for one in states if one["state"] not in ("reaching", "holding")]
+    lags = [(one["position_error"], one["t"]) for one in states if one["state"] not in ("reaching", "holding")]
     assert sorted(summary.lags) == sorted(lag for lag in lags if lag[0] is not None)
     assert len(summary.times) == summary.answered

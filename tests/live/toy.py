@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from maniport.errors import InvalidInputError
-from maniport.live.serving import serve
+from maniport.live.serving import Server
 from maniport.live.state import FOLLOWING, HOLDING
 from maniport.live.transport import Pipe
 
@@ -47,7 +47,7 @@ class Toy:
         self.joint_positions = self.joint_positions + change
         distance, error = (0.5, 0.01) if seen else (None, None)
         return SimpleNamespace(
-            joint_positions=self.joint_positions, joint_velocities=change, distance=distance, tip_error=error,
+            joint_positions=self.joint_positions, joint_velocities=change, distance=distance, position_error=error,
             state=FOLLOWING if seen else HOLDING, time=clock.monotonic() - self._began,
         )  # fmt: skip
 
@@ -56,7 +56,7 @@ class Toy:
 def serving(live, transport, every=False):
     """Run the loop of a server in a thread; yields what will hold its summary, and ends it."""
     (stop, signal), found = socket.socketpair(), []
-    loop = threading.Thread(target=lambda: found.append(serve(live, transport, stop, every)))
+    loop = threading.Thread(target=lambda: found.append(Server(live, transport, stop, every).run()))
     with stop, signal:
         loop.start()
         try:

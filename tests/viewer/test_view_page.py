@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
-from maniport.live import Moment
+from maniport.live import LiveArm, LiveState
 from maniport.viewer.panel import OWN, readable
 from maniport.viewer.scene import camera_for
 from maniport.viewer.server import LiveView, Onlooker, require_free
@@ -162,18 +162,19 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.wait(lambda: view.rate == 0)
 
 
-def test_moments_of_live_are_drawn(arms):
+def test_states_of_live_are_drawn(arms):
     """Nothing before the person is seen; then the robot is in the given configuration; the token is needed."""
     person, robot = (arm.sample(1, 0)[0] for arm in arms)
     own, other = (arm.manipulability(q) for arm, q in zip(arms, (person, robot), strict=True))
     tip = arms[1].forward(robot)[:3, 3]
-    moment = Moment(1.0, "following", robot, np.zeros(7), other, tip, person, own, own, 0.5, 0.01)
+    arm = LiveArm(other, tip, person, own, own, 0.5, 0.01)
+    state = LiveState(1.0, "following", robot, np.zeros(7), (arm,))
     page = Onlooker(*arms)
     try:
-        page.show(replace(moment, person=None, target=None, demonstrated=None, distance=None))
+        page.show(replace(state, arms=(LiveArm(other, tip),)))
         assert page._scene is None
-        moved = replace(moment, joint_positions=arms[1].sample(1, 1)[0])
-        for shown in (moment, moved):
+        moved = replace(state, joint_positions=arms[1].sample(1, 1)[0])
+        for shown in (state, moved):
             page.show(shown)
         assert "**following**" in page._text.content
         surface = arms[1].surfaces()[-1]
@@ -182,6 +183,6 @@ def test_moments_of_live_are_drawn(arms):
         with pytest.raises(urllib.error.HTTPError):
             urllib.request.urlopen(page.url.rsplit("/", 2)[0], timeout=60)
         with pytest.raises(InvalidInputError, match="3×3"):
-            page.show(replace(moment, achieved=np.eye(6)))
+            page.show(replace(state, arms=(LiveArm(np.eye(6), tip),)))
     finally:
         page.stop()

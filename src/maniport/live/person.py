@@ -90,9 +90,9 @@ class Person:
         angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
         return bool((angles > np.maximum(MAX_SPEED * dt, self._least_jump)).any())
 
-    def too_fast(self, before: ArmEstimate, found: ArmEstimate, dt: float) -> bool:
+    def is_too_fast(self, before: ArmEstimate, estimate: ArmEstimate, dt: float) -> bool:
         """Whether a joint is faster than joints are."""
-        return bool(np.abs(found.q - before.q).max() > MAX_SPEED * dt)
+        return bool(np.abs(estimate.q - before.q).max() > MAX_SPEED * dt)
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.

@@ -148,7 +148,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
         _comparison(summary) if choice is None else _selection(choice),
         *([warning("rank-correlation", lost_order)] if lost_order else []),
         *notes(weaknesses.values()),
-        *numbers(summary=summary.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *numbers(summary=asdict(summary), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
         *(warning("evaluation", f"{rows[0].name}: {text}") for text in rows[0].warnings),
         *notes(f"{row.name}: {text}" for row in rows[1:] for text in (row.note, *row.warnings) if text),
     ]

@@ -1,7 +1,7 @@
 """The study of transfers from a human arm to the Panda: six motions, every metric."""
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,15 +65,13 @@ def study(
     methods: Iterable[str] = (AUTO,),
     names: Iterable[str] | None = None,
     random_state: int = 0,
-    n_jobs: int | None = None,
     progress: Progress | None = None,
-    further: Mapping[str, type[DomainAdapter]] | None = None,
-    **options: Any,
+    further: Iterable[type[DomainAdapter]] = (),
+    rows: Sequence[str] = (*BASELINES, LOOKUP, *FITTED_METHODS),
 ) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
     """Evaluate methods on the motions, by (motion, method)."""
     methods, robot = tuple(methods), load_arm(ROBOT)
     student = sample_domain(robot, STUDENT_SAMPLES, random_state + 1)
-    options = {"rows": (*BASELINES, LOOKUP, *FITTED_METHODS), **options}
     found = {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
@@ -86,7 +84,6 @@ def study(
                 ).adapter
             else:
                 adapter = knowing(method_of(method, random_state=random_state, **known), robot).fit(teacher, student)
-            more = {name: kind(**known) for name, kind in (further or {}).items()}
             evaluation = evaluate(
                 adapter,
                 teacher,
@@ -95,10 +92,8 @@ def study(
                 robot=robot,
                 person=motion.person,
                 name=name_of(adapter),
-                fitted={name: one.fit(teacher, student) for name, one in more.items()},
                 random_state=random_state,
-                n_jobs=n_jobs,
-                **options,
+                rows=(*rows, *(kind(**known) for kind in further)),
             )
             found[motion.name, method] = (motion, evaluation)
             tell.end(f"{evaluation.adapter.name} and {len(evaluation.rows) - 1} more")

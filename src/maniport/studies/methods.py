@@ -45,7 +45,7 @@ def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
 ) -> Comparison:
     """Measure methods on the motions; if every row is requested, transports of whole clouds come last."""
-    further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(METHODS) else None
+    further = [GaussianTransport] if set(rows) >= set(METHODS) else []
     found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows)
     return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
 

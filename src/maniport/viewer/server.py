@@ -12,7 +12,7 @@ import numpy as np
 
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError
-from maniport.live import Moment
+from maniport.live import LiveState
 from maniport.util.optional import viser
 from maniport.util.ports import LOOPBACK, bound
 from maniport.util.signals import ending_in_order
@@ -131,7 +131,7 @@ def _silent() -> Iterator[None]:
 
 
 class Onlooker:
-    """A page that shows the moments of `maniport.Live`, without controls."""
+    """A page that shows the states of `maniport.Live`, of one arm, without controls."""
 
     def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
         self._person, self._robot = person, robot
@@ -139,25 +139,25 @@ class Onlooker:
         self._server, self.url = guarded_server(AccessControl(host), host, port)
         self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
 
-    def show(self, moment: Moment) -> None:
-        """Draw a moment; nothing before the person was seen for the first time."""
-        if len(moment.achieved) != 3:
-            raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
-        if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
+    def show(self, state: LiveState) -> None:
+        """Draw a state; nothing before the person was seen for the first time."""
+        arm = state.arm
+        if len(arm.achieved) != 3:
+            raise InvalidInputError(f"state: the page shows 3×3 ellipsoids; found {arm.achieved.shape}")
+        if arm.person is None or arm.demonstrated is None or arm.target is None or arm.distance is None:
             return
-        target = Target(moment.person, moment.demonstrated, moment.target, np.eye(3))
-        frame = Frame(
-            self._person, self._robot, target, moment.joint_positions, moment.achieved, moment.distance, np.eye(3)
-        )
+        target = Target(arm.person, arm.demonstrated, arm.target, np.eye(3))
+        joints = state.joint_positions
+        frame = Frame(self._person, self._robot, target, joints, arm.achieved, arm.distance, np.eye(3))
         with self._server.atomic():
             if self._scene is None:
                 surfaces = find_surfaces(self._robot)[0]
                 self._scene = Scene(self._server.scene, [frame], self._robot, surfaces)
             self._scene.draw([frame])
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
-                error = "" if moment.tip_error is None else f", position error {1e3 * moment.tip_error:.0f} mm"
-                numbers = f"{moment.time:.1f} s: distance {moment.distance:.2f}{error}"
-                self._text.content, self._written = f"**{moment.state}**\n\n{numbers}", now
+                error = "" if arm.position_error is None else f", position error {1e3 * arm.position_error:.0f} mm"
+                numbers = f"{state.time:.1f} s: distance {arm.distance:.2f}{error}"
+                self._text.content, self._written = f"**{state.state}**\n\n{numbers}", now
 
     def stop(self) -> None:
         """End the page."""
