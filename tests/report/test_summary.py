@@ -197,7 +197,7 @@ def test_all_arms_are_reported(result, several, count):
 
 def test_parts_of_the_mean_distance_add_up(result):
     """The printed parts add up to the printed sum, which is the mean distance."""
-    text = report_of(result).metric("mean_distance").text
+    text = next(metric.text for metric in report_of(result).metrics if metric.key == "mean_distance")
     mean, *parts = [round(1000 * float(number)) for number in re.findall(r"-?\d+\.\d+", text)]
     assert mean == sum(parts) == round(1000 * result.arm.motion.distance.mean())
     for values in ([0.0024, 0.3334, 0.0444], [0.0005, 0.0005, 0.0005], [0.2, -0.0104, 0.1206]):

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.report.page.content import Animation, Body
-from maniport.report.roles import REFERENCE, ROLES, TARGET
+from maniport.report.page.content import REFERENCE, ROLES, TARGET, Animation, Body
 from maniport.spd.ellipsoid import axes
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import rerun

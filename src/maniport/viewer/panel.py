@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.evaluation.baselines import LOOKUP
 from maniport.report.metrics import in_axes
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl, Control
 from maniport.viewer.state import Command, Frame, ViewState

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
 from maniport.viewer.state import Frame

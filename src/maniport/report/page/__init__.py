@@ -16,6 +16,7 @@ from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
 from maniport.report.page.content import (
+    ROLES,
     STATES,
     Animation,
     Body,
@@ -28,7 +29,6 @@ from maniport.report.page.content import (
     Stage,
     as_json,
 )
-from maniport.report.roles import ROLES
 from maniport.report.values import Report
 from maniport.util.atomic_io import written_whole
 from maniport.version import __version__
