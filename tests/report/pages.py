@@ -2,7 +2,8 @@
 
 from html.parser import HTMLParser
 
-from maniport.report.page import Cloud, DomainMap, as_html
+from maniport.report.page import as_html
+from maniport.report.page.content import Cloud, DomainMap
 from maniport.report.values import Metric, Report, Section, Table, warnings_of
 from maniport.spd.diffusion_map import map_of
 

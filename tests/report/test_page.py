@@ -10,9 +10,9 @@ import pytest
 from pages import Page, map_with, page_of
 
 from maniport.errors import InvalidInputError
-from maniport.report.page import LARGEST, Animation, Body, Cloud, DomainMap, Image, Line, Panel, Stage
+from maniport.report.page import LARGEST
 from maniport.report.page.animation import semi_axis_panels
-from maniport.report.page.content import unpacked
+from maniport.report.page.content import Animation, Body, Cloud, DomainMap, Image, Line, Panel, Stage, unpacked
 from maniport.report.values import Metric, Table
 
 

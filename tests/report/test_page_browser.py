@@ -7,8 +7,9 @@ import pytest
 from pages import map_with, page_of
 
 from maniport.report import report_of
-from maniport.report.page import Animation, Body, Line, Panel, Stage, write_page
+from maniport.report.page import write_page
 from maniport.report.page.animation import animation_of, semi_axis_panels
+from maniport.report.page.content import Animation, Body, Line, Panel, Stage
 
 
 @pytest.fixture(scope="module")
