@@ -15,6 +15,10 @@ STATUS = {INFO: GREEN, NOTE: GREEN, WARNING: AMBER, ERROR: RED}
 MEANING = {GREEN: "no warnings", AMBER: "see the warnings before it runs", RED: "do not run it"}
 
 
+SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
+"""Ends of keys in JSON by unit."""
+
+
 @dataclass(frozen=True)
 class Metric:
     """A number, a setting, a note or a warning of a `Section`.
