@@ -77,16 +77,9 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
 
 def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
     """With --host; without it there is none."""
-
-    class Page(SimpleNamespace):
-        def __init__(self, *_):
-            super().__init__(no_surface="", url="http://here", stop=lambda: None)
-
-        def run_until_interrupted(self, announce):
-            announce()
-
+    page = SimpleNamespace(no_surface="", url="http://here", run=lambda stop: None, stop=lambda: None)
     monkeypatch.setattr("maniport.viewer.prepare.prepare", lambda *_, **__: (None, None, None))
-    monkeypatch.setattr("maniport.viewer.server.LiveView", Page)
+    monkeypatch.setattr("maniport.viewer.server.LiveView", lambda *_: page)
     assert "open to other machines" in run("--host", "0.0.0.0")[2]
     assert "open to" not in run()[2]
 
