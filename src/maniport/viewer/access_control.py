@@ -12,11 +12,13 @@ import http
 import logging
 import math
 import secrets
+import sys
 import threading
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
-from functools import partial
-from typing import Any
+from functools import cache, partial
+from types import GenericAlias
+from typing import Annotated, Any
 
 from maniport.errors import InvalidInputError
 from maniport.util.ports import LOOPBACK_NAMES, is_loopback
@@ -28,21 +30,32 @@ MAX_PAGES = 64  # Pages that may be connected at the same time
 LOGGED = 5  # So many refusals of a kind are logged one by one, then every 10 000th
 LONGEST_TEXT = 200
 SHORTEST = 1e-6  # Least length of a direction or a quaternion, and distance between camera and its target [m]
-CAMERA = {
-    "position": (3, -MAX_POSITION, MAX_POSITION),
-    "look_at": (3, -MAX_POSITION, MAX_POSITION),
-    "wxyz": (4, -MAX_POSITION, MAX_POSITION),
-    "up_direction": (3, -MAX_POSITION, MAX_POSITION),
-    "fov": (1, 1e-3, math.pi - 1e-3),
-    "near": (1, 0.0, MAX_POSITION),
-    "far": (1, 1e-3, 1e3 * MAX_POSITION),
-    "image_height": (1, 1, 1e5),
-    "image_width": (1, 1, 1e5),
-}
-"""Fields of a camera: how many numbers, and their range."""
-SHORTEST_OF = ("wxyz", "up_direction")  # Fields that must not be zero
-FIELDS = {"ViewerCameraMessage": set(CAMERA), "GuiUpdateMessage": {"uuid", "updates"}}
-"""Messages that pass, and all fields of each."""
+
+
+@cache
+def _decoder() -> Any:
+    """Return the decoder of the messages that pass, with all fields of each and their ranges; nan is out of range."""
+    from msgspec import Meta, defstruct, msgpack  # comes with viser
+
+    def number(low: float, high: float) -> Any:
+        return Annotated[float, Meta(ge=low, le=high)]
+
+    text, finite = Annotated[str, Meta(max_length=LONGEST_TEXT)], number(-sys.float_info.max, sys.float_info.max)
+    length, size = number(-MAX_POSITION, MAX_POSITION), number(1.0, 1e5)
+    camera = {
+        **dict.fromkeys(("position", "look_at", "up_direction"), GenericAlias(tuple, 3 * (length,))),
+        "wxyz": GenericAlias(tuple, 4 * (length,)),
+        "fov": number(1e-3, math.pi - 1e-3),
+        "near": number(0.0, MAX_POSITION),
+        "far": number(1e-3, 1e3 * MAX_POSITION),
+        "image_height": size,
+        "image_width": size,
+    }
+    updates = defstruct("Updates", [("value", bool | finite | text)], forbid_unknown_fields=True)
+    fields = {"ViewerCameraMessage": camera, "GuiUpdateMessage": {"uuid": text, "updates": updates}}
+    kinds = [defstruct(name, own.items(), tag_field="type", tag=name, forbid_unknown_fields=True)
+             for name, own in fields.items()]  # fmt: skip
+    return msgpack.Decoder(kinds[0] | kinds[1])
 
 
 class AccessControl:
@@ -71,21 +84,17 @@ class AccessControl:
 
     def objection(self, raw: Any) -> str:
         """Why a message is not passed on; empty where it is."""
-        from msgspec import DecodeError, msgpack
-
         if not isinstance(raw, bytes):
             return "it is text"
         try:
-            message = msgpack.decode(raw)
-        except (DecodeError, RecursionError, UnicodeDecodeError) as error:
-            return f"it cannot be decoded: {str(error)[:LONGEST_TEXT]}"
-        kind = message.pop("type", None) if isinstance(message, dict) else None
-        wanted = FIELDS.get(kind) if isinstance(kind, str) else None
-        if wanted is None:
-            return f"the page sends no {str(kind)[:LONGEST_TEXT]!r}"
-        if set(message) != wanted:
-            return f"a {kind} holds other fields"
-        return _invalid_value(message)
+            message = _decoder().decode(raw)
+        except (ValueError, RecursionError) as error:  # msgspec's errors are ValueErrors, too
+            return str(error)[:LONGEST_TEXT]
+        if hasattr(message, "updates"):
+            return ""
+        if min(math.hypot(*message.wxyz), math.hypot(*message.up_direction)) <= SHORTEST:
+            return "a direction of its camera has no length"
+        return "its camera looks at itself" if math.dist(message.look_at, message.position) <= SHORTEST else ""
 
     def refuse(self, what: str, why: str) -> None:
         """Log that something was refused: one line, and of many only some."""
@@ -164,32 +173,6 @@ def _titled(response: Any) -> Any:
 
 
 _ONE_AT_A_TIME = threading.Lock()
-
-
-def _invalid_value(message: dict[str, Any]) -> str:
-    """Which value of a message is invalid; empty where none is."""
-
-    def is_short(value: Any) -> bool:
-        return isinstance(value, str) and len(value) <= LONGEST_TEXT
-
-    def is_number(value: Any, low: float = -math.inf, high: float = math.inf) -> bool:
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        return number and math.isfinite(value) and low <= value <= high
-
-    if "updates" in message:
-        updates = message["updates"]
-        if not is_short(message["uuid"]):
-            return "its uuid is invalid"
-        value = updates["value"] if isinstance(updates, dict) and set(updates) == {"value"} else None
-        return "" if isinstance(value, bool) or is_number(value) or is_short(value) else "its updates are invalid"
-    for name, (count, low, high) in CAMERA.items():
-        values = message[name] if count > 1 else [message[name]]
-        numbers = isinstance(values, list | tuple) and all(is_number(value, low, high) for value in values)
-        if not numbers or len(values) != count or (name in SHORTEST_OF and math.hypot(*values) <= SHORTEST):
-            return f"its {name} is invalid"
-    if math.dist(message["look_at"], message["position"]) <= SHORTEST:
-        return "its camera looks at itself"
-    return ""
 
 
 class Control:
