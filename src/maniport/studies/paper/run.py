@@ -70,7 +70,8 @@ def reproduce(
 
 def _write_page(reproduction: Reproduction, folder: Path) -> None:
     """Write the page with the tables and the figures that were written before."""
-    from maniport.report.page import Image, write_page
+    from maniport.report.page import write_page
+    from maniport.report.page.content import Image
 
     pictures = {
         name: [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
