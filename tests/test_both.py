@@ -118,8 +118,8 @@ def test_both_are_told_together_and_apart(moved):
     assert re.fullmatch(
         r"Left: position .* waypoints reached\. Right: position .* waypoints reached\.", facts.summary.title
     )
-    assert facts.summary.status in ("green", "amber", "red")
-    labels = [metric.label for metric in facts.summary.metrics[:2]]
+    assert facts.status in ("green", "amber", "red")
+    labels = [metric.label for metric in facts.main_metrics[:2]]
     assert labels == ["Left: ellipsoid distance", "Right: ellipsoid distance"]
     own = ("left arm:", "right arm:", "left and right", "frames")
     assert all(text.lower().startswith(("left arm", "right arm")) or any(o in text for o in own)

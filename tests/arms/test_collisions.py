@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions, free_configurations
 from maniport.motion.trajectory import Clearance
-from maniport.report.motion import collision_value
 from maniport.report.robot import collision_warnings
 from maniport.report.values import WARNING
 
@@ -221,4 +220,4 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     (warned,) = collision_warnings(clearance, collisions.unchecked)
     assert warned.severity == WARNING
     assert warned.key == "missing-meshes"
-    assert "250 mm" in collision_value(clearance, 1.0)[0]
+    assert clearance.distance == pytest.approx(0.25, abs=1e-3)

@@ -38,9 +38,9 @@ def ripples(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 SOLIDS = {
-    "box": (box((0.1, 0.2, 0.3)), 0.006, (0.1, 0.2, 0.3)),
-    "ball": (ellipsoid((0.1, 0.1, 0.1)), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
-    "ellipsoid": (ellipsoid((0.1, 0.2, 0.3)), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
+    "box": (box(0.1, 0.2, 0.3), 0.006, (0.1, 0.2, 0.3)),
+    "ball": (ellipsoid(0.1, 0.1, 0.1), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
+    "ellipsoid": (ellipsoid(0.1, 0.2, 0.3), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
     "cylinder": (cylinder(0.1, 0.3), np.pi * 3e-3, (0.2, 0.2, 0.3)),
     "capsule": (capsule(0.1, 0.3), np.pi * 3e-3 + 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.5)),
 }

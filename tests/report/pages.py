@@ -2,9 +2,8 @@
 
 from html.parser import HTMLParser
 
-from maniport.report.metrics import warnings_of
 from maniport.report.page import Cloud, DomainMap, as_html, write_page
-from maniport.report.values import Metric, Report, Section, Table
+from maniport.report.values import Metric, Report, Section, Table, warnings_of
 from maniport.spd.diffusion_map import map_of
 
 VOID = {"meta", "link", "img", "br", "input", "hr"}

@@ -10,9 +10,9 @@ import pytest
 from pages import Page, map_with, page_of
 
 from maniport.errors import InvalidInputError
-from maniport.report.figures import _decoded
 from maniport.report.page import LARGEST, Animation, Body, Cloud, DomainMap, Image, Line, Panel, Stage
-from maniport.report.page.panels import semi_axis_panels
+from maniport.report.page.animation import semi_axis_panels
+from maniport.report.page.content import unpacked
 from maniport.report.values import Metric, Table
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
@@ -32,7 +32,7 @@ def shown(motion):
 
 def read(text):
     """The data of the first motion of a page, with its arrays."""
-    return _decoded(
+    return unpacked(
         json.loads(next(data for attributes, data in Page(text).scripts if attributes.get("id") == "motion-0"))
     )
 
@@ -128,7 +128,6 @@ def test_panels_are_the_semi_axes_of_the_ellipsoids():
     [
         lambda: Body("a", np.zeros((3, 2, 3)), {"robot": np.eye(3)[None]}),
         lambda: Line("a", np.zeros(2), "robot"),
-        lambda: Panel("a", "", ()),
         lambda: Table(("a", "b"), (("c",),)),
         lambda: Animation(np.zeros(2), ()),
         lambda: Animation(np.arange(3.0), (Stage("a", (Body("a", np.zeros((2, 2, 3))),)),)),

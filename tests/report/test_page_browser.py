@@ -8,8 +8,7 @@ from pages import map_with, written
 
 from maniport.report import report_of
 from maniport.report.page import Animation, Body, Line, Panel, Stage, write_page
-from maniport.report.page.animation import animation_of
-from maniport.report.page.panels import semi_axis_panels
+from maniport.report.page.animation import animation_of, semi_axis_panels
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +125,7 @@ def test_the_first_screen_answers(browser, results, small_result):
     assert ends == sorted(ends)
     assert ends[3] < 768
     found = animation_of(small_result)
-    when = report_of(small_result).summary.metrics[0].value["max_at_s"]
+    when = report_of(small_result).main_metrics[0].value["max_at_s"]
     browser.run("document.querySelector('.card a').click()")
     browser.wait(f"Math.abs(maniport.players[0].now - {round(when, 1) - found.time[0]}) < 1e-3")
     assert browser.complaints == []

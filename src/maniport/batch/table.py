@@ -68,7 +68,7 @@ def row_of(facts: Report, recording: str, robot: str, folder: str) -> dict[str, 
         "warnings": "\n".join(facts.warnings),
         "warning_keys": " ".join(facts.warning_keys),
         "folder": folder,
-        "status": "" if summary is None else summary.status,
+        "status": facts.status,
         "verdict": "" if summary is None else summary.title,
         **{name: _number(numbers, name) for name in METRICS},
     }

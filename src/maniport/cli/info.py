@@ -10,9 +10,9 @@ import typer
 from maniport.cli.application import command, require_none
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import report_of, warning
+from maniport.report.metrics import report_of
 from maniport.report.renderings import PAGE, SUMMARY
-from maniport.report.values import Metric, Report, Section
+from maniport.report.values import Metric, Report, Section, warning
 from maniport.util.defaults import AUTO, RECORDINGS
 
 

@@ -34,7 +34,7 @@ def place(
 ) -> None:
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
-    from maniport.motion.placement.placed_path import DATA_FILES
+    from maniport.motion.placement.placement import DATA_FILES
     from maniport.report.metrics import report_of
     from maniport.util.atomic_io import require_free
     from maniport.util.files import load_ellipsoids, load_path

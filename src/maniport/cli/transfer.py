@@ -50,12 +50,10 @@ def transfer(
 
 def transfer_to_folder(config: Config, console: Console, output: Path, overwrite: bool) -> None:
     """Transfer the recording of a configuration, write the results and print them."""
-    from maniport.report.write import RUN_FILES, require_free_for_both
-    from maniport.util.atomic_io import require_free
+    from maniport.report.write import require_free_results
 
-    both = config.human.side == BOTH
     with console.progress() as progress:
-        require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
+        require_free_results(output, ("left", "right") if config.human.side == BOTH else (), overwrite)
         report = _transferred(config, console, output, overwrite, progress)
     console.tell(report, output=str(output))
 

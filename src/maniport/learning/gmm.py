@@ -24,7 +24,6 @@ from maniport.learning.mixture import (
     component_counts,
     count_demonstrations,
     most_likely,
-    posterior_covariance,
     regress,
 )
 from maniport.util.files import load_arrays, save_arrays
@@ -210,8 +209,10 @@ class ProfileGMM(NotebookDisplay, Estimator):
         """
         mixture = self._mixture()
         centers, covariance = regress(mixture, as_inputs(inputs, None, mixture.inputs.shape[1]))
-        if self.n_demonstrations_ is not None:
-            covariance = posterior_covariance(covariance, self.n_demonstrations_)
+        if (k := self.n_demonstrations_) is not None:  # predictive instead of maximum-likelihood
+            unbiased, m = k / (k - 1) * covariance, covariance.shape[-1]
+            variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
+            covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
         return (centers, covariance) if return_covariance else centers
 
     def score_samples(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> Array:

@@ -19,9 +19,8 @@ from maniport.mocap.cleaning import as_smoothing
 from maniport.mocap.data_quality import (
     AT_LIMIT,
     calibration_pose,
-    fit_notes,
-    fit_warnings,
     gap_warning,
+    model_differences,
     observability,
 )
 from maniport.mocap.directions import require_human
@@ -245,9 +244,9 @@ def _fit(
         notes=tuple(notes),
         quality_warnings=tuple(filter(None, texts)),
     )
-    differences = fit_warnings(fit)
-    notes += fit_notes(fit)
-    return replace(fit, notes=tuple(notes), quality_warnings=(*differences, *fit.quality_warnings)), differences
+    differences, small = model_differences(fit)
+    fit = replace(fit, notes=(*notes, *small), quality_warnings=(*differences, *fit.quality_warnings))
+    return fit, differences
 
 
 def require_person(

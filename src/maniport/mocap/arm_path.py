@@ -17,7 +17,7 @@ from maniport.errors import argument
 from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.directions import Directions
 from maniport.mocap.path_solver import parts_of, solve_each, solve_long
-from maniport.mocap.recording import when
+from maniport.mocap.recording import Bools, when
 from maniport.util.defaults import KEEP
 from maniport.util.progress import Step
 from maniport.util.validation import Array
@@ -32,24 +32,6 @@ reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32,
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
-
-
-def solve_arm(directions: Directions, time: Array, roles: Collection[str], step: Step) -> Array:
-    """Return the joint angles (n, dof) of the path."""
-    step(0.1)
-    priors = joint_priors(directions.arm, roles)
-    start = np.clip(_initial_path(directions, time), priors.lower, priors.upper)
-    step(0.4)
-    return solve_long(
-        lambda part: directions.take(part).residual,
-        start,
-        priors.lower,
-        priors.upper,
-        _smoothing(time, priors.cutoff),
-        priors.pull,
-        priors.neutral,
-        lambda part: step(0.4 + 0.6 * part),
-    )
 
 
 @dataclass(frozen=True)
@@ -82,27 +64,6 @@ def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     return JointPriors(lower, upper, pull, neutral, cutoff)
 
 
-def _smoothing(time: Array, cutoff: Array) -> Array:
-    """Return the weight κ/Δt² of each joint's acceleration in each frame, (n, dof); zero at the ends and at gaps."""
-    weight = np.zeros((len(time), len(cutoff)))
-    if len(time) > 2:
-        steps = np.diff(time)
-        joined = steps < 1.5 * np.median(steps)
-        full = 1 / (2 * np.pi * cutoff * np.median(steps)) ** 2
-        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
-    return weight
-
-
-def _initial_path(directions: Directions, time: Array) -> Array:
-    """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between."""
-    keys = _key_frames(time)
-    parts = parts_of(len(keys), 512)  # which bounds the memory
-    solutions = [_local_solutions(directions.take(keys[part])) for part in parts]
-    candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
-    path = _cheapest_path(candidates, cost)
-    return np.stack([np.interp(time, time[keys], path[:, j]) for j in range(path.shape[1])], axis=-1)
-
-
 def sample_directions(directions: Directions) -> tuple[Array, Array]:
     """Return samples of the joint range, shape (1024, dof), and their directions, shape (1024, k, 3)."""
     samples = directions.arm.sample(1024, random_state=0)
@@ -116,28 +77,42 @@ def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[n
     return np.argsort(-similarity, axis=1)[:, :count]
 
 
-def _local_solutions(directions: Directions) -> tuple[Array, Array]:
-    """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k)."""
-    arm = directions.arm
-    samples, modeled = sample_directions(directions)
-    starts = samples[nearest_samples(directions.targets, modeled)]
-    repeated = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
-    solved, cost = solve_each(
-        lambda q, rows: repeated.take(rows).residual(q), starts.reshape(-1, arm.dof), arm.lower, arm.upper
+def solve_arm(directions: Directions, time: Array, roles: Collection[str], step: Step) -> Array:
+    """Return the joint angles (n, dof) of the path."""
+    step(0.1)
+    priors = joint_priors(directions.arm, roles)
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    joined = steps < 1.5 * usual
+    start = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
+    step(0.4)
+    weight = np.zeros_like(start)  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
+    if len(steps) > 1:
+        full = 1 / (2 * np.pi * priors.cutoff * usual) ** 2
+        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
+    return solve_long(
+        lambda part: directions.take(part).residual,
+        start,
+        priors.lower,
+        priors.upper,
+        weight,
+        priors.pull,
+        priors.neutral,
+        lambda part: step(0.4 + 0.6 * part),
     )
-    return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def _key_frames(time: Array) -> NDArray[np.intp]:
-    """Return frames at about `KEY_RATE`, with the first and the last, and both sides of every gap."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    every = max(1, round(1 / (KEY_RATE * step)))
-    gaps = np.flatnonzero(np.diff(time) > 1.5 * step)
-    return np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
+def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:
+    """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between.
 
-
-def _cheapest_path(candidates: Array, cost: Array) -> Array:
-    """Choose one candidate (n, k, dof) for each frame, such that residuals and joint motion together are least."""
+    Key frames are about `KEY_RATE` a second, the first and the last, and both sides of every gap.
+    """
+    every, gaps = max(1, round(1 / (KEY_RATE * usual))), np.flatnonzero(~joined)
+    keys = np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
+    samples, modeled = sample_directions(directions)
+    parts = parts_of(len(keys), 512)  # which bounds the memory
+    solutions = [_local_solutions(directions.take(keys[part]), samples, modeled) for part in parts]
+    candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
     n, k, _ = candidates.shape
     total = cost[0] / RESIDUAL_SCALE**2
     origin = np.zeros((n, k), dtype=np.intp)
@@ -150,7 +125,18 @@ def _cheapest_path(candidates: Array, cost: Array) -> Array:
     chosen[-1] = np.argmin(total)
     for t in range(n - 1, 0, -1):
         chosen[t - 1] = origin[t, chosen[t]]
-    return np.asarray(candidates[np.arange(n), chosen])
+    path = candidates[np.arange(n), chosen]
+    return np.stack([np.interp(time, time[keys], path[:, j]) for j in range(path.shape[1])], axis=-1)
+
+
+def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
+    """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k)."""
+    arm, starts = directions.arm, samples[nearest_samples(directions.targets, modeled)]
+    repeated = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
+    solved, cost = solve_each(
+        lambda q, rows: repeated.take(rows).residual(q), starts.reshape(-1, arm.dof), arm.lower, arm.upper
+    )
+    return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
 def joint_jumps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -26,7 +26,7 @@ from maniport.spd.kernels import compose, congruence, eigh
 from maniport.spd.matrix_functions import apply, roots, to_vector
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
-from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_points, as_square
+from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_number, as_points, as_square
 
 Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 
@@ -48,6 +48,7 @@ HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellip
 
 def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
     """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
+    as_number(weight, "orientation_weight", above=0.0)
     if as_choice(keep, "orientation_axes", (POINTING, WHOLE)) == POINTING:
         return 0.0, 0.0, weight
     return (weight / math.sqrt(2.0),) * 3

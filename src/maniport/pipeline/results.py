@@ -16,7 +16,7 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
-from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
@@ -251,10 +251,7 @@ class MeanDistance(NamedTuple):
 
 def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
     """Return the motion of a group of one arm."""
-    use = None
-    if motion.limits is not None:
-        use = motion.limits.use(motion.control_time, motion.control_positions)
-    return RobotMotion(group, motion, (motion,), motion.limits, use, motion.clearance)
+    return RobotMotion(group, motion, (motion,))
 
 
 def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:

@@ -32,7 +32,6 @@ from maniport.motion import (
     plan_motion,
 )
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.effort import as_effort
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult, placement_rows
@@ -163,9 +162,9 @@ def place(
     planner: Planner,
     settings: Settings,
     generator: np.random.Generator,
-    whole: bool = False,
+    rank: int = 1,
 ) -> tuple[Placement, ...]:
-    """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
+    """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
     assert targets.paths is not None
     assert settings.control is not None
     rows, arms = placement_rows(len(targets.time)), planner.arms
@@ -174,12 +173,12 @@ def place(
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms],
         time=targets.time[rows],
-        whole=targets.paths if whole else None,
         turn=targets.turn,
         workspace=settings.control.workspace,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
         planning_effort=settings.control.planning_effort,
+        rank=rank,
         spec=targets.spec,
         damping=targets.damping,
         random_state=generator,
@@ -219,14 +218,12 @@ def plan(
 def place_and_plan(
     targets: MotionTargets, planner: Planner, settings: Settings, generator: np.random.Generator
 ) -> Moved:
-    """Place the paths and plan a motion; where that collides, again with a placement that reaches all waypoints."""
+    """Place the paths and plan a motion; where that collides, again with the second best placement."""
     placements = place(targets, planner, settings, generator)
     moved = plan(targets, placements, planner, settings, generator)
-    if moved.motion.clearance.share == 0.0:
+    if moved.motion.clearance.share == 0.0 or len(placements[0].candidates) < 2:
         return moved
-    others = place(targets, planner, settings, generator, whole=True)
-    if all(np.array_equal(own.path, other.path) for own, other in zip(placements, others, strict=True)):
-        return moved
+    others = place(targets, planner, settings, generator, rank=2)
     again = plan(targets, others, planner, settings, generator)
     return min(moved, again, key=lambda result: result.motion.clearance.share)
 
@@ -234,12 +231,12 @@ def place_and_plan(
 def measure(moved: Moved, names: Sequence[str], planner: Planner, settings: Settings) -> tuple[ArmResult, ...]:
     """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
     assert settings.control is not None
-    effort, results = as_effort(settings.control.planning_effort).of_gap, []
+    effort, results = settings.control.budget, []
     for i, (name, arm, own) in enumerate(zip(names, settings.arms, planner.arms, strict=True)):
         motion = moved.motion.arms[i]
         gap = feasibility_gap(
             own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, **effort,
+            progress=settings.progress, n_points=effort.gap_points, n_starts=effort.gap_starts,
         )  # fmt: skip
         result = ArmResult(name=name, robot=arm, motion=motion, gap=gap, collisions=own.collisions)
         placement = None if moved.placements is None else moved.placements[i]

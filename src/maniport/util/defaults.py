@@ -14,7 +14,7 @@ TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # sizes of the sampled domains, 
 POSITION_TOLERANCE = 5e-3  # position tolerance of the end effector [m]
 MARGIN = 0.02  # share of a joint's range that is kept free at either end
 RATE = 1000.0  # sampling rate of a planned motion [Hz]
-EFFORT = "full"  # see `maniport.motion.effort`
+EFFORT = "full"  # see `maniport.motion.plan.plan_control`
 
 BATCH_METHOD = "length-field"  # one method for all pairs, since a selection takes seconds for each
 BATCH_EFFORT = "quick"

@@ -52,7 +52,7 @@ class Box:
 
     def hull(self) -> Hull:
         """Compute the convex hull, fixed to the base."""
-        corners = box_mesh(self.size)[0] @ rotation_about(2, self.yaw).T + self.center
+        corners = box_mesh(*self.size)[0] @ rotation_about(2, self.yaw).T + self.center
         return Hull.around(self.name, 0, corners)
 
 

@@ -1,6 +1,6 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,8 +9,6 @@ import numpy as np
 from maniport.arms.chain import Chain, Mesh, Triangles
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
-
-SIDES = 32  # corners of the polygon for a circle, within 0.5 % of the radius
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,16 +180,16 @@ def _first_of_each(rows: np.ndarray) -> np.ndarray:
     return np.sort(order[new])  # lexsort is stable: the first of a group is its earliest
 
 
-def box(size: Sequence[float]) -> Mesh:
-    """Return a box with edges `size` [m] around the origin: 8 points, 12 triangles."""
+def box(*size: float) -> Mesh:
+    """Return a box with edges [m] along x, y and z around the origin: 8 points, 12 triangles."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * np.asarray(size)
     squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [triangle for a, b, c, d in squares for triangle in ((a, b, c), (a, c, d))]
     return corners, np.array(triangles, dtype=np.int32)
 
 
-def ellipsoid(radii: Sequence[float]) -> Mesh:
-    """Return an ellipsoid with semi-axes `radii` [m] along x, y and z."""
+def ellipsoid(*radii: float) -> Mesh:
+    """Return an ellipsoid with semi-axes [m] along x, y and z, or a sphere with one radius."""
     points, triangles = _revolved(np.sin(_ARC), -np.cos(_ARC))
     return points * np.asarray(radii), triangles
 
@@ -209,12 +207,18 @@ def capsule(radius: float, length: float) -> Mesh:
     return _revolved(radius * np.sin(arc), shift - radius * np.cos(arc))
 
 
-_ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upper
+SOLIDS: dict[str, Callable[..., Mesh]] = {
+    "box": box, "sphere": ellipsoid, "ellipsoid": ellipsoid, "cylinder": cylinder, "capsule": capsule,
+}  # fmt: skip
+"""Meshes of simple solids around the origin from their sizes."""
+
+_SECTIONS = 32  # corners of the polygon for a circle, within 0.5 % of the radius
+_ARC = np.linspace(0.0, np.pi, _SECTIONS // 2 + 1)  # from the lower pole to the upper
 
 
 def _revolved(radii: Array, heights: Array) -> Mesh:
     """Solid of revolution of an outline about z; its first and last point are on the axis."""
     from trimesh.creation import revolve  # here: slow import
 
-    solid = revolve(np.stack([radii, heights], axis=1), sections=SIDES)
+    solid = revolve(np.stack([radii, heights], axis=1), sections=_SECTIONS)
     return np.array(solid.vertices), solid.faces.astype(np.int32)

@@ -35,9 +35,6 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if not np.isfinite(rate) or rate <= 0:
         raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
     names, notes = _names(parameters, positions.shape[1])
-    if dropped.any():
-        absent = ", ".join(name for name, never in zip(names, dropped.all(axis=0), strict=True) if never)
-        notes.append(f"{dropped.mean():.1%} of all points are missing{f'; always: {absent}' if absent else ''}")
     unit, up = (str((parameters.get(name) or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
     up = up.lower().replace("+", "")
     time = np.arange(len(positions)) / rate

@@ -7,19 +7,17 @@ in the middle of their range.
 """
 
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
 from maniport.arms.manipulability import manipulability
-from maniport.motion.arm_model import require_alike
+from maniport.motion.arm_model import Axis, require_alike
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
 from maniport.spd.kernels import compose, congruence, distances, eigh
@@ -29,37 +27,6 @@ SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3
 GAP_WEIGHT = 30.0  # Weight of the distance between a position and the sample that stands for it [1/m]
 MIN_NODES = 16  # Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach
 BLOCK = 1024  # Number of targets compared with their samples at a time: their data stays in the processor's cache
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A fixed line about which the first joint turns the whole arm."""
-
-    frame: Array  # (3, 3); rows: two directions across the line and the one along it
-    origin: Array  # (3,); point of the line next to the base [m]
-
-    @classmethod
-    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
-        """Find the line from the first columns of Jacobians (n, 6, dof) and the positions there (n, 3)."""
-        direction = jacobian[:, 3:, 0]
-        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
-        turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
-        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
-            return None
-        across = np.linalg.svd(direction[:1])[2][1:]
-        across[1] = np.cross(direction[0], across[0])
-        return cls(np.vstack([across, direction[0]]), np.cross(direction[0], moment[0]))
-
-    def cylindrical(self, points: Array) -> tuple[Array, Array]:
-        """Distance from the line and position along it (..., 2) [m], and angle about it (...) [rad]."""
-        local = (points - self.origin) @ self.frame.T
-        radius = np.hypot(local[..., 0], local[..., 1])
-        return np.stack([radius, local[..., 2]], axis=-1), np.arctan2(local[..., 1], local[..., 0])
-
-    def rotations(self, angles: Array) -> Array:
-        """Rotations about the line, shape (..., 3, 3)."""
-        vectors = angles[..., None] * self.frame[2]
-        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
 
 
 class ReachabilityMap:
@@ -147,11 +114,6 @@ class ReachabilityMap:
         return self._count
 
     @cached_property
-    def spacing(self) -> float:
-        """Median distance from a sample to the next, however the arm is turned [m]."""
-        return float(np.median(self._tree.query(self._tree.data[:1000], k=[2])[0]))
-
-    @cached_property
     def reach(self) -> Array:
         """Positions of the end effector at the samples, the first joint as sampled, shape (n, 3) [m]."""
         return self._turned_tips(np.arange(len(self.q)), self._samples[:, 0] - self.q[:, 0])
@@ -163,12 +125,6 @@ class ReachabilityMap:
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
         return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
-
-    def offsets(self, positions: Array) -> Array:
-        """From positions (n, 3) to the nearest sample, turned there whatever the limits of the first joint [m]."""
-        coordinates, angles = self.coordinates(positions)
-        rows = self._tree.query(coordinates)[1]
-        return self._turned_tips(rows, angles - self._angles[rows]) - positions
 
     def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
         """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
