@@ -217,10 +217,6 @@ class CooperativeArm(Manipulable):
     def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str, tuple[int, int]]]:
         return type(self), (self.arms, self.kind, self.pair)
 
-    def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "CooperativeArm":
-        """Return it with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        return CooperativeArm(self.arms.narrowed(lower, upper), self.kind, self.pair)
-
     def _pose(self, poses: Sequence[Array]) -> Array:
         first, second = poses
         factors, rotation = FACTORS[self.kind], np.swapaxes(first[:, :3, :3], -1, -2) @ second[:, :3, :3]

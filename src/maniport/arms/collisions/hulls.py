@@ -60,9 +60,6 @@ class Hull:
                 skin = max(skin, coal.distance(solid, here, sphere, there, request, result))
         return cls(name, joint, corners, skin, solid)
 
-    def __repr__(self) -> str:
-        return f"Hull({self.name!r}, {len(self.corners)} corners)"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Part:
