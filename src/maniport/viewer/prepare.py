@@ -11,7 +11,7 @@ from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, spoken
-from maniport.mocap import fit_arm, fit_arms, read_recording
+from maniport.mocap import fit_arms, read_recording
 from maniport.mocap.arm_ik import GROUP, require_person
 from maniport.motion import SeedBank
 from maniport.motion.arm_model import require_trackable
@@ -90,9 +90,6 @@ def _person(
         arms = tuple(human_arm(person, one, height) for one in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
-    source = read_recording(recording)
-    if both:
-        fits = fit_arms(source, person, progress=progress, height=height)
-        return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases
-    fit = fit_arm(source, person, progress=progress, side=side, height=height)
-    return (fit.arm,), [fit.joint_angles], fit.time, np.zeros((1, 3))
+    side = BOTH if both else side
+    fits = fit_arms(read_recording(recording), person, progress=progress, side=side, height=height)
+    return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases
