@@ -93,6 +93,6 @@ def _person(
         arms = tuple(human_arm(person, one, height) for one in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
-    source = read_recording(recording)
-    fits = fit_arms(source, person, progress=progress, side=BOTH if both else side, height=height)
+    side = BOTH if both else side
+    fits = fit_arms(read_recording(recording), person, progress=progress, side=side, height=height)
     return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases
