@@ -7,7 +7,8 @@ from pathlib import Path
 
 from maniport.errors import InvalidInputError
 from maniport.report.metrics import report_of
-from maniport.report.page import Image, write_page
+from maniport.report.page import write_page
+from maniport.report.page.content import Image
 from maniport.report.renderings import files_of, write_report
 from maniport.studies.methods import compare_methods, methods_report
 from maniport.studies.paper.human_robot import human_robot
