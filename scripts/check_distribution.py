@@ -19,7 +19,7 @@ HOME = Path(__file__).parents[1]
 TESTED = (
     "tests/spd/test_ellipsoid.py",
     "tests/transfer/test_adapter_files.py",
-    "tests/test_start.py",
+    "tests/cli/test_start.py",
     "tests/test_project.py",
 )
 """Quick tests that run from the sdist."""

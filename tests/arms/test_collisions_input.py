@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from maniport.arms import load_arm
+from maniport.arms import load_arm, load_arms
 from maniport.arms.collisions import Box, Collisions, read_boxes
 from maniport.errors import FileFormatError, InvalidInputError
 
@@ -125,3 +125,10 @@ def test_faulty_srdfs(panda, tmp_path, text, error, message):
         Collisions.of(panda, srdf=path)
     with pytest.raises(FileFormatError, match="no such file"):
         Collisions.of(panda, srdf=tmp_path / "none.srdf")
+
+
+def test_bases_that_intersect_are_refused():
+    """The message says how deep two robots are in one another."""
+    arms = load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
+    with pytest.raises(InvalidInputError, match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'"):
+        Collisions.of(arms)

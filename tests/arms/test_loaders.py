@@ -142,35 +142,37 @@ JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}
 ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 
 
-def test_unknown_robot_lists_the_nearest_first():
-    """A misspelt robot is answered with the robots there are."""
-    with pytest.raises(UnknownNameError, match=r"unknown robot 'pnada'.*nearest first: 'panda', "):
-        load_arm("pnada")
-    with pytest.raises(UnknownNameError, match="nearest first: 'myoarm', "):
-        load_arm("myo_arm")
-
-
-def test_unknown_frame_lists_the_nearest_first(urdf):
-    """A misspelt frame is answered with the frames there are, for embedded arms and files."""
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"):
-        load_arm("panda", frame="panda_hnd")
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"):
-        load_arm(urdf, frame="hok")
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
-        load_arm("myoarm").point_positions(np.zeros(7), ["shoulder", "ellbow"])
-
-
-def test_joints_that_cannot_be_used_are_named(urdf):
-    """Joints beyond the tip, joints that follow others, repeated names and bare strings are refused."""
-    with pytest.raises(InvalidInputError, match="'panda_joint7' does not move the frame 'panda_link3'"):
-        load_arm("panda", frame="panda_link3", joints=["panda_joint1", "panda_joint7"])
-    with pytest.raises(InvalidInputError, match=r"'level' in .* cannot move by itself, it follows 'raise'"):
-        load_arm(urdf, joints=["level"])
-    with pytest.raises(InvalidInputError, match="joints must name each once; found more than once: panda_joint1"):
-        load_arm("panda", joints=["panda_joint1", "panda_joint1"])
-    for wrong in ("panda_joint1", [], 5):
-        with pytest.raises(InvalidInputError, match="joints must be a sequence of names"):
-            load_arm("panda", joints=wrong)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"name_or_path": "pnada"}, r"unknown robot 'pnada'.*nearest first: 'panda', "),
+        ({"name_or_path": "myo_arm"}, "nearest first: 'myoarm', "),
+        ({"frame": "panda_hnd"}, r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"),
+        ({"name_or_path": "crane", "frame": "hok"}, r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"),
+        ({"name_or_path": "crane", "joints": ["level"]}, "'level' in .* cannot move by itself, it follows 'raise'"),
+        ({"frame": "panda_link3", "joints": ["panda_joint7"]}, "'panda_joint7' does not move the frame 'panda_link3'"),
+        ({"joints": ["panda_joint1"] * 2}, "joints must name each once; found more than once: panda_joint1"),
+        ({"joints": "panda_joint1"}, "joints must be a sequence of names"),
+        ({"joints": []}, "joints must be a sequence of names"),
+        ({"joints": 5}, "joints must be a sequence of names"),
+        ({"lock": {"panda_joint4": 0.5}}, r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]"),
+        ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
+        ({"lock": {"panda_joint5": 0}, "frame": "panda_link3"}, "lock: 'panda_joint5' does not move the fr"),
+        ({"lock": {"panda_joint1": 0}, "frame": "panda_link1"}, "no movable joint .* lock contains all"),
+        ({"lock": ["panda_joint4"]}, "lock must map names of joints to positions, such as .*; found"),
+        ({"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]}, "in joints or in lock, not in both; found"),
+        ({"lock": {"panda_joint1": 0}, "base": "panda_link2"}, "does not move the frame .* seen from 'panda_link2'"),
+        ({"base": "panda_hand"}, "no movable joint lies between the base and the frame"),
+        ({"base": "panda_hand", "frame": "panda_link2"}, "unknown base 'panda_hand'"),
+    ],
+)
+def test_wrong_arguments_are_named(urdf, options, message):
+    """Names that do not exist get the nearest ones; frames, bases and joints that do not fit get one sentence."""
+    options = {"name_or_path": "panda"} | options
+    if options["name_or_path"] == "crane":
+        options["name_or_path"] = urdf
+    with pytest.raises(InvalidInputError, match=message):
+        load_arm(**options)
 
 
 def jointed(kind, more=""):
@@ -223,24 +225,6 @@ def test_implausible_segment_lengths_are_refused(build, length):
     """A segment is longer than nothing and shorter than a metre; centimetres and nan are caught."""
     with pytest.raises(InvalidInputError, match=r"forearm \[m\] must be"):
         build(forearm=length)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
-        ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
-        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower of .joint2. must be below upper"),
-        ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
-        ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
-        ({"base": 2 * np.eye(3)}, "base must be a rotation"),
-        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be one number or 2 numbers above 0; found 0"),
-    ],
-)
-def test_wrong_tables_are_refused(arguments, message):
-    """Each wrong argument of a Denavit-Hartenberg arm is named."""
-    with pytest.raises(InvalidInputError, match=message):
-        Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
 
 
 @pytest.mark.parametrize("suffix", ["urdf", "xml"])

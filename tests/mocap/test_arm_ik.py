@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from maniport.mocap.directions import AXES, SEGMENTS, Directions
 from mirror_images import in_a_mirror
 
 DIFFER = pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
+DATA = Path(__file__).parent / "data"
 SIDES = ("left", "right")
 
 
@@ -150,6 +152,17 @@ def test_lengths_that_are_not_recorded_come_from_the_height(arm, slow_motion, re
 
 
 # ---- real recordings ----------------------------------------------------------------------------------------------
+
+
+@DIFFER
+@pytest.mark.parametrize("file", sorted([*DATA.glob("*.npy"), *DATA.glob("*.bvh")]), ids=lambda file: file.name)
+def test_recordings_of_others_are_fitted(file):
+    """Skeletons without names, and files of CMU: each arm is fitted, and it moves."""
+    recording = read_recording(file, rate=30.0).crop(0, 1.17) if file.suffix == ".npy" else read_recording(file)
+    for side in SIDES:
+        angles = np.degrees(fit_arm(recording, side=side).joint_angles)
+        assert np.all(np.isfinite(angles))
+        assert np.ptp(angles, axis=0).max() > 5.0
 
 
 def test_ladder_is_followed_closely(ladder):

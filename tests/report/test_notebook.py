@@ -1,4 +1,4 @@
-"""What a notebook and a prompt show of objects: small, escaped tables of facts, and short lines."""
+"""Notebook displays and prompts of objects: small, escaped tables, and short lines."""
 
 import warnings
 

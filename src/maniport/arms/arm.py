@@ -200,7 +200,7 @@ class Arm(Manipulable):
         `Surface.joint` is an index into them; all joints of the chain count, also locked and mimic joints.
         """
         array = self.configurations(q)
-        rotations, origins = self._kinematics.link_poses(self._kinematics.positions(array.reshape(-1, self.dof)))
+        rotations, origins = self._kinematics.link_poses(array.reshape(-1, self.dof))
         poses = np.zeros((*origins.shape[:2], 4, 4))
         poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, origins, 1.0
         return poses.reshape(*array.shape[:-1], *poses.shape[1:])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes, with_derivatives
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sobol import sobol
@@ -182,7 +182,7 @@ class Manipulable(JointSpace):
     def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Compute the derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), symmetric.
 
-        In closed form, see `maniport.arms.manipulability_jacobian`; units are those of M per radian or meter.
+        In closed form, see `maniport.arms.kernels.fill_derivatives`; units are those of M per radian or meter.
         """
         return self.differentials(q, spec)[2]
 
@@ -192,8 +192,6 @@ class Manipulable(JointSpace):
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """Return the results of `forward` and `differentials`."""
-        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
-
         poses, jacobians, of_joints = self._motions(q)
         chains = [(factor, own, chain.coupling) for (factor, chain), own in zip(self._parts, of_joints, strict=True)]
         flat = jacobians.reshape(-1, 6, self.dof)
@@ -205,7 +203,7 @@ class Manipulable(JointSpace):
         """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of each chain."""
         array = self.configurations(q)
         flat, shape = array.reshape(-1, self.dof), array.shape[:-1]
-        motions = [chain.motion(chain.positions(flat), with_jacobians) for _, chain in self._parts]
+        motions = [chain.motion(flat, with_jacobians) for _, chain in self._parts]
         poses = self._pose([poses for poses, _ in motions])
         coupled = [
             chain.coupled(own) if factor == 1.0 else factor * chain.coupled(own)

@@ -14,14 +14,15 @@ from threadpoolctl import threadpool_limits
 
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
-from maniport.batch.content import as_setting, digest
+from maniport.batch.content import digest
 from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.mocap import ArmFit
 from maniport.pipeline import stages
+from maniport.pipeline.config import CONFIG
 from maniport.pipeline.options import HumanOptions
-from maniport.pipeline.transfer import recorded
+from maniport.pipeline.transfer import follow_person, recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import report_of
 from maniport.report.write import RUN_FILES, write_run
@@ -77,8 +78,7 @@ def content_of(source: Source) -> str:
 
 def settings_of(order: Order, content: str, robot: Robot) -> dict[str, str]:
     """Return all that determines the result of a pair, as text by name: robot, recording, all settings, version."""
-    own = {"profile_rate": as_setting(order.profile_rate), "pages": as_setting(order.pages), "recording": content}
-    return {**robot.settings, **own}
+    return {**robot.settings, "recording": content}
 
 
 def kept_row(order: Order, source: Source, robot: Robot, settings: Mapping[str, str]) -> dict[str, Any] | None:
@@ -169,13 +169,14 @@ def _pair(
     else:
         fitted, of_map = _fitted(order, robot, sampled, human.fits[0])
         maps = (fitted,)
-    result, own = recorded(partial(stages.transfer, human, sampled, maps, robot.job, baselines=selects))
+    result, own = recorded(partial(follow_person, human, sampled, maps, robot.job, baselines=selects))
     result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *own))))
     facts, folder = report_of(result), folder_of(order, task.source, robot)
     folder.parent.mkdir(parents=True, exist_ok=True)
     row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
     with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
         write_run(result, facts, order.exports, staging, order.pages)
+        replace(robot.job.config, recording=(str(task.source.path),), verb="batch").save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
         about = {"settings": settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")

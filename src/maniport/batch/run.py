@@ -29,10 +29,9 @@ from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
 from maniport.util.atomic_io import written_whole
-from maniport.util.defaults import BATCH_PROFILE_RATE
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
-from maniport.util.validation import as_count, as_number
+from maniport.util.validation import as_count
 from maniport.version import __version__
 
 Pair = tuple[str, str]  # Names of a recording and a robot
@@ -80,8 +79,6 @@ def transfer_batch(
     output: str | os.PathLike[str],
     config: Config | None = None,
     *,
-    profile_rate: float = BATCH_PROFILE_RATE,
-    pages: bool = False,
     processes: int | None = None,
     dask: str | None = None,
     ray: bool = False,
@@ -106,11 +103,8 @@ def transfer_batch(
         A new folder, or that of an earlier batch.
     config : Config, optional
         Options of all pairs. Default: planning effort "quick", a rate of 100 Hz and the length field, since
-        ``method="auto"`` selects a method for each recording, which takes longer.
-    profile_rate : float
-        At most so many ellipsoids a second of each recording are transferred and followed [Hz].
-    pages : bool
-        Whether each pair gets a report.
+        ``method="auto"`` selects a method for each recording, which takes longer. Of each recording at most
+        `profile_rate` ellipsoids a second are transferred, and with `pages` each pair gets a report.
     processes : int, optional
         Default: as many as there are cores.
     dask, ray : str, bool
@@ -134,9 +128,9 @@ def transfer_batch(
     count = cores() if processes is None else as_count(processes, "processes")
     folder = as_path(output, "output").resolve()
     found = find_recordings(recordings, without=folder)
-    hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
     config = (config or BATCH).changed(**options)
-    order = Order(folder, config.human, hertz, _exports(config.motion.export, pages), pages, typed())
+    rate, pages = config.batch.profile_rate, config.batch.pages
+    order = Order(folder, config.human, rate, _exports(config.motion.export, pages), pages, typed())
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     _claim(folder)
     rows, step = dict[Pair, Row](), Step(tell, "Check earlier results")

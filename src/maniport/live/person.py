@@ -78,7 +78,7 @@ class Person:
 
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
         """Ellipsoid (d, d) of joint angles (dof,), and the position of the hand (3,) [m], in the trunk frame."""
-        poses, jacobians = self._kinematics.motion(self._kinematics.positions(q[None]))
+        poses, jacobians = self._kinematics.motion(q[None])
         jacobian, plain = self._kinematics.coupled(jacobians)[0], spec.kind == "velocity" and spec.joint_weights is None
         ellipsoid = squared(jacobian[spec.rows]) if plain else manipulability(jacobian, self.arm.resolved(spec))
         return ellipsoid, poses[0, :3, 3]

@@ -241,6 +241,11 @@ class HumanMotion(NotebookDisplay):
     def __repr__(self) -> str:
         return f"HumanMotion({' and '.join(repr(fit.arm.name) for fit in self.arms)}, {self.summary})"
 
+    def repetitions(self) -> list[tuple[float, float]]:
+        """Find (start, stop) [s] of each time that the hand with the longer path moves out and back."""
+        lengths = np.linalg.norm(np.diff(self.hands, axis=1), axis=-1).sum(axis=1)
+        return self.arms[int(np.argmax(lengths))].repetitions()
+
     def crop(self, start: float | None = None, stop: float | None = None) -> "HumanMotion":
         """Keep the frames with start ≤ time ≤ stop [s] of all arms; see `ArmFit.crop`."""
         return replace(self, arms=tuple(fit.crop(start, stop) for fit in self.arms))

@@ -258,6 +258,8 @@ def _track(result: Result, suffix: str, *words: str, path: bool = True, **option
     changed = [word for name, value in options.items() for word in OPTIONS[name][1].words(value)]
     if isinstance(config.motion.orientation, str) and config.motion.orientation != FREE:
         changed += ["--orientation", FREE]  # a profile has no hand to follow
+    if config.placement.place and "--place" not in words:
+        changed += ["--no-place"]
     with_path = path and result.arm.motion is not None and result.arm.motion.path is not None
     files = [f"{{folder}}/placed_profile.npz --config {{folder}}/{CONFIG}", *["--path {folder}/path.npz"] * with_path]
     return " ".join(["maniport track", *files, *words, *changed, f"-o {{folder}}-{suffix}"])

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -121,8 +122,12 @@ class Placement(Place, NotebookDisplay):
             When the folder holds earlier ones that may not be overwritten, or other things, or cannot be written.
         """
         with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
-            save_ellipsoids(staging / DATA_FILES[0], self.profile, time)
-            save_path(staging / DATA_FILES[1], self.path, time)
+            self.write_data(staging, time)
+
+    def write_data(self, folder: Path, time: ArrayLike | None = None) -> None:
+        """Write `DATA_FILES` into an existing folder."""
+        save_ellipsoids(folder / DATA_FILES[0], self.profile, time)
+        save_path(folder / DATA_FILES[1], self.path, time)
 
     def __repr__(self) -> str:
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""

@@ -82,11 +82,6 @@ def robot_training() -> dict[str, Array]:
     return {name: robot_path(path) for name, path in human_training().items()}
 
 
-def robot_evaluation() -> dict[str, Array]:
-    """The Panda's trajectories for `human_evaluation`, each of shape (50, 7) [rad]."""
-    return {name: robot_path(path) for name, path in human_evaluation().items()}
-
-
 def robot_targets(path: ArrayLike, reach: float = 0.815) -> Array:
     """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame.
 

@@ -109,7 +109,7 @@ def test_transfer_writes_a_folder(run, tmp_path):
 
 
 def test_track_and_place(run, profile, tmp_path):
-    """`place` ranks placements in the workspace above the table and writes one; `track` writes joints.csv."""
+    """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
     options = ("--planning-effort", "quick", "--json")
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
     code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", *options)
@@ -124,6 +124,12 @@ def test_track_and_place(run, profile, tmp_path):
     assert code == 0, err
     assert json.loads(out)["motion"]["distance"]["p95"] < 0.2
     assert (tmp_path / "out" / "joints.csv").read_text().startswith("time_s,panda_joint1_rad")
+    for verb, first in (("place", "placed"), ("track", "out")):
+        again = tmp_path / f"{first}-again"
+        code, _, err = run(verb, "--config", tmp_path / first / "run.yaml", "-o", again, "--quiet")
+        assert code == 0, err
+        for file in ("run.yaml", "placed_profile.npz", "path.npz", *(["joints.csv"] if verb == "track" else [])):
+            assert (again / file).read_bytes() == (tmp_path / first / file).read_bytes(), file
 
 
 @pytest.mark.parametrize(
