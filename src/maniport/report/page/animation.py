@@ -14,8 +14,13 @@ from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import METRICS
 from maniport.report.page.content import (
+    ACHIEVED,
     HUMAN_JOINTS,
+    PERSON,
+    REFERENCE,
+    ROLES,
     STATES,
+    TARGET,
     Animation,
     Body,
     Cloud,
@@ -25,7 +30,6 @@ from maniport.report.page.content import (
     Part,
     Stage,
 )
-from maniport.report.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import lengths
 from maniport.util.subsample import evenly_spaced
