@@ -224,7 +224,7 @@ def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("verb", ["learn", "live"])
+@pytest.mark.parametrize("verb", ["live"])
 def test_verbs_that_move_one_arm_say_what_moves_both(verb, monkeypatch, tmp_path):
     """Before long work, and nothing is written."""
     monkeypatch.chdir(tmp_path)
