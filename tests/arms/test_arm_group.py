@@ -156,7 +156,7 @@ def test_shared_joints_count_once(talos):
 def test_jacobians_of_a_humanoid_are_those_of_mujoco(talos):
     """Both hands of Talos agree with MuJoCo to 1e-9; relative and absolute Jacobians are their combinations."""
     mujoco = pytest.importorskip("mujoco")
-    model = model_of(mujoco, PACKAGES["example-robot-data"].found()["talos_reduced"])
+    model = model_of(mujoco, PACKAGES["example-robot-data"].installed()["talos_reduced"])
     assert max(farthest(mujoco, model, arm) for arm in talos.arms) < 1e-9
     q = talos.sample(4, 0)
     left, right = np.moveaxis(talos.jacobian(q), 1, 0)
