@@ -126,9 +126,9 @@ def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Truth:
 
 def training(samples: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms along their training trajectories, every n-th of 400; shapes (samples, 3, 3)."""
-    paths = trajectories.human_training(), trajectories.robot_training()
-    joined = (trajectories.every(np.concatenate(list(path.values())), samples) for path in paths)
-    return _ellipsoids(*joined)
+    person = trajectories.human_training()
+    paths = np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
+    return _ellipsoids(*(trajectories.every(path, samples) for path in paths))
 
 
 def _row(row: PaperRow, settings: str, seed: int, draws: int, truth: Truth) -> list[Line]:
