@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools, frames_between
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 

@@ -22,7 +22,7 @@ from maniport.pipeline.learned import Demonstration, LearnedProfile
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import AUTO, DAMPING, KEEP, PERSON
 from maniport.util.progress import Progress, Step, counted
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_count, as_numbers
 
 FEWEST = 10  # A demonstration has at least so many frames

@@ -18,7 +18,7 @@ from maniport.studies.paper import trajectories
 from maniport.transfer import DomainAdapter, method_of, name_of
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.progress import Progress, Step
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 FITTED_METHODS = ("icp", "length-field")  # Methods in every table besides the baselines

@@ -17,7 +17,7 @@ from maniport.report.page.content import Panel, is_gap
 from maniport.report.roles import ACHIEVED, OTHERS, PERSON, ROLES, TARGET
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes, lengths
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import (
     SPD_TOLERANCE,
     Array,
