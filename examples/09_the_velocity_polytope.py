@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
 
 import maniport as mp
-from maniport.report.roles import ACHIEVED, REFERENCE
+from maniport.report.page.content import ACHIEVED, REFERENCE
 from maniport.spd.ellipsoid import axes, volume
 
 CONFIGURATION = [0.0, -0.4, 0.5, -1.8, -0.6, 1.7, 0.0]  # [rad]

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import maniport as mp
 from make_gallery import small
 from maniport.report import figures
-from maniport.report.roles import PERSON, TARGET
+from maniport.report.page.content import PERSON, TARGET
 
 MOUNTINGS = {"--base-rotation 0,0,90": (0.0, 0.0, 90.0), "--base-rotation 0,90,0": (0.0, 90.0, 0.0)}
 CONFIGURATION = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8])  # [rad]

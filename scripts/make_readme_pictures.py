@@ -20,7 +20,7 @@ from PIL import Image
 
 import maniport as mp
 from maniport.report import figures as plots
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.report.write import write_results
 
 HOME = Path(__file__).parents[1]

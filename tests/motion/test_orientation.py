@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import load_arm
 from maniport.arms.human import hand_rotations
 from maniport.errors import InvalidInputError, UnknownNameError
-from maniport.motion import plan_motion, track
-from maniport.motion.objective import POINTING, WHOLE, Objective, axis_weights
+from maniport.motion import Objective, plan_motion, track
+from maniport.motion.costs.orientation import POINTING, WHOLE, axis_weights
 from maniport.pipeline.options import MotionOptions
 
 TIME = np.linspace(0.0, 2.0, 12)
@@ -44,7 +44,7 @@ def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
     targets = objective.targets(*motion[:2], rotations=motion[2])
     nodes = planner.arms[0].reachability_map.nodes(targets, 60, np.random.default_rng(0))
     owner = np.repeat(np.arange(len(TIME)), np.diff(nodes.first))
-    angles = targets[owner].axis_angles(nodes.q)
+    angles = targets[owner].orientation_cost.angles(nodes.q)
     assert all(angles[owner == i].min() < 0.1 for i in range(len(TIME)))
     assert targets[owner].tip_error(nodes.q).max() < 1e-3
     assert_allclose(nodes.cost, targets[owner].cost(nodes.q))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes, with_derivatives
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import sobol
@@ -42,8 +42,7 @@ class JointSpace(NotebookDisplay):
         Parameters
         ----------
         n : int
-            How many. Powers of two keep the balance of a Sobol sequence and are the best choice; other numbers take
-            the first n points of the sequence.
+            Number of configurations; powers of two keep the balance of a Sobol sequence.
         random_state : None, int or numpy.random.Generator
             Seed: the same seed gives the same bits, and the first points are the same for every n.
         sequence : {"sobol", "uniform"}
@@ -125,21 +124,14 @@ class JointSpace(NotebookDisplay):
         Parameters
         ----------
         q : array_like, shape (..., dof)
-            Configurations.
         kind, part, joint_weights
-            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
+            As in `EllipsoidSpec`; `InvalidInputError` when velocity limits are not known.
 
         Returns
         -------
         ndarray, shape (..., d, d), of a group (..., n_arms, d, d)
-            Exactly symmetric matrices.
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong shape or value, or the velocity limits are not known.
-        NotSPDError
-            For the force ellipsoid of a singular configuration.
+            Exactly symmetric matrices. Singular velocity ellipsoids are returned as they are; the force ellipsoid of a
+            singular configuration raises `NotSPDError`.
         """
         return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
@@ -182,7 +174,7 @@ class Manipulable(JointSpace):
     def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Compute the derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), symmetric.
 
-        In closed form, see `maniport.arms.manipulability_jacobian`; units are those of M per radian or meter.
+        In closed form, see `maniport.arms.kernels.fill_derivatives`; units are those of M per radian or meter.
         """
         return self.differentials(q, spec)[2]
 
@@ -192,8 +184,6 @@ class Manipulable(JointSpace):
 
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
         """Return the results of `forward` and `differentials`."""
-        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
-
         poses, jacobians, of_joints = self._motions(q)
         chains = [(factor, own, chain.coupling) for (factor, chain), own in zip(self._parts, of_joints, strict=True)]
         flat = jacobians.reshape(-1, 6, self.dof)
@@ -205,7 +195,7 @@ class Manipulable(JointSpace):
         """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of each chain."""
         array = self.configurations(q)
         flat, shape = array.reshape(-1, self.dof), array.shape[:-1]
-        motions = [chain.motion(chain.positions(flat), with_jacobians) for _, chain in self._parts]
+        motions = [chain.motion(flat, with_jacobians) for _, chain in self._parts]
         poses = self._pose([poses for poses, _ in motions])
         coupled = [
             chain.coupled(own) if factor == 1.0 else factor * chain.coupled(own)

@@ -68,33 +68,23 @@ class Kinematics:
         flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self.coupling
         return np.asarray(flat.reshape(*jacobians.shape[:-1], flat.shape[1]))
 
-    def motion(self, positions: Array, with_jacobians: bool = True) -> tuple[Array, Array]:
+    def motion(self, q: Array, with_jacobians: bool = True) -> tuple[Array, Array]:
         """Poses of the end effector (n, 4, 4), and Jacobians in the joints, linear rows first, (n, 6, joints)."""
         from maniport.arms.kernels import fill_motion
 
-        n = len(positions)
+        n, positions = len(q), self.positions(q)
         poses, jacobians = np.empty((n, 4, 4)), np.empty((n if with_jacobians else 0, 6, len(self.axes)))
         fill_motion(positions, self.placements, self.axes, self.slides, *self._frame, poses, jacobians)
         return poses, jacobians
 
-    def link_poses(self, positions: Array) -> tuple[Array, Array]:
-        """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links."""
+    def link_poses(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links for degrees of freedom, shape (n, dof)."""
         from maniport.arms.kernels import fill_link_poses
 
-        rotations, origins = (np.empty((len(positions), len(self.moves), *size)) for size in ((3, 3), (3,)))
+        rotations, origins = (np.empty((len(q), len(self.moves), *size)) for size in ((3, 3), (3,)))
+        positions = self.positions(q)
         fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
         return rotations, origins
-
-    def distance_slopes(self, q: Array, points: Array, normals: Array, links: NDArray[np.intp]) -> Array:
-        """How quickly pairs of links (n, 2) part along normals (n, 3) at points (n, 3), shape (n, dof)."""
-        turns, origins = self.link_poses(self.positions(q))
-        axes = np.einsum("njab,jb->nja", turns[:, 1:], self.axes)
-        lever, velocities = points[:, None] - origins[:, 1:], np.empty(axes.shape)
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # NumPy's cross product takes twice the time for a few
-            velocities[..., i] = axes[..., j] * lever[..., k] - axes[..., k] * lever[..., j]
-        velocities = np.where(self.slides[:, None], axes, velocities)
-        carries = self.moves[links[:, 0]].astype(float) - self.moves[links[:, 1]]
-        return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self.coupling)
 
 
 class PointKinematics:

@@ -6,7 +6,9 @@ of the joint weights, the identity by default. With W the joints' velocity limit
 really do.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,3 +139,30 @@ def weighted_rows(jacobian: ArrayLike, spec: EllipsoidSpec) -> Array:
         raise InvalidInputError(f"jacobian must have shape (..., 6, dof), linear rows first; found {array.shape}")
     rows = array[..., spec.rows, :]
     return rows if spec.joint_weights is None else np.asarray(rows * spec.weights(array.shape[-1]))
+
+
+def with_derivatives(
+    jacobian: Array, chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY
+) -> tuple[Array, Array]:
+    """Manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
+
+    The Jacobian, shape (n, 6, dof), is a sum over chains: their factors, Jacobians in their joints, and couplings.
+    """
+    from maniport.arms.kernels import fill_derivatives  # here: Numba takes its time
+
+    dof = jacobian.shape[2]
+    rows = np.ascontiguousarray(weighted_rows(jacobian, spec))
+    weights = 1.0 if spec.joint_weights is None else spec.weights(dof)
+    ellipsoids, changes = np.empty((len(rows), rows.shape[1], rows.shape[1])), []
+    for factor, of_joints, coupling in chains:
+        change = np.empty((len(rows), dof, rows.shape[1], rows.shape[1]))
+        # Numba compiles once more for arrays that are not contiguous
+        arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), coupling * weights
+        fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, change)
+        changes.append(change if factor == 1.0 else np.multiply(factor, change, out=change))
+    results = reduce(np.add, changes)
+    if spec.kind == "velocity":
+        return ellipsoids, results
+    force = manipulability(jacobian, spec)
+    change = -force[:, None] @ results @ force[:, None]  # of an inverse
+    return force, np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from maniport.errors import MissingPackageError, as_text
+from maniport.report.metrics import METRICS as MOTION_METRICS
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
-from maniport.report.values import Report
+from maniport.report.values import SUFFIXES, Report
 from maniport.report.write import SUMMARIES
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import parquet_writer, pyarrow
@@ -30,9 +31,8 @@ STATISTICS = ("median", "p95", "max")
 PARTS = ("upper arm", "forearm", "hand")
 
 METRICS = (
-    *(f"motion.{name}.{value}" for name in ("distance", "position_error_mm", "orientation_error_deg",
-                                            "major_axis_angle_deg", "feasibility_gap")
-      for value in STATISTICS),
+    *(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}" for key, metric in MOTION_METRICS.items()
+      if not metric.text and key != "relative_position_error" for value in STATISTICS),
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
@@ -145,15 +145,14 @@ class Metric(NamedTuple):
 
 
 PAGE_METRICS = (
-    Metric("motion.distance.median", "distance, median"),
-    Metric("motion.distance.p95", "distance, 95th percentile"),
-    Metric("motion.distance.max", "distance, max"),
-    Metric("motion.position_error_mm.p95", "position error, 95th percentile [mm]", 1),
-    Metric("motion.position_error_mm.max", "position error, max [mm]", 1),
-    Metric("motion.feasibility_gap.median", "feasibility gap, median"),
-    Metric("motion.duration_s.robot", "duration [s]", 1),
-    Metric(COMPUTING, "computing time [s]", 1),
-)
+    *(Metric(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}",
+             f"{metric.label}, {name}{f' [{metric.unit}]' if metric.unit else ''}", 1 if metric.unit else 2)
+      for key, metric in MOTION_METRICS.items()
+      for value, name in (("median", "median"), ("p95", "95th percentile"), ("max", "max"))
+      if key in ("distance", "position_error") or (key, value) == ("feasibility_gap", "median")),
+    Metric("motion.duration_s.robot", f"{MOTION_METRICS['duration'].label} [s]", 1),
+    Metric(COMPUTING, "Computing time [s]", 1),
+)  # fmt: skip
 """The page sorts pairs by the first, and shows its distribution."""
 
 

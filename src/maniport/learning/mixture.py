@@ -56,21 +56,20 @@ def points_each(d: int, inputs: int = 1) -> int:
     return inputs + d * (d + 1) // 2 + 1
 
 
-def component_counts(count: Any, most: Any, x: Array, points: Array) -> range:
-    """Return the numbers of components to try: `count`, or up to `most` that the points allow."""
+def component_counts(count: Any, most: Any, x: Array, points: Array) -> list[int]:
+    """Return the numbers of components to try: `count`, or 1, 2, 4, … up to `most` that the points allow."""
     d, p = points.shape[-1], x.shape[1]
-    each = points_each(d, p)
-    allowed = len(x) // each
-    if count is None:
-        low, high = 1, min(as_count(most, "max_components"), max(allowed, 1))
-    else:
-        low = high = as_count(count, "n_components")
-    if high > allowed:
+    least = points_each(d, p)
+    most, allowed = as_count(most, "max_components"), len(x) // least
+    counts = [2**i for i in range(64) if 2**i <= min(most, max(allowed, 1))]
+    if count is not None:
+        counts = [as_count(count, "n_components")]
+    if counts[-1] > allowed:
         raise InvalidInputError(
-            f"{high} components need {high * each} ellipsoids, {each} each for {p} inputs and {d}×{d} matrices, "
-            f"found {len(x)}"
+            f"{counts[-1]} components need {counts[-1] * least} ellipsoids, {least} each for {p} inputs and {d}×{d} "
+            f"matrices, found {len(x)}"
         )
-    return range(low, high + 1)
+    return counts
 
 
 @dataclass(frozen=True)

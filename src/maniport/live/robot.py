@@ -12,9 +12,10 @@ from maniport.live.led_arm import Target
 from maniport.motion import Limit, MotionLimits, Objective
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
-from maniport.motion.problem import Cost
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -121,7 +122,7 @@ class Robot:
                     ellipsoid = first.ellipsoid + share * (ellipsoid - first.ellipsoid)
                 rows.append(self._objectives[k].targets(ellipsoid[None], aim))
                 current.append(position)
-            problem = ControlProblem(tuple(rows), previous, self._reference, weight, time)
+            problem = ControlProblem(tuple(rows), previous, PostureCost(self._reference, weight), time)
             self._set(self._controller.step(problem, self._state, dt, speed_share))
             previous = tuple(current)
 

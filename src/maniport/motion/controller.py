@@ -18,9 +18,10 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.objective import Targets
-from maniport.motion.problem import Cost
 from maniport.util.validation import Array
 
 LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
@@ -47,8 +48,7 @@ class ControlProblem:
 
     targets: tuple[Targets, ...]  # of each arm, one row
     previous_positions: tuple[Array | None, ...]  # (3,), target positions of the step before [m]
-    reference: Array  # (dof,), configuration to stay near
-    reference_weight: float  # [1/rad or 1/m]
+    posture: PostureCost  # a configuration to stay near
     time: float = 0.0  # for further costs [s]
 
 
@@ -137,8 +137,8 @@ class Controller:
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) and half the gradient (dof,) of all costs, with dampings."""
-        dof, weight = len(q), problem.reference_weight**2
-        gradient, damping, hessian = weight * (q - problem.reference), np.full(dof, weight), np.zeros((dof, dof))
+        dof, time = len(q), np.array([problem.time])
+        gradient, damping, hessian = np.zeros(dof), np.zeros(dof), np.zeros((dof, dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
             parts = targets.linearize(q[None, columns])
             hessian[columns[:, None], columns] += parts.hessian[0]
@@ -146,14 +146,12 @@ class Controller:
             amount = self.lm_damping * parts.ellipsoid_square[0]
             previous = problem.previous_positions[i]
             if previous is not None:
-                assert parts.poses is not None
                 offset = parts.poses[0, :3, 3] - previous
                 distance = math.sqrt(offset @ offset)
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
             damping[columns] += amount
-        for cost in self._costs:
-            time = np.array([problem.time])
+        for cost in (problem.posture, *self._costs):
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian

@@ -179,17 +179,14 @@ def export_motion(
 ) -> None:
     """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
 
-    - ``"ros2"``, suffix ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second with
-      positions, velocities and accelerations, as ``ros2 topic pub`` and ``rosidl`` take it.
-    - ``"mcap"``, suffix ``.mcap``: about 100 messages a second on the topic ``/joint_states``, named as in
-      ``sensor_msgs/msg/JointState``, with accelerations, as JSON with its schema, for Foxglove and Rerun. It is
-      not the binary encoding of ROS, which ``ros2 bag play`` requires.
-    - ``"mujoco"``, suffix ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), at every control step, ``joint_names`` and
-      ``timestep`` [s]; with the robot also its locked joints, ``held_names`` and ``held_positions``.
-    - ``"parquet"``, suffix ``.parquet``: a row for every control step with ``time``, position, velocity and
-      acceleration of every joint, position of the end effector, entries of the achieved and target ellipsoids, their
-      distance with the motion's damping, and target position and its error where there is a path. Columns have units
-      in their metadata. Targets are interpolated on geodesics; outside the times of the profile they are null.
+    - ``"ros2"``, ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second.
+    - ``"mcap"``, ``.mcap``: about 100 messages a second on ``/joint_states``, named as in
+      ``sensor_msgs/msg/JointState``, as JSON with its schema, not in the binary encoding of ROS.
+    - ``"mujoco"``, ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), ``joint_names`` and ``timestep`` [s]; with the
+      robot also its locked joints, ``held_names`` and ``held_positions``.
+    - ``"parquet"``, ``.parquet``: a row for every control step with joints, end effector, ellipsoids, their distance
+      with the motion's damping, and position errors; units are in the metadata of the columns. Targets are interpolated
+      on geodesics; outside the times of the profile they are null.
 
     The first and the last control step are always included.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,22 +13,10 @@ from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.joint_space import JointSpace
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.objective import Damping, Objective, Targets, axis_weights
+from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
-
-
-class OrientationOptions(Protocol):
-    """Options of orientations; see `maniport.motion.PlanControl`."""
-
-    @property
-    def orientation_axes(self) -> str:
-        """Which axes count."""
-
-    @property
-    def orientation_weight(self) -> float:
-        """How much [1/rad]."""
 
 
 @dataclass(frozen=True)
@@ -102,16 +90,17 @@ def schedules_of(
     spec: EllipsoidSpec,
     damping: Damping,
     position_weight: float,
-    options: OrientationOptions,
+    axes: tuple[float, float, float],
     arrays: Mapping[str, Any],
     reference: Array | None = None,
 ) -> list[Schedule]:
     """Check the targets of each arm; errors name the argument.
 
-    `arrays` are ellipsoids, positions, weights and rotations by the names of the arguments: of an arm, or sequences
-    with an item for each arm of a group. `reference` (n, dof) are configurations of all joints.
+    `axes` are weights of the end effector's axes. `arrays` are ellipsoids, positions, weights and rotations by the
+    names of the arguments: of an arm, or sequences with an item for each arm of a group. `reference` (n, dof) are
+    configurations of all joints.
     """
-    group, axes = as_group(arms), axis_weights(options.orientation_axes, options.orientation_weight)
+    group = as_group(arms)
     columns = [
         (value,) if isinstance(arms, Arm) else of_each(value, name, len(group)) for name, value in arrays.items()
     ]

@@ -13,13 +13,15 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.controller import LM_DAMPING, Controller, ControlProblem, ControlState
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import FOLLOWING_WEIGHT, ORIENTATION_WEIGHT, POINTING, Damping, axis_weights
+from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.motion.plan.plan_control import QUICK
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import Planner
-from maniport.motion.problem import Cost, as_costs
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
 from maniport.motion.search.seed_bank import SeedBank
@@ -144,7 +146,8 @@ def track(
         bank.require_fits(group.arms[0], spec)
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    schedules = schedules_of(arm, time, spec, damping, settings.position_cost, settings, arrays, near)
+    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    schedules = schedules_of(arm, time, spec, damping, settings.position_cost, axes, arrays, near)
     begin = near[0] if start is None and near is not None else start
     if begin is not None:
         begin = np.clip(group.require_within_limits(begin, "start", single=True), group.lower, group.upper)
@@ -176,6 +179,7 @@ def follow(
     dt = (times[-1] - times[0]) / (len(times) - 1)
     targets = [schedule.targets() for schedule in schedules]
     has_reference = schedules[0].configurations is not None
+    posture_weight = 0.3 if has_reference else 1e-2  # a little for joints that no other cost determines
     references = np.tile(start, (len(times), 1))
     for schedule, columns in zip(schedules, controller.columns, strict=True):
         if schedule.configurations is not None:
@@ -188,8 +192,7 @@ def follow(
             problem = ControlProblem(
                 tuple(own[i : i + 1] for own in targets),
                 tuple(None if own.positions is None else own.positions[i - 1] for own in schedules),
-                references[i],
-                0.3 if has_reference else 1e-2,  # a little for joints that no other cost determines
+                PostureCost(references[i], posture_weight),
                 float(times[i]),
             )
             state = controller.step(problem, state, dt)

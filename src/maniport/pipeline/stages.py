@@ -20,7 +20,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import choose
 from maniport.evaluation import evaluate as compared_with_baselines
 from maniport.feasibility import knowing
-from maniport.mocap import HumanMotion, Recording, fit_arm, fit_arms
+from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
     Placement,
@@ -39,7 +39,6 @@ from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
-from maniport.util.defaults import BOTH
 from maniport.util.progress import Progress
 from maniport.util.validation import Array
 
@@ -54,27 +53,29 @@ def load(recording: Recording | str | Path, settings: Settings) -> Recording:
 
 
 def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Human:
-    """Fit one or both arms of the person; a learned profile has its arm already."""
+    """Fit one or both arms of the person; a learned profile has its arms already."""
     if isinstance(recording, LearnedProfile):
         if recording.spec != settings.spec:
             raise InvalidInputError(
                 f"spec must be that of the learned profile, {recording.spec}; found {settings.spec}"
             )
-        reference = recording.reference
-        motion = HumanMotion((reference.fit,), np.zeros((1, 3)))
-        return Human(reference.recording, motion, (recording.profile,), (recording.path,))
-    options = {**settings.config.human.fit_options, "progress": settings.progress}
-    if options["side"] == BOTH:
-        del options["side"]
-        motion = fit_arms(recording, **options)
+        parts, reference = recording.each_arm(), recording.reference
+        profiles, hands = [part.profile for part in parts], [part.path for part in parts]
+        recording, motion = reference.recording, reference.motion
     else:
-        motion = HumanMotion((fit_arm(recording, **options),), np.zeros((1, 3)))
-        if len(settings.arms) > 1:  # each robot arm moves in front of its own base
-            stands = np.array(settings.stands)
-            motion = HumanMotion(motion.arms * len(stands), stands - np.mean(stands, axis=0))
-    _require_frames(recording, len(motion), "frames with the arm fully observed")
-    profiles = tuple(fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms)
-    return Human(recording, motion, profiles, tuple(motion.hands))
+        motion = fit_arms(recording, **settings.config.human.fit_options, progress=settings.progress)
+        _require_frames(recording, len(motion), "frames with the arm fully observed")
+        profiles = [fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms]
+        hands = list(motion.hands)
+    own, count = len(motion.arms), len(settings.arms)
+    if own > count:
+        raise InvalidInputError(f"the profile is of {own} arms, and the robot has {count}")
+    if own < count:  # each robot arm moves in front of its own base
+        stands = np.array(settings.stands)
+        bases = stands - stands.mean(axis=0)
+        motion, profiles = HumanMotion(motion.arms * count, bases), profiles * count
+        hands = [hands[0] + base for base in bases]
+    return Human(recording, motion, tuple(profiles), tuple(hands))
 
 
 def sample_robot(settings: Settings) -> SampledRobot:

@@ -80,11 +80,13 @@ def _profile(learned: LearnedProfile, held_out: dict[str, float]) -> Section:
 
 def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
     """List the demonstrations, and report what made them comparable: mirroring and segment lengths."""
-    agreement, held, side = learned.agreement, learned.agreement.held_out, learned.arm.side
+    agreement, held = learned.agreement, learned.agreement.held_out
+    sides = tuple(str(arm.side) for arm in learned.arms)
     values = [
-        {"name": one.name, "start_s": float(one.fit.time[0]), "stop_s": float(one.fit.time[-1]),
-         "frames": len(one.fit), "side": one.fit.arm.side, "from_others": float(agreement.alone[i]),
-         "left_out": None if held is None else float(held.learned[i]), "segment_lengths_m": one.fit.segment_lengths}
+        {"name": one.name, "start_s": float(one.motion.time[0]), "stop_s": float(one.motion.time[-1]),
+         "frames": len(one.motion), "side": listed(one.motion.names), "from_others": float(agreement.alone[i]),
+         "left_out": None if held is None else float(held.learned[i]),
+         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in one.motion.arms}}
         for i, one in enumerate(learned.demonstrations)
     ]  # fmt: skip
     columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
@@ -92,14 +94,14 @@ def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
     if held is not None:
         columns["held out"] = "{left_out:.2f}"
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
-    mirrored = [one.name for one in learned.demonstrations if one.fit.arm.side != side]
-    arm = "one arm of mean lengths" if learned.lengths == "mean" else "arms that differ in size"
+    mirrored = [one.name for one in learned.demonstrations if one.motion.names != sides]
+    arm = "arms that differ in size" if learned.lengths == "own" else f"{' and '.join(sides)} arm of mean lengths"
     metrics = (
         info("Reference", "reference", learned.alignment.reference, learned.reference.name,
              "Gives the times of the profile."),
         info("Outlier", "odd", agreement.outlier, outlier or "none",
              "At least 1.5 times the median distance from the others."),
-        *notes([f"mirrored to the {side} arm: {listed(mirrored)}"] if mirrored else []),
+        *notes([f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []),
         *notes([f"all ellipsoids are those of {arm}"]),
     )  # fmt: skip
     return Section("Demonstrations", metrics, (table_of(values, columns, caption, "demonstrations"),), "demonstrations")
@@ -112,7 +114,8 @@ def _settings(learned: LearnedProfile) -> Section:
              "Trunk frame (x forward, y left, z up)."),
         info("Damping", "damping", damping, f"{damping:.3g}" if damping else str(learned.regularization),
              "Added to all eigenvalues before ellipsoids are compared."),
-        info("Arm", "arm", learned.arm.name, f"{learned.arm.name}, {learned.arm.side}"),
+        info("Arm", "arm", listed(arm.name for arm in learned.arms),
+             listed(f"{arm.name}, {arm.side}" for arm in learned.arms)),
         *software(learned.random_state),
     )  # fmt: skip
     return Section("Settings", metrics, key="run", folded=True)

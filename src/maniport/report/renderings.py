@@ -13,7 +13,7 @@ import numpy as np
 
 from maniport.errors import printable
 from maniport.report.metrics import report_of
-from maniport.report.values import INFO, Report, Section, Table, sentence
+from maniport.report.values import INFO, SUFFIXES, Report, Section, Table, sentence
 from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
@@ -77,7 +77,6 @@ def as_numbers(report: Report) -> dict[str, Any]:
     -------
     dict
     """
-    suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
     result: dict[str, Any] = {"title": report.title}
     if (summary := report.summary) is not None:
         texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command")}
@@ -86,7 +85,7 @@ def as_numbers(report: Report) -> dict[str, Any]:
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
     result["notes"] = report.notes
     for section in report.sections:
-        entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in section.metrics
+        entries = {metric.key + SUFFIXES.get(metric.unit, ""): metric.value for metric in section.metrics
                    if metric.key and (not metric.is_warning or metric.value is not None)}  # fmt: skip
         entries |= {table.key: table.value for table in section.tables if table.key}
         place = result.setdefault(section.key, {}) if entries and section.key else result

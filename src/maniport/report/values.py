@@ -2,19 +2,21 @@
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-
-from maniport.errors import InvalidInputError
 
 INFO, NOTE, WARNING, ERROR = SEVERITIES = ("info", "note", "warning", "error")
 GREEN, AMBER, RED = "green", "amber", "red"
 STATUS = {INFO: GREEN, NOTE: GREEN, WARNING: AMBER, ERROR: RED}
 """Status of a result by the worst severity of its metrics."""
 MEANING = {GREEN: "no warnings", AMBER: "see the warnings before it runs", RED: "do not run it"}
+
+
+SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
+"""Ends of keys in JSON by unit."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +88,6 @@ class Table:
     caption: str = ""
     key: str = ""
     value: Any = None
-
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise InvalidInputError(
-                    f"every row of a table must have {len(self.columns)} cells, one for each column; found {len(row)}"
-                )
 
 
 @dataclass(frozen=True)
@@ -194,10 +189,6 @@ class Report:
         kinds = ", ".join(key.replace("-", " ") for key in self.warning_keys)
         return f"{self.status.capitalize()}: {MEANING[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
 
-    def metric(self, key: str) -> Metric:
-        """Return the first metric with this key; KeyError where there is none."""
-        return {metric.key: metric for metric in reversed(self.metrics)}[key]
-
 
 def info(
     label: str, key: str, value: Any, text: str | None = None, description: str = "", unit: str = "", main: bool = False
@@ -238,12 +229,11 @@ def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None =
     index = int(np.nanargmax(array))
     where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
     median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
-    value = {"median": median, "p95": p95, "max": float(array[index]), **where}
-    suffix = f" {unit}" if unit and unit != "°" else unit
-    place = f"at index {index}" if time is None else at_time(where["max_at_s"])
-    texts = (f"{number:.2f}{suffix}" for number in (median, p95, array[index]))
-    text = "{} (median), {} (95th percentile), {} (max {})".format(*texts, place)
-    return Metric(label, text, "", key, value, unit)
+    metric = Metric(label, "", "", key, {"median": median, "p95": p95, "max": float(array[index]), **where}, unit)
+    suffix, place = "°" if unit == "°" else f" {unit}".rstrip(), metric.where or f"at index {index}"
+    names = ("median", "95th percentile", f"max {place}")
+    texts = [f"{cell}{suffix} ({name})" for cell, name in zip(metric.cells, names, strict=True)]
+    return replace(metric, text=listed(texts))
 
 
 def table_of(

@@ -1,10 +1,13 @@
 """MJCF: checks, joint equalities, several joints of one body, ranges and shapes.
 
 Ranges are read here, since Pinocchio 4 converts those of prismatic joints from degrees and shifts those of joints with
-a `ref`. Pinocchio reads the poses of shapes from a copy in which each mesh is one triangle, since its native mesh
-reader crashes on damaged files.
+a `ref`. Pinocchio ignores `<include>`, all trees of bodies but the first, and the pose of a first body that cannot
+move: it reads a copy with all included files and all bodies in one tree. For shapes, each mesh of the copy is one
+triangle, since its native mesh reader crashes on damaged files.
 """
 
+import copy
+import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
@@ -18,13 +21,15 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, require_numbers
-from maniport.arms.loaders.mjcf_tree import WORLD, kinematics, one_tree, with_includes
+from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, parsed, require_numbers
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
+from maniport.util.input_limits import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
+
+WORLD = "world"  # name of the root body
 
 
 class Mjcf(RobotXML):
@@ -35,13 +40,17 @@ class Mjcf(RobotXML):
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> RobotXML:
         """Check the text and the root of a file with its included files."""
-        return super().checked(path, text, with_includes(path, root) if root.tag == cls.tag else root)
+        return super().checked(path, text, _with_includes(path, root) if root.tag == cls.tag else root)
 
     def build(self) -> pin.Model:
-        """Read the kinematics with Pinocchio."""
+        """Read the kinematics with Pinocchio, without shapes, actuators, sensors, cameras and lights."""
+        tree = _one_tree(self.root)
+        tree[:] = [section for section in tree if section.tag in ("compiler", "default", "worldbody")]
+        for parent in list(tree.iter()):
+            parent[:] = [child for child in parent if child.tag not in ("geom", "camera", "light")]
         with TemporaryDirectory(prefix="maniport-") as folder:
             file = Path(folder) / self.path.with_suffix(".xml").name
-            ElementTree.ElementTree(kinematics(self.root)).write(file, encoding="utf-8")
+            ElementTree.ElementTree(tree).write(file, encoding="utf-8")
             return pin.buildModelFromMJCF(str(file))
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
@@ -153,7 +162,7 @@ class Mjcf(RobotXML):
 
     def _geometries(self) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
         """The model and its visual and collision geometry, with a triangle for each mesh."""
-        root = one_tree(self.root)
+        root = _one_tree(self.root)
         corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
         triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
         for compiler in root.findall("compiler"):
@@ -215,3 +224,69 @@ def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
     except (ValueError, OverflowError, QhullError) as error:
         reason = str(error).splitlines()[0]
         raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} are no solid: {reason}") from None
+
+
+def _with_includes(path: Path, root: ElementTree.Element) -> ElementTree.Element:
+    """Insert included files as MuJoCo does, and name unnamed bodies and joints."""
+    tree = copy.deepcopy(root)
+    if root.find(".//include") is not None:
+        _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
+        first: dict[str, ElementTree.Element] = {}
+        for section in list(tree):  # join sections of one name; later attributes override earlier ones
+            if section.tag in first:
+                first[section.tag].attrib.update(section.attrib)
+                first[section.tag].extend(section)
+                tree.remove(section)
+            else:
+                first[section.tag] = section
+    taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
+    for parent in [body for world in tree.findall("worldbody") for body in (world, *world.iter("body"))]:
+        joints = [joint for joint in parent.findall("joint") if joint.get("type") != "free"]
+        for what, parts in (("joint", joints), ("body", parent.findall("body"))):
+            for k, part in enumerate(parts, start=1):
+                if part.get("name") is None:  # names by Pinocchio would lose the ranges
+                    name = f"{parent.get('name', WORLD)}_{what}{k}"
+                    while name in taken:
+                        name += "_2"
+                    part.set("name", name)
+                    taken.add(name)
+    return tree
+
+
+def _fill(element: ElementTree.Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
+    """Replace <include> by the content of files; `seen` counts the elements of each file."""
+    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
+    children: list[ElementTree.Element] = []
+    for child in element:
+        if child.tag != "include":
+            _fill(child, path, seen, level + 1)
+            children.append(child)
+            continue
+        name = child.get("file", "")
+        if not name:
+            raise FileFormatError(f"{path}: an <include> names no file")
+        file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
+        if not file.is_relative_to(path.parent.resolve()):
+            raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
+        if file in seen:
+            raise FileFormatError(f"{path}: includes {name!r} more than once, or in a cycle")
+        require_at_most(len(seen), INCLUDES, "included files", path)
+        root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))[1]
+        seen[file] = sum(1 for _ in root.iter())
+        require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
+        _fill(root, path, seen, level)
+        children += root
+    element[:] = children
+
+
+def _one_tree(root: ElementTree.Element) -> ElementTree.Element:
+    """Copy a tree with all bodies below one at the origin of the world, without free joints."""
+    tree = copy.deepcopy(root)
+    for body in tree.iter("body"):
+        for joint in [*body.findall("freejoint"), *body.findall("joint[@type='free']")]:
+            body.remove(joint)
+    for world in tree.iter("worldbody"):
+        hull = ElementTree.Element("body", {"name": WORLD, **world.attrib})
+        hull.extend(world)
+        world[:] = [hull]
+    return tree

@@ -247,9 +247,9 @@ class MovingPathCost:
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """As `Targets.evaluate`; all derivatives are kept in `gradient` and `hessian`."""
         targets, dof = self.targets, q.shape[1]
-        values, vectors, singular, changes, jacobian, poses = targets.differentials(q)
+        poses, jacobian, velocity, changes = targets.arm.posed_differentials(q, targets.objective.spec.velocity)
+        values, vectors, singular, changes = targets.ellipsoid_cost.spectrum(velocity, changes)
         assert targets.positions is not None
-        assert poses is not None
         achieved = targets.root @ compose(values, vectors) @ targets.root
         turned = achieved[:, None] @ self._generators - self._generators @ achieved[:, None]
         weight = targets.objective.position_weight

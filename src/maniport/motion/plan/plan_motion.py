@@ -9,13 +9,16 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import axis_weights
+from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping
 from maniport.motion.plan.arm_planner import planning_time_scale
 from maniport.motion.plan.plan_control import PlanControl
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
+from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
 from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
@@ -92,7 +95,8 @@ def plan_motion(
         planner.require_fits(arms, spec)
     settings = settings.resolved(arms, planner)
     arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, settings, arrays)
+    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, axes, arrays)
     if len({schedule.positions is None for schedule in schedules}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
     require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)

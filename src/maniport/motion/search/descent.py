@@ -6,14 +6,14 @@ has reached it the others end, and every few steps the worse half of them does.
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from maniport.motion.kernels import step_within_limits
-from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT
+from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
+from maniport.motion.problem import MotionProblem
 from maniport.util.progress import Part, counted, nobody, pieces
 from maniport.util.validation import Array
 
@@ -22,35 +22,7 @@ STARTS = 32  # Samples that a search for the pointwise optimum starts from
 LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken
 
 
-class JointLimits(Protocol):
-    """An arm or a group of arms."""
-
-    lower: Array
-    upper: Array
-    dof: int
-
-
-class PathCost(Protocol):
-    """Targets, one row each: `maniport.motion.objective.Targets` or `maniport.motion.problem.MotionProblem`."""
-
-    @property
-    def arm(self) -> JointLimits:
-        """The arm, or the group."""
-
-    def __getitem__(self, rows: Any) -> "PathCost":
-        """Some of the targets, or each several times."""
-
-    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
-
-    def distance(self, q: Array) -> Array:
-        """Distance of target and achieved ellipsoids, shape (n,)."""
-
-    def tip_error(self, q: Array) -> Array | None:
-        """Position errors [m], shape (n,) or (n, arms); None without paths."""
-
-    def weighing(self, position_weight: float) -> "PathCost":
-        """Change the weight of the position error [1/m]."""
+PathCost = Targets | MotionProblem  # with a row for each target
 
 
 def descend(

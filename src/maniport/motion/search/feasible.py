@@ -45,11 +45,9 @@ class FeasibleEllipsoids(NotebookDisplay):
     position_error: Array | None = None
 
     def __repr__(self) -> str:
-        d = self.ellipsoids.shape[-1]
-        error = self.position_error
+        (count, d, _), error = self.ellipsoids.shape, self.position_error
         away = "" if error is None else f", position error {1e3 * np.median(error):.3g} mm"
-        distance = f"{len(self.ellipsoids)} of {d}×{d} at a distance of {np.median(self.distance):.3g}"
-        return f"FeasibleEllipsoids({distance}{away} (medians))"
+        return f"FeasibleEllipsoids({count} of {d}×{d} at a distance of {np.median(self.distance):.3g}{away} (medians))"
 
 
 def nearest_feasible(
@@ -122,17 +120,7 @@ def nearest_feasible(
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
 
 
-def feasibility_gap(
-    arm: Arm,
-    profile: ArrayLike,
-    *,
-    spec: EllipsoidSpec = VELOCITY,
-    damping: Damping = DAMPING,
-    bank: SeedBank | None = None,
-    n_points: int = 250,
-    n_starts: int = STARTS,
-    progress: Progress | None = None,
-) -> Array:
+def feasibility_gap(arm: Arm, profile: ArrayLike, *, n_points: int = 250, **options: Any) -> Array:
     """Distance from each target ellipsoid of a profile to the nearest feasible one, wherever the end effector is.
 
     Parameters
@@ -140,10 +128,10 @@ def feasibility_gap(
     arm : Arm
     profile : array_like, shape (n, d, d)
         Target ellipsoids in the arm's base frame, in the order of time.
-    spec, damping, bank, n_starts, progress
-        As in `nearest_feasible`.
     n_points : int
         Most ellipsoids that are searched, evenly spaced; between them the distance is interpolated.
+    **options
+        Of `nearest_feasible`.
 
     Returns
     -------
@@ -158,10 +146,7 @@ def feasibility_gap(
     targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
     require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
     rows = evenly_spaced(len(targets), most)
-    nearest = nearest_feasible(
-        arm, targets[rows], spec=spec, damping=damping, bank=bank, n_starts=n_starts, progress=progress
-    )
-    return np.interp(np.arange(len(targets)), rows, nearest.distance)
+    return np.interp(np.arange(len(targets)), rows, nearest_feasible(arm, targets[rows], **options).distance)
 
 
 class FeasibleProjector:
@@ -224,13 +209,7 @@ class FeasibleProjector:
         return self.search(self.objective.damping.epsilon).nearest(points)[0]
 
     def search(self, damping: float) -> "FeasibleSearch":
-        """Begin a search for ellipsoids that carry another damping ε [unit of M], which remembers its configurations.
-
-        Raises
-        ------
-        InvalidInputError
-            When ε is not above zero.
-        """
+        """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]; it remembers configurations."""
         epsilon = Regularization.absolute(as_number(damping, "damping", above=0.0))
         return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
 
@@ -281,22 +260,20 @@ class FeasibleSearch:
         NotSPDError, InvalidInputError
             When `points` are not SPD, or their number changes.
         """
-        damped = as_points(points, "points", self._objective.spec.size, minimum=1)
-        targets = self._objective.targets(self._objective.undamped(damped))
-        before, max_starts = self.joint_positions, 12_288  # of all targets; with six each a length field is worse
-        if before is None:
-            each = min(max(max_starts // len(damped), 24), 48)
-            starts, steps = self._bank.starts_for(targets, each), 20
+        objective, before = self._objective, self.joint_positions
+        damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288
+        targets = objective.targets(objective.undamped(damped))
+        if before is None:  # with six starts for each a length field is worse
+            starts, steps = self._bank.starts_for(targets, min(max(max_starts // len(damped), 24), 48)), 20
         else:
             require_shape(damped, "points", (len(before), *damped.shape[1:]), ", as in the first call")
             similar = [] if neighbors is None else [before[neighbors]]
             starts = np.concatenate([before[:, None], *similar, self._bank.starts_for(targets, 1)], axis=1)
             steps = 8
-        q = descend(targets, starts, 1e-6, steps, block=512, halving=2)
+        arm, q = objective.arm, descend(targets, starts, 1e-6, steps, block=512, halving=2)
         if not np.all(np.isfinite(targets.distance(q))):
-            raise InvalidInputError(f"the arm {self._objective.arm.name!r} is singular at all starts for some points")
+            raise InvalidInputError(f"the arm {arm.name!r} is singular at all starts for some points")
         self.joint_positions = q
-        arm = self._objective.arm
-        changes = targets.log_changes(q)
+        changes = targets.ellipsoid_cost.log_changes(q)
         changes[(q <= arm.lower) | (q >= arm.upper)] = 0.0
-        return self._objective.damped(arm.ellipsoids(q, self._objective.spec)), changes
+        return objective.damped(arm.ellipsoids(q, objective.spec)), changes

@@ -2,7 +2,7 @@
 
 Every function returns a `matplotlib.figure.Figure` without a window and without global state, as wide as one column of
 a paper. Profiles and domains are mappings from names to arrays. Colors follow roles (``roles=``, as in
-`maniport.report.roles`), else the order. `write_figures` draws the figures of a saved result.
+`maniport.report.page.content`), else the order. `write_figures` draws the figures of a saved result.
 """
 
 import json
@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
-from maniport.report.page.content import HUMAN_JOINTS, Line, Panel, unpacked
+from maniport.report.page.content import ACHIEVED, HUMAN_JOINTS, PERSON, Line, Panel, unpacked
 from maniport.report.renderings import ENDINGS, PAGE
-from maniport.report.roles import ACHIEVED, PERSON
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 from maniport.util.optional import matplotlib

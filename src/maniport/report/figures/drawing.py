@@ -13,8 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from maniport.errors import InvalidInputError
-from maniport.report.page.content import Panel, is_gap
-from maniport.report.roles import ACHIEVED, OTHERS, PERSON, ROLES, TARGET
+from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Panel, is_gap
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes, lengths
 from maniport.util.sampling import evenly_spaced

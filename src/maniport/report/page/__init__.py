@@ -15,31 +15,15 @@ import jinja2
 from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
-from maniport.report.page.content import (
-    STATES,
-    Animation,
-    Body,
-    Cloud,
-    DomainMap,
-    Image,
-    Line,
-    Panel,
-    Part,
-    Stage,
-    as_json,
-)
-from maniport.report.roles import ROLES
+from maniport.report.page.content import ROLES, STATES, Animation, Image, as_json
 from maniport.report.values import Report
 from maniport.util.atomic_io import written_whole
 from maniport.version import __version__
 
-__all__ = [
-    "Animation", "Body", "Cloud", "DomainMap", "Image", "Line", "Panel", "Part", "Stage", "as_html", "document",
-    "write_page",
-]  # fmt: skip
-
 CARDS = ("distance", "position_error", "orientation_error", "limits", "collisions")
 """Keys of the metrics of a summary that are on cards."""
+
+SCRIPTS = ("geometry", "surface", "scene", "exports", "curves", "strips", "states", "map", "player", "page", "print")
 
 LARGEST = 6_000_000  # Upper bound of the size of a page [bytes]
 
@@ -71,10 +55,13 @@ def as_html(report: Report, contents: Contents | None = None) -> str:
 
 def document(title: str, body: str, script: str, style: str = "", data: str = "", end: str = "") -> str:
     """Return an HTML file that loads nothing, in the style of all pages."""
-    style = _colors() + _asset("page.css") + style
-    hashes = {"script_hash": _hash(script), "style_hash": _hash(style)}
-    values = {"title": title, "body": body, "script": script, "style": style, "data": data, "end": end}
-    return templates().get_template("document.html").render(**values, **hashes, version=__version__)
+    colors = templates().get_template("colors.css").render(roles=ROLES.values(), states=STATES.values())
+    parts = {"script": script, "style": colors + _asset("page.css") + style}
+    # names of the script and the style sheet for the security policy of the page, which allows no other
+    hashes = {f"{name}_hash": f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+              for name, text in parts.items()}  # fmt: skip
+    values = parts | hashes | {"title": title, "body": body, "data": data, "end": end, "version": __version__}
+    return templates().get_template("document.html").render(**values)
 
 
 def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> str:
@@ -103,7 +90,9 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
     values = {"report": report, "cards": CARDS, "menu": menu, "count": len(data), "motions": motions, "images": images}
     body = templates().get_template("report.html").render(**values)
     end = " Keys: space to play, ← and → to step." if data else ""
-    return document(report.title, body, _script(), data="\n".join(data), end=end)
+    script = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
+    script = f'(() => {{\n"use strict";\n{script}}})();\n'  # all in one scope
+    return document(report.title, body, script, data="\n".join(data), end=end)
 
 
 @cache
@@ -124,30 +113,3 @@ def _linked(text: str, motions: int) -> Markup:
 @cache
 def _asset(name: str) -> str:
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
-
-
-@cache
-def _script() -> str:
-    """Return all scripts in one scope."""
-    names = ["geometry", "surface", "scene", "exports", "curves", "strips", "states", "map", "player", "page", "print"]
-    return '(() => {\n"use strict";\n' + "\n".join(_asset(f"{name}.js") for name in names) + "})();\n"
-
-
-def _colors() -> str:
-    """Return the style of roles and states on a light and on a dark background."""
-    light, dark = (
-        "".join(f"--{role.name}:{getattr(role, ground)};" for role in ROLES.values())
-        + "".join(f"--state{k}:{colors[number]};" for k, colors in enumerate(STATES.values()))
-        for number, ground in enumerate(("color", "dark"))
-    )
-    rules = "".join(
-        f".{name}{{color:var(--{name})}}.without-{name} :is(path.{name},.of-{name}){{display:none}}" for name in ROLES
-    )
-    rules += "".join(f".state{k}{{color:var(--state{k});fill:var(--state{k})}}" for k in range(len(STATES)))
-    night = f"@media screen and (prefers-color-scheme:dark){{:root:not([data-print]){{{dark}}}}}"
-    return f":root{{{light}}}{night}{rules}\n"
-
-
-def _hash(text: str) -> str:
-    """Name a script or a style sheet for the security policy of the page, which allows no other."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

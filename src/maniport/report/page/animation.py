@@ -14,8 +14,13 @@ from maniport.pipeline import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import METRICS
 from maniport.report.page.content import (
+    ACHIEVED,
     HUMAN_JOINTS,
+    PERSON,
+    REFERENCE,
+    ROLES,
     STATES,
+    TARGET,
     Animation,
     Body,
     Cloud,
@@ -25,7 +30,6 @@ from maniport.report.page.content import (
     Part,
     Stage,
 )
-from maniport.report.roles import ACHIEVED, PERSON, REFERENCE, ROLES, TARGET
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import lengths
 from maniport.util.sampling import evenly_spaced
@@ -44,7 +48,10 @@ TORSO = np.array([
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
     """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
     if isinstance(result, LearnedProfile):
-        return Animation(result.alignment.time, (), _panels_of_learned(result), unit=result.spec.unit)
+        parts = [_panels_of_learned(part) for part in result.each_arm()]
+        sides = [str(arm.side) for arm in result.arms]
+        curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
+        return Animation(result.alignment.time, (), curves, unit=result.spec.unit)
     transfer = result if isinstance(result, TransferResult) else None
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     time = transfer.time if transfer is not None else moved[0].time

@@ -1,4 +1,4 @@
-"""Content of a page as values and arrays, and its encoding for the scripts of the page."""
+"""Content of a page as values and arrays with their colors, and its encoding for the scripts of the page."""
 
 import base64
 import json
@@ -12,9 +12,37 @@ from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
 from maniport.motion import status
-from maniport.report.roles import ROLES
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_times
+
+
+@dataclass(frozen=True)
+class Role:
+    """A role with its colors on a light and on a dark background, and for dots behind lines."""
+
+    name: str
+    color: str
+    dark: str
+    pale: str
+    about: str  # text of a legend
+
+    @property
+    def rgb(self) -> tuple[int, int, int]:
+        """The color on a light background as three numbers from 0 to 255."""
+        red, green, blue = bytes.fromhex(self.color[1:])
+        return red, green, blue
+
+
+# Okabe & Ito's blue, vermilion and (darker) green, which remain distinct for color-blind readers
+PERSON = Role("person", "#0072B2", "#56B4E9", "#8FC1E3", "human ellipsoid")
+TARGET = Role("target", "#D55E00", "#F28B42", "#F3B48B", "target ellipsoid of the robot (shell)")
+ACHIEVED = Role("achieved", "#00805D", "#2FC596", "#8CD3BE", "achieved ellipsoid of the robot")
+REFERENCE = Role("reference", "#000000", "#E8EDF2", "#999999", "reference (dashed)")
+
+ROLES = {role.name: role for role in (PERSON, TARGET, ACHIEVED, REFERENCE)}
+
+OTHERS = ("#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe & Ito's other colors, for data without a role."""
 
 STATES = {
     status.FOLLOWED: ("#D9E0E6", "#3A4652"),
@@ -149,44 +177,34 @@ class Animation:
 
 def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
-    kept, chart = evenly_spaced(len(animation.time), frames), animation.map
-    time, names = animation.time[kept], list(STATES)
-    states = [names.index(animation.states[k]) for k in kept] if animation.states else []
-    stages = [
-        {
-            "name": stage.name,
-            "rotation": None if stage.rotation is None else stage.rotation.ravel().tolist(),
-            "torso": None if stage.torso is None else stage.torso.round(4).tolist(),
-            "bodies": [
-                {
-                    "name": body.name,
-                    "skeleton": packed(body.skeleton[kept]),
-                    "ellipsoids": {role: _six(points[kept]) for role, points in body.ellipsoids.items()},
-                    "path": None if body.path is None else packed(body.path[kept]),
-                    "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
-                }
-                for body in stage.bodies
-            ],
-        }
-        for stage in animation.stages
-    ]
-    panels = {
-        topic: [
-            vars(panel) | {"lines": [vars(line) | {"values": packed(line.values[kept])} for line in panel.lines]}
-            for panel in panels
-        ]
-        for topic, panels in animation.panels.items()
-    }
+    kept, chart, names = evenly_spaced(len(animation.time), frames), animation.map, list(STATES)
+    time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
     data = vars(animation) | {
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
-        "stages": stages,
-        "panels": panels,
-        "map": None if chart is None else {
+        "stages": [
+            vars(stage) | {
+                "rotation": None if stage.rotation is None else stage.rotation.ravel().tolist(),
+                "torso": None if stage.torso is None else stage.torso.round(4).tolist(),
+                "bodies": [
+                    vars(body) | {
+                        "skeleton": packed(body.skeleton[kept]),
+                        "ellipsoids": {role: _six(points[kept]) for role, points in body.ellipsoids.items()},
+                        "path": None if body.path is None else packed(body.path[kept]),
+                        "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
+                    } for body in stage.bodies
+                ],
+            } for stage in animation.stages
+        ],
+        "panels": {
+            topic: [vars(panel) | {"lines": [vars(line) | {"values": packed(line.values[kept])}
+                                             for line in panel.lines]} for panel in panels]
+            for topic, panels in animation.panels.items()
+        },
+        "map": None if chart is None else vars(chart) | {
             "domains": [_cloud(cloud) for cloud in chart.domains],
             "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
-            "note": chart.note,
         },
         "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
