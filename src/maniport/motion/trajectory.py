@@ -14,7 +14,7 @@ from maniport.arms.joint_space import JointSpace
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.util.atomic_io import written_whole
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 

@@ -32,7 +32,7 @@ from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import (
     Array,
     as_choice,

@@ -24,7 +24,7 @@ from maniport.motion.schedule import of_each, require_few, require_rows, schedul
 from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_generator
 
 PLACED, RELATIVE = "placed", "relative"
