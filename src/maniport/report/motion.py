@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.errors import argument
 from maniport.motion import ArmMotion, RobotMotion
@@ -40,7 +39,13 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         metrics += measure("orientation_error", np.degrees(motion.orientation_error), time)
     metrics += _of_trajectory(motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
     if result is not None and result.gap is not None:
-        metrics += _mean_distance(motion, result)
+        parts = result.mean_distance._asdict()
+        written = dict(parts)
+        if motion.path is None:
+            written = {"infeasible": parts["infeasible"] + parts["path"], "motion": parts["motion"]}
+        whole, texts = rounded_sum(list(written.values()))
+        text = f"{whole} = {' + '.join(f'{name} {value}' for name, value in zip(written, texts, strict=True))}"
+        metrics += measure("mean_distance", mean=float(np.mean(motion.distance)), **parts, _text=text)
     count = Counter(motion.status)
     reasons = {status: number for status, number in count.items() if status not in REACHED}
     missed, total = sum(reasons.values()), len(motion.status)
@@ -56,7 +61,13 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     if np.isfinite(angle).any():
         metrics += measure("major_axis_angle", angle, time)
     if motion.limits is not None and error is not None:
-        metrics += _jumps(motion.jumps, 1e3 * error)
+        jumps = motion.jumps
+        rows = {"there": error[jumps], "elsewhere": error[~jumps]} if jumps.any() else {}
+        largest = {name: 1e3 * float(some.max()) for name, some in rows.items() if len(some)}
+        errors = listed(f"{name} {value:.1f} mm" for name, value in largest.items())
+        text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {errors}" if largest else ""
+        values: dict[str, Any] = {name: {"position_error_mm": value} for name, value in largest.items()}
+        metrics += measure("jumps", points=int(jumps.sum()), **values, _text=text)
     if result is not None and result.free is not None:
         kept, free = (float(np.mean(moved.distance)) for moved in (motion, result.free))
         metrics += measure("orientation_cost", kept=kept, free=free, _difference=kept - free)
@@ -129,16 +140,6 @@ def _of_trajectory(
     )  # fmt: skip
 
 
-def _mean_distance(motion: ArmMotion, result: ArmResult) -> list[Metric]:
-    parts = result.mean_distance._asdict()
-    written = {"infeasible": parts["infeasible"], "path": parts["path"], "motion": parts["motion"]}
-    if motion.path is None:
-        written = {"infeasible": parts["infeasible"] + parts["path"], "motion": parts["motion"]}
-    total, values = rounded_sum(list(written.values()))
-    text = f"{total} = {' + '.join(f'{name} {value}' for name, value in zip(written, values, strict=True))}"
-    return measure("mean_distance", mean=float(np.mean(motion.distance)), **parts, _text=text)
-
-
 def rounded_sum(parts: list[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
     """Write a sum and its parts such that the printed parts add up: the largest part takes the rounding error."""
     unit = 10**decimals
@@ -146,13 +147,3 @@ def rounded_sum(parts: list[float], decimals: int = 3) -> tuple[str, tuple[str, 
     counts[max(range(len(parts)), key=lambda k: parts[k])] += whole - sum(counts)
     total, *written = (f"{count / unit:.{decimals}f}" for count in (whole, *counts))
     return total, tuple(written)
-
-
-def _jumps(jumps: NDArray[np.bool_], error: Array) -> list[Metric]:
-    """Report the number of jumps, and the largest position error [mm] at them and elsewhere."""
-    rows = {"there": error[jumps], "elsewhere": error[~jumps]} if jumps.any() else {}
-    largest = {name: float(errors.max()) for name, errors in rows.items() if len(errors)}
-    texts = listed(f"{name} {value:.1f} mm" for name, value in largest.items())
-    text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {texts}" if largest else ""
-    values: dict[str, Any] = {name: {"position_error_mm": value} for name, value in largest.items()}
-    return measure("jumps", points=int(jumps.sum()), **values, _text=text)

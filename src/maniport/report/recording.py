@@ -168,11 +168,14 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
     data_warnings = warnings_of(FIT, fit.quality_warnings)
     if isinstance(fit, ArmFit):
         return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),), data_warnings=data_warnings)
-    apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
-    both = Section("Both arms", (statistics("Distance between the hands", "between_hands", apart, fit.time, "m"),))
+    both = []
+    if len(fit.arms) > 1:
+        apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
+        distance = statistics("Distance between the hands", "between_hands", apart, fit.time, "m")
+        both.append(Section("Both arms", (distance,)))
     arms = [replace(person_section(one), title=f"Human {one.arm.side} arm", key=str(one.arm.side)) for one in fit.arms]
     title = f"{' and '.join(one.arm.name for one in fit.arms)}, fitted to a person"
-    return Report(title, sections=(both, *arms), data_warnings=data_warnings)
+    return Report(title, sections=(*both, *arms), data_warnings=data_warnings)
 
 
 def person_section(fit: ArmFit) -> Section:

@@ -233,21 +233,15 @@ def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tupl
         if parts.motion > parts.infeasible:
             command = _track(result, "all", joint_limit_margin=0.0)
             return "Limits dominate the distance: use the whole range of the joints.", command
-        return _infeasible(result, arm)
+        better = arm.evaluation.summary.recommended if isinstance(arm, ArmTransfer) and arm.evaluation else ""
+        if better and isinstance(arm, ArmTransfer) and arm.choice is None and better != arm.method:
+            text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
+            command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
+            return text, command if result.config is not None and len(result.config.recording) == 1 else ""
+        command = "" if result.config is None else f"maniport view --config {{folder}}/{CONFIG}"
+        return "The targets are infeasible: try other methods and base rotations.", command
     run_it = "Run it" if status == GREEN else "Check the warnings before you run it"
     return f"{run_it}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others.", ""
-
-
-def _infeasible(result: Result, arm: ArmResult) -> tuple[str, str]:
-    better, config = "", result.config
-    if isinstance(arm, ArmTransfer) and arm.evaluation is not None and arm.choice is None:
-        better = arm.evaluation.summary.recommended
-    if better and isinstance(arm, ArmTransfer) and better != arm.method:
-        text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
-        command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
-        return text, command if config is not None and len(config.recording) == 1 else ""
-    command = f"maniport view --config {{folder}}/{CONFIG}"
-    return "The targets are infeasible: try other methods and base rotations.", "" if config is None else command
 
 
 def _track(result: Result, suffix: str, *words: str, path: bool = True, **options: float) -> str:
