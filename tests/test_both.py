@@ -224,16 +224,6 @@ def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_learning_says_what_moves_both_arms(monkeypatch, tmp_path):
-    """Before long work, and nothing is written."""
-    monkeypatch.chdir(tmp_path)
-    words = [str(shipped_recording("both-arms")), "--side", "both", "-o", "out"]
-    result = CliRunner().invoke(app, ["learn", *words])
-    assert isinstance(result.exception, ManiportError), result.output
-    assert "both" in str(result.exception)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_pair_where_one_arm_is_asked_for_is_told_what_moves_it(recording, arms):
     """The main job of one arm names that of both."""
     with pytest.raises(InvalidInputError, match="ArmGroup"):
