@@ -13,7 +13,7 @@ from scipy.stats import special_ortho_group
 import maniport as mp
 from maniport.errors import IdentifiabilityWarning
 from maniport.transfer import Search
-from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 
 from .inputs import DAMPING, Array, damped, domains, recentred_domains
@@ -35,7 +35,10 @@ def rows(quick: bool) -> Iterator[Row]:
 def _rotation_step(n: int, bound: float, seconds: float) -> Row:
     student, teacher, weights = _matched_pairs(n)
     starts = [np.eye(3), *special_ortho_group.rvs(3, size=3, random_state=0)]
-    ours, peer = RotationProblem(student, teacher, weights), PymanoptRotation(student, teacher, weights)
+    ours, peer = (
+        RotationProblem(cholesky_factors(student), teacher, weights),
+        PymanoptRotation(student, teacher, weights),
+    )
     norms = [
         max(float(np.linalg.norm(ours.derivatives(getattr(end, "rotation", end))[1])) for end in ends)
         for ends in ([problem.minimize(start) for start in starts] for problem in (ours, peer))

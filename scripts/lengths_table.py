@@ -24,7 +24,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import distance_preservation, identity_test, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
-from maniport.studies.human_to_panda import Motion, motions
+from maniport.studies.methods import Motion, motions
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
 from maniport.transfer.length_field.inverse import NEAR_SINGULAR
 

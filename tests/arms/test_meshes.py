@@ -48,7 +48,7 @@ def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
     points = np.stack([x, y, 0.02 * np.sin(7 * x) * np.cos(5 * y)], axis=1)
     points += noise * np.random.default_rng(seed).normal(size=points.shape)
     corner = (np.arange(15)[:, None] * 16 + np.arange(15)).reshape(-1, 1)
-    triangles = np.concatenate([corner + np.array([0, 1, 17]), corner + np.array([0, 17, 16])]).astype(np.int32)
+    triangles = np.concatenate([np.add(corner, row) for row in ((0, 1, 17), (0, 17, 16))]).astype(np.int32)
     new_points, new_triangles = reduced((points, triangles), most)
     assert len(new_triangles) <= most
     assert np.all(np.isfinite(new_points))

@@ -104,16 +104,11 @@ FINGERS = (
 FLANGE, PINCH = '<site name="{}attachment_site" pos="0 0.045 0" quat="-1 1 0 0"/>', '<site name="{}" pos="0 0 .107"/>'
 
 
-def mjcf(*ends, lamp=""):
-    """Write arms with three hinges that end in a body of this content."""
-    arms = "".join(
-        f'<body name="base{i}" pos="{i} 0 0"><geom size=".1"/>{lamp}<body name="one{i}"><joint name="a{i}"/>'
-        f'<geom size=".1"/><body name="two{i}" pos="0 .1 .3"><geom size=".1"/><joint name="b{i}" axis="0 1 0"/>'
-        f'<body name="wrist{i}" pos="0 0 .3"><geom size=".1"/><joint name="c{i}" axis="1 0 0"/>{end}</body></body>'
-        "</body></body>"
-        for i, end in enumerate(ends)
-    )
-    return f'<mujoco model="arm"><default><joint range="-90 90"/></default><worldbody>{arms}</worldbody></mujoco>'
+ARM_TO = """<mujoco model="arm"><default><joint range="-90 90"/></default><worldbody><body name="base"><geom size=".1"/>
+  <site name="pinch"/><body name="one"><joint name="a"/><geom size=".1"/><body name="two" pos="0 .1 .3">
+  <geom size=".1"/><joint name="b" axis="0 1 0"/><body name="wrist" pos="0 0 .3">
+  <geom size=".1"/><joint name="c" axis="1 0 0"/>{}</body></body></body></body></worldbody></mujoco>"""
+"""An arm with three hinges that ends in a body of this content."""
 
 
 @pytest.mark.parametrize(
@@ -129,15 +124,15 @@ def mjcf(*ends, lamp=""):
         (f'{FLANGE.format("")}<body name="hand">{FINGERS}</body>', "attachment_site"),
         (f'<body name="hand">{FINGERS}</body>', "hand"),
         (f'<body name="hand">{PINCH.format("camera")}</body>', "hand"),
-        (PINCH.format("a_pinch_site_of_nothing"), "wrist0"),
+        (PINCH.format("a_pinch_site_of_nothing"), "wrist"),
     ],
 )
 def test_the_site_is_the_end_effector(tmp_path, end, expected):
     """It is chosen by its name, at the pose that MuJoCo computes, and the joints are the arm's."""
     path = tmp_path / "arm.xml"
-    path.write_text(mjcf(end, lamp='<site name="pinch"/>'))
+    path.write_text(ARM_TO.format(end))
     arm = load_arm(path)
-    assert (arm.frame, arm.joint_names) == (expected, ("a0", "b0", "c0"))
+    assert (arm.frame, arm.joint_names) == (expected, ("a", "b", "c"))
     assert robot_limbs(str(path))[1].tip == expected
     assert farthest(mujoco, mujoco.MjModel.from_xml_path(str(path)), arm) < 1e-9
 

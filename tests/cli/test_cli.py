@@ -1,14 +1,16 @@
 """The command line: commands, options, exit codes, messages. Ctrl-C and closed outputs: test_start."""
 
 import json
+import shlex
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import maniport
 from maniport import cli, load_arm, pipeline
-from maniport.mocap import shipped_recording
+from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
@@ -87,6 +89,27 @@ def test_info_describes_results(run, tmp_path):
     (tmp_path / "summary.json").write_text("[1]")
     code, _, err = run("info", tmp_path)
     assert (code, "summary.json: is no summary of a run" in err) == (2, True)
+
+
+def test_the_printed_template_completes_the_arm(run, tmp_path):
+    """The template of `info --json` is filled in and passed, and is enough for the printed command."""
+    recording, file = read_recording("ladder").crop(10, 11), tmp_path / "a walk.npz"
+    renamed = {"RightArm": "mark 1", "RightForeArm": "mark 2", "RightHand": "mark 3"}
+    replace(recording, names=tuple(renamed.get(name, name) for name in recording.names)).save(file)
+    code, out, _ = run("info", file, "--json")
+    printed = json.loads(out)
+    assert (code, printed["arms"]["right"]["lacks"]) == (0, ["shoulder", "elbow", "wrist", "trunk_left"])
+    filled = {"shoulder": ["mark 1"], "elbow": ["mark 2"], "wrist": ["mark 3"], "trunk_left": [["mark 1"], ["LeftArm"]]}
+    assert filled.keys() == printed["to_complete"]["markers"].keys()
+    markers = tmp_path / "markers.json"
+    markers.write_text(json.dumps(filled))
+    code, out, _ = run("info", file, "--markers", markers)
+    assert code == 0
+    assert "Right arm: complete" in out
+    line = next(line for line in run("info", file)[1].splitlines() if "maniport transfer" in line)
+    words = shlex.split(line.split("`")[1].replace(" markers.json", f" {markers}"))[1:-2]
+    code, _, err = run(*words, "--robot", "nobody", "-o", tmp_path / "out")
+    assert "unknown robot 'nobody'" in err  # the recording was accepted
 
 
 def test_transfer_writes_a_folder(run, tmp_path):

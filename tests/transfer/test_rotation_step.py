@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
 from maniport import spd
-from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_basis, rotation_from_vector
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
@@ -22,7 +22,7 @@ def make_problem(rng, n, d, random_spd, random_rotation, kind="noisy", condition
         turn, noise = random_rotation(rng, d), 0.1 * rng.standard_normal((n, d, d))
         student = spd.expm(turn @ spd.logm(teacher) @ turn.T + noise + np.swapaxes(noise, 1, 2))
     weights = rng.uniform(0.1, 1.0, n)
-    return RotationProblem(student, teacher, weights / weights.sum())
+    return RotationProblem(cholesky_factors(student), teacher, weights / weights.sum())
 
 
 def check_derivatives(problem, rotation, tolerance=1e-6):
@@ -61,7 +61,7 @@ def test_derivatives_at_coincident_eigenvalues(d, gap, random_spd, random_rotati
     values = np.repeat(rng.uniform(0.5, 2.0, (6, 1)), d, axis=1) * (1.0 + gap * np.arange(d))
     axes = np.linalg.cholesky(student)
     teacher = rotation.T @ (axes * values[:, None]) @ np.swapaxes(axes, -1, -2) @ rotation
-    check_derivatives(RotationProblem(student, teacher, np.full(6, 1 / 6)), rotation, tolerance=1e-5)
+    check_derivatives(RotationProblem(cholesky_factors(student), teacher, np.full(6, 1 / 6)), rotation, tolerance=1e-5)
 
 
 @pytest.mark.parametrize(

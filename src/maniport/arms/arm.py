@@ -19,9 +19,9 @@ class Arm(Manipulable):
     """One kinematic chain from the base to the end effector.
 
     Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
-    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, displacements in meters; limits
-    are not enforced. Results have the same leading shape. Positions and directions are in the base frame of the arm.
-    Every method raises `InvalidInputError` when `q` has a wrong shape, nan or infinity.
+    Configurations `q` have shape (..., dof), in radians and meters; limits are not enforced. Results have the same
+    leading shape and are in the base frame of the arm. Every method raises `InvalidInputError` when `q` has a wrong
+    shape, nan or infinity.
 
     Attributes
     ----------
@@ -219,12 +219,8 @@ class Arm(Manipulable):
         Returns
         -------
         tuple of Surface
-            One for each joint index with shapes, ascending; empty if the description has no shapes.
-
-        Raises
-        ------
-        FileFormatError
-            When the robot's file or a mesh is missing or cannot be read.
+            One for each joint index with shapes, ascending; empty if the description has no shapes. `FileFormatError`
+            when the robot's file or a mesh is missing or cannot be read.
         """
         most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
         return self.geometry.surfaces(most)

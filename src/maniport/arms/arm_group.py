@@ -43,8 +43,8 @@ class ArmGroup(JointSpace):
     common : ndarray of int, shape (n_arms, n_arms)
         Number of joints, locked ones included, with which two chains begin in common.
     joint_names
-        Names of all joints; where joints of two robots have the same name, all have the name of their arm as a prefix.
-        The other attributes are those of `maniport.arms.Arm`.
+        As the other attributes those of `maniport.arms.Arm`, with the name of the arm as a prefix where joints of two
+        robots have the same name.
     """
 
     def __init__(self, *arms: Arm, names: Sequence[str] | None = None):
@@ -216,10 +216,6 @@ class CooperativeArm(Manipulable):
 
     def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str, tuple[int, int]]]:
         return type(self), (self.arms, self.kind, self.pair)
-
-    def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "CooperativeArm":
-        """Return it with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        return CooperativeArm(self.arms.narrowed(lower, upper), self.kind, self.pair)
 
     def _pose(self, poses: Sequence[Array]) -> Array:
         first, second = poses

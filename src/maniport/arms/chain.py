@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -118,15 +119,16 @@ class Chain:
         turns = np.array([joint.kind == REVOLUTE for joint in self.joints])
         return tuple("rad" if np.any(turns & (column != 0)) else "m" for column in self.coupling.T)
 
+    def ancestors(self, frame: str) -> list[str]:
+        """Return a frame and all frames that it is attached to, the nearest first."""
+        names: list[Any] = [frame]
+        while (above := self.frames[names[-1]].parent) in self.frames and above not in names:
+            names.append(above)
+        return names
+
     def holds(self, link: str) -> bool:
-        """Whether a link is on the chain and not attached beyond the end effector."""
-        name, seen = link, {self.frame}
-        while name in self.frames and self.frames[name].parent is not None:
-            name = str(self.frames[name].parent)
-            if name in seen:
-                return name != self.frame
-            seen.add(name)
-        return link in self.frames
+        """Return whether a link is on the chain and not attached beyond the end effector."""
+        return link in self.frames and self.frame not in self.ancestors(link)[1:]
 
     @property
     def attached(self) -> dict[str, Body]:
@@ -134,9 +136,7 @@ class Chain:
         if self.others is None:
             return {}
         beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
-        return {name: Body(place.joint, place.placement[None], name) for name, place in beyond.items()} | {
-            **self.others
-        }
+        return {**{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()}, **self.others}
 
 
 def _require_rigid(placement: Array, what: str) -> None:

@@ -17,23 +17,11 @@ joint              positive direction, from the hanging arm
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
 
-The body height alone gives the length of a person's segments:
-
-=========  ========  ==============================================================================================
-segment    fraction  from
-=========  ========  ==============================================================================================
-upper arm  0.1618    281.7 mm of 1741 mm, center of the shoulder to that of the elbow: de Leva (1996), men
-forearm    0.1545    268.9 mm of 1741 mm, center of the elbow to that of the wrist: de Leva (1996), men
-hand       0.0343    0.108, wrist to tip of the middle finger (Drillis and Contini 1966; in Winter, Biomechanics and
-                     Motor Control of Human Movement, figure 4.1), × 0.318: in MyoSim's hand the middle of the third
-                     metacarpal is 55.3 mm from the wrist, the tip of the middle finger 174.1 mm
-=========  ========  ==============================================================================================
-
-De Leva's lengths run between centers of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
-forearm (0.146) are measured otherwise.
-
-References: P. de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29
-(1996); R. Drillis, R. Contini, Body segment parameters, technical report 1166.03, New York University (1966).
+The body height alone gives the length of a person's segments. Upper arm and forearm are those of men by P. de Leva
+(Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between centers of
+joints as in the models: 281.7 and 268.9 mm of 1741 mm. The hand is 0.108 of the height from the wrist to the tip of the
+middle finger (R. Drillis, R. Contini, Body segment parameters, New York University, 1966), times 55.3 / 174.1: the
+distances of the middle of the third metacarpal and of that tip from the wrist in MyoSim's hand [mm].
 """
 
 from collections.abc import Callable, Mapping

@@ -42,8 +42,7 @@ class JointSpace(NotebookDisplay):
         Parameters
         ----------
         n : int
-            How many. Powers of two keep the balance of a Sobol sequence and are the best choice; other numbers take
-            the first n points of the sequence.
+            Number of configurations; powers of two keep the balance of a Sobol sequence.
         random_state : None, int or numpy.random.Generator
             Seed: the same seed gives the same bits, and the first points are the same for every n.
         sequence : {"sobol", "uniform"}
@@ -125,21 +124,14 @@ class JointSpace(NotebookDisplay):
         Parameters
         ----------
         q : array_like, shape (..., dof)
-            Configurations.
         kind, part, joint_weights
-            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
+            As in `EllipsoidSpec`; `InvalidInputError` when velocity limits are not known.
 
         Returns
         -------
         ndarray, shape (..., d, d), of a group (..., n_arms, d, d)
-            Exactly symmetric matrices.
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong shape or value, or the velocity limits are not known.
-        NotSPDError
-            For the force ellipsoid of a singular configuration.
+            Exactly symmetric matrices. Singular velocity ellipsoids are returned as they are; the force ellipsoid of a
+            singular configuration raises `NotSPDError`.
         """
         return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 

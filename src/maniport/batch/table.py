@@ -59,19 +59,21 @@ TABLES = ("table.csv", "table.parquet")
 PAGE = "index.html"
 
 
-def row_of(facts: Report, recording: str, robot: str, folder: str) -> dict[str, Any]:
-    """Return the row of a pair that is done."""
-    numbers = as_numbers(facts)
-    summary = facts.summary
-    return {
+def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the row of a pair that is done; of several arms with names, the largest of each number."""
+    numbers, summary = as_numbers(report), report.summary
+    row = {
         **_empty_row(recording, robot, DONE),
-        "warnings": "\n".join(facts.warnings),
-        "warning_keys": " ".join(facts.warning_keys),
+        "warnings": "\n".join(report.warnings),
+        "warning_keys": " ".join(report.warning_keys),
         "folder": folder,
-        "status": facts.status,
+        "status": report.status,
         "verdict": "" if summary is None else summary.title,
-        **{name: _number(numbers, name) for name in METRICS},
     }
+    for name in METRICS:
+        values = [_number(numbers, key) for key in (name, *(f"{arm}_{name}" for arm in arms))]
+        row[name] = values[0] if values[0] is not None else max((v for v in values if v is not None), default=None)
+    return row
 
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:

@@ -151,18 +151,17 @@ def reproduce(
     config: Config,
     console: Console,
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and figures.")] = Path(
-        "maniport-paper"
-    ),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
     methods: Methods = None,
+    figures: Annotated[bool, typer.Option("--figures", help="Also draw the figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Repeat the paper's experiments and figures."""
+    """Repeat the paper's experiments."""
     from maniport.studies.paper.run import reproduce
 
     names = () if methods is None else _rows(methods)
     with console.progress() as progress:
-        result = reproduce(which, output, config.seed, progress, methods=names, overwrite=overwrite)
+        result = reproduce(which, output, config.seed, progress, methods=names, figures=figures, overwrite=overwrite)
     console.tell(report_of(result), output=str(output))
 
 

@@ -59,14 +59,14 @@ def points_each(d: int, inputs: int = 1) -> int:
 def component_counts(count: Any, most: Any, x: Array, points: Array) -> list[int]:
     """Return the numbers of components to try: `count`, or 1, 2, 4, … up to `most` that the points allow."""
     d, p = points.shape[-1], x.shape[1]
-    each = points_each(d, p)
-    most, allowed = as_count(most, "max_components"), len(x) // each
+    least = points_each(d, p)
+    most, allowed = as_count(most, "max_components"), len(x) // least
     counts = [2**i for i in range(64) if 2**i <= min(most, max(allowed, 1))]
     if count is not None:
         counts = [as_count(count, "n_components")]
     if counts[-1] > allowed:
         raise InvalidInputError(
-            f"{counts[-1]} components need {counts[-1] * each} ellipsoids, {each} each for {p} inputs and {d}×{d} "
+            f"{counts[-1]} components need {counts[-1] * least} ellipsoids, {least} each for {p} inputs and {d}×{d} "
             f"matrices, found {len(x)}"
         )
     return counts

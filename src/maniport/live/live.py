@@ -58,8 +58,8 @@ class Live:
     start : array_like, shape (dof,), optional
         Configuration of the robot, at rest. Default: the first of a motion that is planned along that of `person`.
     reference : array_like, shape (n, dof), optional
-        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
-        get stuck at joint limits.
+        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Default: those of the
+        planned motion where no start is given, else none, and the robot may get stuck at joint limits.
     hold_after : float
         Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
     clock : callable or None

@@ -67,7 +67,8 @@ class Person:
         self._samples, self._sampled_directions = sample_directions(directions)
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
-        self._noise = (2 * np.pi * held.cutoff) ** 4
+        noise = (2 * np.pi * held.cutoff) ** 4
+        self._constants = noise, self._weights, self._body, self._held, PRIOR_INFORMATION, LEAST_GAIN
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
         self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
 
@@ -116,20 +117,9 @@ class Person:
 
     def follow(self, before: ArmEstimate, targets: Array, dt: float) -> ArmEstimate:
         """Estimate the arm a time dt [s] after an estimate; joints that no point shows come to rest within 0.25 s."""
-        q, velocity, covariance, square = follow(
-            before.q,
-            before.velocity,
-            before.covariance,
-            targets,
-            dt,
-            math.exp(-dt / 0.25),
-            self._noise,
-            self._weights,
-            self._body,
-            self._held,
-            PRIOR_INFORMATION,
-            LEAST_GAIN,
-        )
+        decay = math.exp(-dt / 0.25)
+        state = before.q, before.velocity, before.covariance
+        q, velocity, covariance, square = follow(*state, targets, dt, decay, *self._constants)
         since_search = before.since_search + dt
         if square > RESIDUAL_SCALE**2 and since_search > 1.0 / KEY_RATE:
             # the arm may be in a wrong local minimum: then another configuration is worth the motion to it

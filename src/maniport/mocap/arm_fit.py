@@ -11,7 +11,6 @@ from scipy.ndimage import gaussian_filter1d
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools, frames_between
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
 
@@ -98,10 +97,6 @@ class ArmFit(NotebookDisplay):
             When no frame lies in that interval.
         """
         return self.only(frames_between(self.time, start, stop))
-
-    def thinned(self, count: int) -> "ArmFit":
-        """Keep at most `count` frames, evenly spaced; otherwise as `crop`."""
-        return self.only(evenly_spaced(len(self), count))
 
     def only(self, keep: NDArray[Any]) -> "ArmFit":
         """Keep some of the frames, by a mask or by their indices; otherwise as `crop`."""

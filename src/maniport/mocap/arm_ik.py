@@ -214,7 +214,7 @@ def _fit(
         solve_arm(directions, time, roles, step), time, observation.frames, arm.joint_names, jumps
     )
     directions, time = directions.take(kept), time[kept]
-    angles = directions.angles(q)
+    angles, twists = directions.errors(q)
     share, reasons, beyond = observability(directions, roles, q)
     texts = (
         *observation.quality_warnings,
@@ -230,7 +230,7 @@ def _fit(
         frames=_frozen(observation.frames[kept]),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
-        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in directions.twists(q).items()},
+        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
         observable=_frozen(share > 0.5),
         observable_share=_frozen(share),
         reasons=reasons,
@@ -252,7 +252,7 @@ def require_person(
     """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
-        takes = "maniport transfer and maniport view" if typed() else "fit_arms and transfer_recording"
+        takes = "maniport transfer, batch and view" if typed() else "fit_arms and transfer_recording"
         raise InvalidInputError(
             f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )

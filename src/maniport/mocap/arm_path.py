@@ -139,35 +139,42 @@ def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> 
     return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def joint_jumps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the fitted frames into which a joint jumps from the preceding frame of the recording.
+def treat_jumps(
+    q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], option: str
+) -> tuple[Array, slice, str]:
+    """Apply the option `jumps`; return joint angles, the frames that are kept and a data-quality warning.
 
     Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
     may rotate by any angle at once.
     """
-    if len(q) < 2:
-        return np.zeros(0, dtype=np.intp)
-    speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1)) / np.diff(time)
-    return np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
 
+    def jumps_of(q: Array) -> NDArray[np.intp]:
+        """Return the fitted frames into which a joint jumps from the preceding frame of the recording."""
+        speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)) / np.diff(time)
+        return np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
 
-def treat_jumps(
-    q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], option: str
-) -> tuple[Array, slice, str]:
-    """Apply the option `jumps`; return joint angles, the frames that are kept and a data-quality warning."""
-    jumps, kept = joint_jumps(q, time, frames), slice(0, len(q))
+    jumps, kept = jumps_of(q), slice(0, len(q))
     if not len(jumps):
         return q, kept, ""
     steps = np.degrees(np.abs(q[jumps] - q[jumps - 1]))
     worst, joint = np.unravel_index(np.argmax(steps), steps.shape)
-    times = when(time, np.isin(np.arange(len(q)), jumps))
     text = (
-        f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s ({times}); most "
-        f"{names[joint]}, by {steps[worst, joint]:.1f}° in one frame at {time[jumps[worst]]:.2f} s"
+        f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s "
+        f"({when(time, np.isin(np.arange(len(q)), jumps))}); most {names[joint]}, by {steps[worst, joint]:.1f}° in one "
+        f"frame at {time[jumps[worst]]:.2f} s"
     )
-    if option == "smooth":
-        q, width = smooth_jumps(q, time, frames, jumps)
-        return q, kept, f"{text}. All joints are interpolated from {width:g} s before each to {width:g} s after it"
+    if option == "smooth":  # interpolate around jumps, wider until none is left
+        after, width, widest = np.searchsorted(jumps, np.arange(len(q))), 0.15, 1.2  # [s]
+        nearest = np.minimum(*(np.abs(time - time[jumps[np.clip(after - i, 0, len(jumps) - 1)]]) for i in (0, 1)))
+        while True:
+            near = nearest <= width
+            near[[0, -1]] = False
+            smooth = q.copy()
+            smooth[near] = PchipInterpolator(time[~near], q[~near])(time[near])
+            if not len(jumps_of(smooth)) or width >= widest:
+                break
+            width = min(2 * width, widest)
+        return smooth, kept, f"{text}. All joints are interpolated from {width:g} s before each to {width:g} s after it"
     if option == "split":
         edges = np.concatenate([[0], jumps, [len(q)]])
         longest = int(np.argmax(np.diff(edges)))
@@ -176,20 +183,3 @@ def treat_jumps(
         return q[kept], kept, f"{text}. The longest part between them is used, from {start:.2f} to {stop:.2f} s"
     options = f"{argument('jumps', 'smooth')} interpolates, {argument('jumps', 'split')} uses the longest part between"
     return q, kept, f"{text}. They are kept; {options}"
-
-
-def smooth_jumps(
-    q: Array, time: Array, frames: NDArray[np.intp], jumps: NDArray[np.intp], widest: float = 1.2
-) -> tuple[Array, float]:
-    """Interpolate around jumps, wider until none is left; return joint angles and the width on either side [s]."""
-    width = 0.15
-    while True:
-        after = np.searchsorted(jumps, np.arange(len(q)))
-        nearest = np.minimum(*(np.abs(time - time[jumps[np.clip(after - i, 0, len(jumps) - 1)]]) for i in (0, 1)))
-        near = nearest <= width
-        near[[0, -1]] = False
-        smooth = q.copy()
-        smooth[near] = PchipInterpolator(time[~near], q[~near])(time[near])
-        if not len(joint_jumps(smooth, time, frames)) or width >= widest:
-            return smooth, width
-        width = min(2 * width, widest)

@@ -109,18 +109,15 @@ class Directions:
         slopes = slopes * weight[..., None, None]
         return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
 
-    def _values(self, q: Array) -> Array:
-        return np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+    def errors(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return the errors of the directions of joint angles (n, dof), by segment, each (n,) [rad].
 
-    def angles(self, q: Array) -> dict[str, Array]:
-        """Return the angles between the arm's segments and the recorded ones [rad], shape (n,) by segment."""
-        half = np.linalg.norm(self._values(q) - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
-        angles = 2 * np.arcsin(np.minimum(half, 1.0))
-        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}
-
-    def twists(self, q: Array) -> dict[str, Array]:
-        """Return the rotations of segments about their own axis that bring joint axes to their markers [rad]."""
-        values, twists = self._values(q), {}
+        Angles between the arm's segments and the recorded ones, and rotations of segments about their own axis that
+        bring joint axes to their markers.
+        """
+        values = np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+        half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
+        angles, twists = 2 * np.arcsin(np.minimum(half, 1.0)), {}
         for axis, segment in AROUND.items():
             if axis in self.names:
                 i, along = self.names.index(axis), values[:, self.names.index(segment)]
@@ -130,7 +127,7 @@ class Directions:
                 )
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
                 twists[segment] = np.arctan2(sine, cosine)
-        return twists
+        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}, twists
 
 
 @kernel

@@ -112,7 +112,7 @@ class RobotOptions(Options):
         return bool(self.pose) or len(self.robot) > 1 or len(self.frame) > 1
 
     def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
-        """Load the arm, or the group where `both` or an option asks for several; side and height: of a human arm."""
+        """Load the arm, or the group where `both` or other options mean several; side and height: of a human arm."""
         from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 
         robot: Any = self.robot[0]

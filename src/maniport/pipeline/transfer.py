@@ -99,6 +99,8 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
 def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanControl:
     """Look up limits and collisions, and check the options of the motion for the robot."""
     motion = config.motion
+    if config.robot.tips == RELATIVE and len(as_group(robot)) == 1:
+        raise InvalidInputError(f"{argument('tips', RELATIVE)} needs several arms; found {robot.name}")
     if config.robot.tips == RELATIVE and motion.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with tips='relative'")
     if motion.tracking is not None:

@@ -100,7 +100,8 @@ def _mandel_rotation(rotation: Array) -> Array:
 def _mean_distances(vectors: Array, others: Array) -> tuple[Array, Array]:
     """Mean distances from each vector (n, k) to the others, (k, m), and from these to all vectors."""
     rows, columns = np.empty(len(vectors)), np.empty(others.shape[1])
-    _sum_distances(vectors, np.ascontiguousarray(others), rows, columns)
+    single = (np.ascontiguousarray(array, np.float32) for array in (vectors, others))  # twice as fast, and exact enough
+    _sum_distances(*single, rows, columns)
     return rows / len(columns), columns / len(rows)
 
 
@@ -110,7 +111,7 @@ def _mean_distances(vectors: Array, others: Array) -> tuple[Array, Array]:
 @kernel(fastmath=True)
 def _sum_distances(vectors, others, sums, columns):  # type: ignore[no-untyped-def]
     """Fill sums of |v_i − w_j| over j, shape (n,), and over i, shape (m,)."""
-    squares = np.empty(len(columns))
+    squares = np.empty(len(columns), np.float32)
     columns[:] = 0.0
     for i in range(len(vectors)):
         squares[:] = 0.0

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
+from maniport.arms.arm_group import placing_options
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
@@ -63,6 +64,8 @@ def prepare(
         base_rotation = getattr(given, "base_rotation", None)
     rotation = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
     group = as_group(robot if isinstance(robot, Arm | ArmGroup) else (load_arms if both else load_arm)(robot))
+    if both and len(group.arms) != 2:
+        raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
     for student in group.arms:
         require_trackable(student)
     persons, motion, time, bases = _person(person, recording, side, height, both, seed, progress)

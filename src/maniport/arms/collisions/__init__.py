@@ -43,20 +43,16 @@ class Collisions(NotebookDisplay):
 
     Attributes
     ----------
-    known, why : bool, str
-        Whether shapes of the arm are known, so that pairs are checked; the reason if not.
-    obstacles : bool
-        Whether there are obstacles.
+    known, why, obstacles : bool, str, bool
+        Whether shapes of the arm are known, so that pairs are checked; the reason if not; whether there are obstacles.
     padding : float
         Distance that counts as a collision [m]; for links with at most two coordinates between them, which are always
         close, a quarter of it.
-    pairs : tuple of (str, str)
-        Names of the checked pairs, with the names of the arms as prefixes, such as ``left_…``, if two robots have links
-        of the same names.
-    always, never : tuple of (str, str)
-        Names of omitted pairs. Meshes of `always` intersect in more than 90 % of 10 000 samples of the joint space and
-        at rest. Pairs in `never` keep a distance above 10 cm in all samples (2 cm from table or obstacles, 5 mm with at
-        most two coordinates between them), or have at most two coordinates between them and disjoint meshes.
+    pairs, always, never : tuple of (str, str)
+        Names of checked and omitted pairs, with the names of the arms as prefixes if two robots have links of the same
+        names. Meshes of `always` intersect in more than 90 % of 10 000 samples of the joint space and at rest. Pairs in
+        `never` keep a distance above 10 cm in all samples (2 cm from table or obstacles, 5 mm with at most two
+        coordinates between them), or have at most two coordinates between them and disjoint meshes.
     """
 
     def __init__(
@@ -104,8 +100,7 @@ class Collisions(NotebookDisplay):
         Raises
         ------
         InvalidInputError
-            When an argument has a wrong value, the table or a box intersects the base, two bases intersect, or the SRDF
-            belongs to another robot.
+            When the table or a box intersects the base, two bases intersect, or the SRDF belongs to another robot.
         FileFormatError
             When obstacles or SRDF cannot be read.
         """

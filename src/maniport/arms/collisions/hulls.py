@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import product, takewhile
 from typing import NamedTuple
 
 import coal
@@ -59,9 +59,6 @@ class Hull:
                 result.clear()
                 skin = max(skin, coal.distance(solid, here, sphere, there, request, result))
         return cls(name, joint, corners, skin, solid)
-
-    def __repr__(self) -> str:
-        return f"Hull({self.name!r}, {len(self.corners)} corners)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -208,12 +205,8 @@ def _extreme(points: Array) -> np.ndarray:
 
 def _fixed_to(chain: Chain, frame: str) -> list[str]:
     """A frame and its ancestors on the same joint."""
-    frames, names = chain.frames, [frame]
-    while (above := frames[names[-1]].parent) is not None:
-        if above in names or above not in frames or frames[above].joint != frames[frame].joint:
-            break
-        names.append(above)
-    return names
+    joint = chain.frames[frame].joint
+    return list(takewhile(lambda name: chain.frames[name].joint == joint, chain.ancestors(frame)))
 
 
 class Lowest(NamedTuple):

@@ -41,25 +41,25 @@ def read(file: Path, options: ImportOptions) -> Recording:
         raise ValueError(f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes")
     parameters = _parameters(section, start)
     for name, kind in {"USED": SHORT, "SCALE": REAL, "RATE": REAL, "DATA_START": SHORT, "LABELS": TEXT}.items():
-        type_, values = parameters.get(f"POINT:{name}", (0, []))
-        if type_ != kind or (kind != TEXT and not values):
+        type_, entries = parameters.get(f"POINT:{name}", (0, []))
+        if type_ != kind or (kind != TEXT and not entries):
             raise ValueError(f"its parameters are damaged: POINT:{name} is missing or of the wrong type")
-    known = {name: values for name, (_, values) in parameters.items()}
-    positions = _points(content, section[3], known)
-    rate = float(known["POINT:RATE"][0])
+    values = {name: entries for name, (_, entries) in parameters.items()}
+    positions = _points(content, section[3], values)
+    rate = float(values["POINT:RATE"][0])
     if not np.isfinite(rate) or rate <= 0:
         raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
     # Quotes, blanks and the subject's prefix are taken off the labels, as long as the names stay different.
     labels: list[str] = []
     for key in ("LABELS", *(f"LABELS{i}" for i in range(2, 100))):  # more than 255 labels continue in LABELS2, …
-        labels += [str(label).strip().strip("\"'").strip() for label in known.get(f"POINT:{key}", [])]
+        labels += [str(label).strip().strip("\"'").strip() for label in values.get(f"POINT:{key}", [])]
     labels += [""] * positions.shape[1]
     labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
     bare = [label.rsplit(":", 1)[-1].strip().strip("\"'") for label in labels]
     differ = len(set(bare)) == len(bare)
     prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
     notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and differ else []
-    unit, up = (str((known.get(f"POINT:{name}") or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
+    unit, up = (str((values.get(f"POINT:{name}") or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
     time = np.arange(len(positions)) / rate
     up = up.lower().replace("+", "")
     return options.recording(file, bare if differ else labels, positions, time, unit, up, notes=notes)

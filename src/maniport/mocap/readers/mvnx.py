@@ -49,8 +49,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(f"frame {number} holds no <position>; export positions of segments, too")
             words = text.split(None, width)  # more words than that stay in one
             if len(words) != width:
-                found = len(words) if len(words) < width else f"more than {width}"
-                raise ValueError(f"frame {number} holds {found} numbers for {len(names)} segments, not three each")
+                amount = len(words) if len(words) < width else f"more than {width}"
+                raise ValueError(f"frame {number} holds {amount} numbers for {len(names)} segments, not three each")
             rows.append(np.array(words, dtype=np.float64))
             times.append(float(element.get("time", "nan")) / 1000.0)
         element.clear()

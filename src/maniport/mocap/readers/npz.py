@@ -64,9 +64,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 raise ValueError(f"not a readable .npy file: {error}") from None
             return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
-    keys = {what: next((key for key in known.split() if key in names), None) for what, known in KEYS.items()}
-    loaded = load_arrays(file, "recording", [key for key in keys.values() if key])
-    arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in keys.items() if key}
+    chosen = {what: next((key for key in keys.split() if key in names), None) for what, keys in KEYS.items()}
+    loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
+    arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
     in_parts = "poses" not in arrays and {"root", "body"} <= arrays.keys()
     if ("poses" in arrays or in_parts) and not {"names", "positions"} <= arrays.keys():
         return _posed(file, options, arrays, [arrays[key] for key in (("root", "body") if in_parts else ("poses",))])

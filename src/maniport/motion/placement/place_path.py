@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.arm_model import require_alike
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.placement.placement import Placement
 from maniport.motion.placement.problem import (
@@ -154,7 +155,7 @@ def place_path(  # type: ignore[misc]
         for own, model, samples in zip(arms, models, maps, strict=True)
     ]
     for own, samples in zip(arms, maps, strict=True):
-        samples.require_fits(own, spec)
+        require_alike("the reachability_map was built for", (samples.arm, own), (samples.spec, spec), limits=True)
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
     objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
     for i, objective in enumerate(objectives):

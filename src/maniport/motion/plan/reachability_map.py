@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
 from maniport.arms.manipulability import manipulability
-from maniport.motion.arm_model import Axis, require_alike
+from maniport.motion.arm_model import Axis
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
 from maniport.spd.kernels import compose, congruence, distances, eigh
@@ -78,32 +78,20 @@ class ReachabilityMap:
         return q
 
     @cached_property
-    def tips(self) -> Array:
-        """Positions of the end effector at `q`, shape (n, 3) [m]."""
-        return np.ascontiguousarray(self.arm.forward(self.q)[:, :3, 3])
+    def _located(self) -> tuple[cKDTree, Array]:
+        """Tree of the coordinates of `q`, and the rotations there (n,)."""
+        coordinates, angles = self.coordinates(np.ascontiguousarray(self.arm.forward(self.q)[:, :3, 3]))
+        return cKDTree(coordinates), angles
 
     @cached_property
-    def ellipsoids(self) -> Array:
-        """Ellipsoids at `q`, shape (n, d, d)."""
+    def _ellipsoids(self) -> Array:
+        """Ellipsoids at `q`, turned to angle 0, shape (n, d, d)."""
         ellipsoids = manipulability(self.arm.jacobian(self.q), self.arm.resolved(self.spec.velocity))
-        if self.spec.kind == "velocity":
-            return ellipsoids
-        values, vectors = eigh(ellipsoids)
-        singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
-        return compose(1.0 / np.maximum(values, singular), vectors)
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.coordinates(self.tips)[0])
-
-    @cached_property
-    def _angles(self) -> Array:
-        return self.coordinates(self.tips)[1]
-
-    @cached_property
-    def _aligned_ellipsoids(self) -> Array:
-        """Ellipsoids of the samples turned to angle 0."""
-        return self._turned_back(self.ellipsoids, self._angles)
+        if self.spec.kind == "force":
+            values, vectors = eigh(ellipsoids)
+            singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
+            ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
+        return self._turned_back(ellipsoids, self._located[1])
 
     @cached_property
     def _orientations(self) -> Array:
@@ -116,11 +104,7 @@ class ReachabilityMap:
     @cached_property
     def reach(self) -> Array:
         """Positions of the end effector at the samples, the first joint as sampled, shape (n, 3) [m]."""
-        return self._turned_tips(np.arange(len(self.q)), self._samples[:, 0] - self.q[:, 0])
-
-    def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
-        """Raise InvalidInputError unless this map is of the same arm and ellipsoids."""
-        require_alike("the reachability_map was built for", (self.arm, arm), (self.spec, spec), limits=True)
+        return np.ascontiguousarray(self.arm.forward(self._samples)[:, :3, 3])
 
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
@@ -131,18 +115,18 @@ class ReachabilityMap:
 
         The gap is from a position to a sample that is turned there as far as the first joint's limits allow.
         """
-        coordinates, angles = self.coordinates(positions)
+        (coordinates, angles), (tree, _) = self.coordinates(positions), self._located
         damped = objective.damped(self._turned_back(ellipsoids, angles))
         result = np.empty(len(coordinates))
         for first in range(0, len(coordinates), BLOCK):
             part = slice(first, first + BLOCK)
-            gaps, rows = self._tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
+            gaps, rows = tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
             gaps = gaps**2
             if self.axis is not None:
                 turned = self._first_joint(rows, angles[part])
                 beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
                 gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
-            distance = distances(damped[part, None], objective.damped(self._aligned_ellipsoids[rows]))
+            distance = distances(damped[part, None], objective.damped(self._ellipsoids[rows]))
             result[part] = np.min(distance**2 + GAP_WEIGHT**2 * gaps, axis=1)
         return result
 
@@ -179,8 +163,10 @@ class ReachabilityMap:
         """Samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
         assert targets.positions is not None
         coordinates, angles = self.coordinates(targets.positions)
-        rows = self._tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
-        q, ellipsoids = self.q[rows], self.ellipsoids[rows]
+        rows = self._located[0].query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
+        own, q = targets.objective, self.q[rows]
+        aligned = own.damped(self._turned_back(targets.ellipsoids, angles))
+        square = distances(aligned[:, None], own.damped(self._ellipsoids[rows])) ** 2
         allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
@@ -190,12 +176,9 @@ class ReachabilityMap:
             allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
             rotations = self.axis.rotations(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
-            ellipsoids = congruence(self.spec.rotation(rotations), ellipsoids)
-        values = eigh(congruence(targets.whitening[:, None], targets.objective.damped(ellipsoids)))[0]
-        square = np.sum(np.log(np.maximum(values, np.finfo(np.float64).tiny)) ** 2, axis=-1)
         if targets.turned:
             assert targets.rotations is not None
-            weights = np.array(targets.objective.axis_weights)
+            weights = np.array(own.axis_weights)
             needed = self._idle_turns @ (weights > 0.0)
             q[..., needed] = self._samples[rows][..., needed]
             error = rotations @ self._orientations[rows] - targets.rotations[:, None]
@@ -212,16 +195,9 @@ class ReachabilityMap:
         allowed[:, 0] = True
         return turned[allowed], np.repeat(owner, allowed.sum(axis=1))
 
-    def _turned_tips(self, rows: NDArray[np.intp], angles: Array) -> Array:
-        """Positions of samples (n,) after the arm has turned by angles (n,), shape (n, 3) [m]."""
-        if self.axis is None:
-            return self.tips[rows]
-        turned = self.axis.rotations(angles) @ (self.tips[rows] - self.axis.origin)[..., None]
-        return np.asarray(turned[..., 0] + self.axis.origin)
-
     def _first_joint(self, rows: NDArray[np.intp], angles: Array) -> Array:
         """First joint of samples (n, k) turned to angles (n,), next to the middle of its limits."""
-        turned = angles[:, None] - self._angles[rows]
+        turned = angles[:, None] - self._located[1][rows]
         return np.asarray(self.q[rows, 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi)
 
     def _turned_back(self, ellipsoids: Array, angles: Array) -> Array:

@@ -53,7 +53,7 @@ class ICP:
             weight = np.full(len(index), 1.0 / len(index))
             self._pair_matches = Matches(len(teacher) + index, len(student) + index, weight)
             teacher, student = (np.concatenate(both) for both in zip((teacher, student), pairs, strict=True))
-        self._sources, self._targets, self._factors = teacher, student, cholesky_factors(student)
+        self._sources, self._factors = teacher, cholesky_factors(student)
 
     def subsampled(self, limit: int) -> "ICP":
         """Return the same with at most `limit` ellipsoids of the smaller cloud, evenly chosen."""
@@ -70,8 +70,8 @@ class ICP:
         """Match under `rotation` (eq. 18); return the rotation problem (eq. 15) and the matches."""
         matches = self._match(rotation)
         pairs = matches if self._pair_matches is None else matches.joined(self._pair_matches)
-        student, factors = self._targets[pairs.student], np.take(self._factors, pairs.student, axis=1)
-        return RotationProblem(student, self._sources[pairs.teacher], pairs.weight, factors), matches
+        factors = np.take(self._factors, pairs.student, axis=1)
+        return RotationProblem(factors, self._sources[pairs.teacher], pairs.weight), matches
 
     def run(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5) -> Registration:
         """Alternate (18) and (15) until the rotation converges or `patience` iterations do not lower the cost."""

@@ -12,7 +12,7 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import congruence
 from maniport.spd.neighbors import NeighborIndex
 from maniport.transfer.icp.matches import Correspondence, Indices, Matches, Matching, Seeking, trimmed_count
-from maniport.transfer.icp.score import EllipsoidCorrespondence, LogEllipsoidCorrespondence
+from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 from maniport.util.optional import optimal_transport
 from maniport.util.validation import Array, as_choice, as_number
 
@@ -48,6 +48,59 @@ class GeodesicCorrespondence(Seeking):
     def _match(self, teacher: Array, student: NeighborIndex, rotation: Array) -> Matches:
         index, distance = student.query(congruence(rotation, teacher))
         return Matches.trimmed(np.arange(len(index)), index, np.ones(len(index)), distance, self.trim)
+
+
+@dataclass(frozen=True)
+class EllipsoidCorrespondence(Seeking):
+    """Match every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
+
+    The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
+    directions of the shortest and the longest axis, the condition numbers and the volumes.
+
+    Parameters
+    ----------
+    direction, trim
+        See `GeodesicCorrespondence`; a lower score is a worse match.
+    exponent : float
+        k in the weights w^k of the matches (the paper's best rows have 3; 0 gives equal weights).
+
+    References
+    ----------
+    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
+    manifold-aware ICP, IROS 2022.
+    """
+
+    exponent: float = 3.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        as_number(self.exponent, "exponent", minimum=0.0)
+
+    def one_way(self, teacher: Array, student: Array) -> Matching:
+        """Match by score."""
+        ratios = isinstance(self, LogEllipsoidCorrespondence)
+        features = EllipsoidFeatures.of(teacher, ratios), EllipsoidFeatures.of(student, ratios)
+        return partial(self._match, ScoreMatcher(*features))
+
+    def _match(self, matcher: ScoreMatcher, rotation: Array) -> Matches:
+        index, score = matcher.query(rotation)
+        best = score.max()
+        weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)
+        return Matches.trimmed(np.arange(len(index)), index, weight, -score, self.trim)
+
+
+@dataclass(frozen=True)
+class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
+    """As `EllipsoidCorrespondence`, with ``exp(−|log p − log p'|) + exp(−|log vol − log vol'|)`` in the score.
+
+    The terms are ratios of condition numbers and volumes, which also separate elongated ellipsoids; in the paper's
+    score they are all equally unlike.
+
+    Parameters
+    ----------
+    direction, trim, exponent
+        See `EllipsoidCorrespondence`.
+    """
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import eigh
-from maniport.transfer.icp.rotation import RotationProblem
+from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
@@ -33,9 +33,9 @@ def aligned_frames(
     value_t, frame_t = eigh(teacher.mean(axis=0))
     value_s, frame_s = eigh(student.mean(axis=0))
     d = len(value_t)
-    mirror = np.eye(d) - 2.0 * frame_t[:, :1] @ frame_t[:, :1].T
-    aligned = [frame_s @ permutation @ frame_t.T for permutation in signed_permutations(d)]
-    rotations = [orthonormal(rotation if np.linalg.det(rotation) > 0 else rotation @ mirror) for rotation in aligned]
+    aligned = frame_s @ np.array(signed_permutations(d)) @ frame_t.T
+    aligned[np.linalg.det(aligned) < 0] @= np.eye(d) - 2.0 * frame_t[:, :1] @ frame_t[:, :1].T  # a mirror image
+    rotations = list(orthonormal(aligned))
     gaps = np.concatenate([np.diff(value_t) / value_t[1:], np.diff(value_s) / value_s[1:]])
     if d > 3 or gaps.min() < near_isotropic:
         rotations += [random_rotation(d, random) for _ in range(16)]
@@ -61,12 +61,13 @@ def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3
     _, similar = cKDTree(np.log(value_s)).query(np.log(value_t), k=[*range(1, min(candidates, len(student)) + 1)])
     turns = (frame_s[similar][:, :, None] * signs[:, None, :]) @ np.swapaxes(frame_t, 1, 2)[:, None, None]
     proposals = turns.reshape(-1, d * d)
+    centers = turns[:, 0].reshape(-1, d * d)
     radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)  # |R - R'| for 10° apart in one plane
     tree, found = cKDTree(proposals), list[Array]()
-    for place in np.argsort(-tree.query_ball_point(proposals, radius, return_length=True), kind="stable"):
+    for place in np.argsort(-tree.query_ball_point(centers, radius, return_length=True), kind="stable"):
         if len(found) == elected:
             break
-        agreeing = tree.query_ball_point(proposals[place], radius, return_sorted=True)
+        agreeing = tree.query_ball_point(centers[place], radius, return_sorted=True)
         rotation = orthonormal(proposals[agreeing].mean(axis=0).reshape(d, d))
         if all(np.linalg.norm(rotation - other) > 2.0 * radius for other in found):
             found.append(rotation)
@@ -102,7 +103,7 @@ def rotations_of_pairs(
     [rad] apart are the same.
     """
     count = len(teacher)
-    problem = RotationProblem(student, teacher, np.full(count, 1.0 / count))
+    problem = RotationProblem(cholesky_factors(student), teacher, np.full(count, 1.0 / count))
     ends = [problem.minimize(start, tol=1e-12) for start in [near, *aligned_frames(teacher, student, random)]]
     size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([teacher, student]))) ** 2) / count
     highest = min(end.cost for end in ends) + equal * (1.0 + float(size))

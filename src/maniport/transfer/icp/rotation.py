@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.spd.kernels import congruence, eigh
+from maniport.spd.kernels.loops import WIDTH, diagonalize
 from maniport.transfer.rotation_group import orthonormal, rotation_from_vector, rotation_planes
-from maniport.util.jit import kernel
+from maniport.util.jit import kernel, part
 from maniport.util.validation import Array
 
 NEAR = 1e-5  # Relative gap of two eigenvalues up to which a divided difference is taken for the derivative between them
@@ -28,18 +28,6 @@ class RotationStep:
     converged: bool
 
 
-@dataclass(frozen=True)
-class _Iterate:
-    rotation: Array
-    cost: float
-    gradient: Array
-    hessian: Array
-
-    @property
-    def norm(self) -> float:
-        return float(np.linalg.norm(self.gradient))
-
-
 def cholesky_factors(points: Array) -> Array:
     """L and L⁻¹ of SPD matrices S = L Lᵀ (n, d, d), shape (2, n, d, d)."""
     factor = np.linalg.cholesky(points)
@@ -47,67 +35,50 @@ def cholesky_factors(points: Array) -> Array:
 
 
 class RotationProblem:
-    """Pairs S_i, T_i of SPD matrices, (n, d, d), whose second members are to be turned onto the first."""
+    """Pairs S_i, T_i of SPD matrices, (n, d, d), whose second members are to be turned onto the first.
 
-    def __init__(self, student: Array, teacher: Array, weights: Array, factors: Array | None = None):
-        self.student, self.teacher, self.weights = student, np.ascontiguousarray(teacher), weights
-        self._factor, self._inverse = cholesky_factors(student) if factors is None else factors
+    `factors` are those of S_i, see `cholesky_factors`.
+    """
+
+    def __init__(self, factors: Array, teacher: Array, weights: Array):
+        self._pairs = tuple(map(np.ascontiguousarray, (factors[0], factors[1], teacher, weights)))
+        self._planes = np.array(rotation_planes(teacher.shape[-1]))
 
     def cost(self, rotation: Array) -> float:
         """F(R), the weighted mean of squared distances."""
-        values, _ = self._eigh(rotation, slice(None))
-        return float(self.weights @ np.sum(np.log(values) ** 2, axis=-1))
+        nothing = np.empty((0, 0))
+        return float(_add_derivatives(rotation, *self._pairs, self._planes[:0], nothing[0:0].ravel(), nothing))
 
     def derivatives(self, rotation: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (m,) and Hessian (m, m) for R ← exp(Σ δ_a Ω_a) R, m = d (d − 1) / 2, at δ = 0."""
-        d, planes = len(rotation), np.array(rotation_planes(len(rotation)))
-        m = len(planes)
-        cost, gradient, hessian = 0.0, np.zeros(m), np.zeros((m, m))
-        block = max(1, 125_000 // (m * d * d))  # 1 MB an array stays in the processor's cache: twice as fast as 8 MB
-        for first in range(0, len(self.weights), block):
-            part = slice(first, first + block)
-            values, vectors = self._eigh(rotation, part)
-            logs, weights = np.log(values), self.weights[part]
-            moves, weighted = np.empty((2, len(weights) * d * d, m))
-            pairs = self._inverse[part], self._factor[part], weights
-            _fill_moves(values, logs, vectors, *pairs, planes, moves, weighted, gradient)
-            cost += float(weights @ np.sum(logs**2, axis=-1))
-            hessian += weighted.T @ moves
-        return cost, gradient, hessian
+        m = len(self._planes)
+        gradient, hessian = np.zeros(m), np.zeros((m, m))
+        cost = _add_derivatives(np.ascontiguousarray(rotation), *self._pairs, self._planes, gradient, hessian)
+        return float(cost), gradient, hessian
 
-    def _eigh(self, rotation: Array, part: slice) -> tuple[Array, Array]:
-        """Eigenvalues and -vectors of L⁻¹ R T Rᵀ L⁻ᵀ."""
-        return eigh(congruence(self._inverse[part], congruence(rotation, self.teacher[part])))
-
-    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100) -> RotationStep:
+    def minimize(self, start: Array, tol: float = 1e-9, max_iter: int = 100, armijo: float = 1e-4) -> RotationStep:
         """Descend from `start` until the gradient norm is at most `tol`, or rounding hides any gain."""
-        now, steps = _Iterate(start, *self.derivatives(start)), 0
-        first = now.cost
-        while now.norm > tol and steps < max_iter:
-            following = self._descend(now)
-            if following is None:
+        rotation, steps = start, 0
+        cost, gradient, hessian = self.derivatives(start)
+        start_cost, norm = cost, float(np.linalg.norm(gradient))
+        while norm > tol and steps < max_iter:
+            direction, length = _saddle_free_direction(gradient, hessian), 1.0
+            slope = float(gradient @ direction)
+            moved = rotation_from_vector(direction) @ rotation
+            following = self.derivatives(moved)
+            # near the solution the cost no longer resolves the step, but the gradient does
+            resolved = following[0] <= cost * (1.0 + 1e-6) + 1e-14 and np.linalg.norm(following[1]) < 0.5 * norm
+            lower = resolved or following[0] < cost + armijo * slope
+            while not lower and length * -slope > 2.0 * np.finfo(np.float64).eps * cost and length > 1e-9:
+                length /= 2.0
+                moved = rotation_from_vector(length * direction) @ rotation
+                lower = self.cost(moved) < cost + armijo * length * slope
+            if not lower:
                 break
-            now, steps = following, steps + 1
-        return RotationStep(now.rotation, first, now.cost, now.norm, steps, now.norm <= tol)
-
-    def _descend(self, now: _Iterate, armijo: float = 1e-4) -> _Iterate | None:
-        """Take the first of the halved steps that lowers the cost enough; None when none does."""
-        direction = _saddle_free_direction(now.gradient, now.hessian)
-        slope = float(now.gradient @ direction)
-        moved = orthonormal(rotation_from_vector(direction) @ now.rotation)
-        full = _Iterate(moved, *self.derivatives(moved))
-        if full.cost < now.cost + armijo * slope:
-            return full
-        # near the solution the cost no longer resolves the step, but the gradient does
-        if full.cost <= now.cost * (1.0 + 1e-6) + 1e-14 and full.norm < 0.5 * now.norm:
-            return full
-        length = 0.5
-        while length * -slope > np.finfo(np.float64).eps * now.cost and length > 1e-9:
-            moved = orthonormal(rotation_from_vector(length * direction) @ now.rotation)
-            if self.cost(moved) < now.cost + armijo * length * slope:
-                return _Iterate(moved, *self.derivatives(moved))
-            length /= 2
-        return None
+            rotation, steps = moved, steps + 1
+            cost, gradient, hessian = following if length == 1.0 else self.derivatives(moved)
+            norm = float(np.linalg.norm(gradient))
+        return RotationStep(orthonormal(rotation), start_cost, cost, norm, steps, norm <= tol)
 
 
 def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.0) -> Array:
@@ -121,40 +92,110 @@ def _saddle_free_direction(gradient: Array, hessian: Array, max_step: float = 1.
 
 
 @kernel
-def _fill_moves(  # type: ignore[no-untyped-def]
-    values, logs, vectors, inverse, factor, weights, planes, moves, weighted, gradient
+def _add_derivatives(  # type: ignore[no-untyped-def]
+    rotation, factor, inverse, teacher, weights, planes, gradient, hessian
 ):
-    """Add to the gradient; fill moves and weighted moves (n d², m), whose product is the Hessian."""
-    n, d = values.shape
-    left, right, row = np.empty((d, d)), np.empty((d, d)), 0
-    for i in range(n):
+    """Return the cost, and add to gradient and Hessian; the innermost loops run over the pairs of a block.
+
+    With L⁻¹ R T Rᵀ L⁻ᵀ = V diag(λ) Vᵀ, the basis element Ω_a moves the pair by Vᵀ L⁻¹ Ω_a L V.
+    """
+    count, d = teacher.shape[:2]
+    m, width, cost = len(planes), min(WIDTH, count), 0.0
+    g, a, v = np.empty((d, d, width)), np.empty((d, d, width)), np.empty((d, d, width))
+    left, right, logs = np.empty((d, d, width)), np.empty((d, d, width)), np.empty((d, width))
+    weight, terms = np.empty(width), np.empty((3, width))
+    moves, weighted = np.empty((m, width)), np.empty((m, width))
+    reverse, reverse_weighted = np.empty((m, width)), np.empty((m, width))
+    for start in range(0, count, width):
+        for w in range(width):
+            weight[w] = weights[start + w] if start + w < count else 0.0
+        for i in range(d):
+            for j in range(d):
+                for w in range(width):
+                    row, total = min(start + w, count - 1), 0.0
+                    for k in range(d):
+                        total += inverse[row, i, k] * rotation[k, j]
+                    g[i, j, w] = total
+        for i in range(d):
+            for j in range(d):
+                for w in range(width):
+                    row, total = min(start + w, count - 1), 0.0
+                    for k in range(d):
+                        total += g[i, k, w] * teacher[row, k, j]
+                    left[i, j, w] = total
+        _multiply_transposed(left, g, a)
+        diagonalize(a, v, terms[:2])
+        for x in range(d):
+            for w in range(width):
+                logs[x, w] = np.log(a[x, x, w])
+                cost += weight[w] * logs[x, w] * logs[x, w]
+        if m == 0:
+            continue
         for x in range(d):
             for y in range(d):
-                left[x, y], right[x, y] = 0.0, 0.0
-                for k in range(d):
-                    left[x, y] += vectors[i, k, x] * inverse[i, k, y]
-                    right[x, y] += factor[i, x, k] * vectors[i, k, y]
+                for w in range(width):
+                    row, first, second = min(start + w, count - 1), 0.0, 0.0
+                    for k in range(d):
+                        first += v[k, x, w] * inverse[row, k, y]
+                        second += factor[row, x, k] * v[k, y, w]
+                    left[x, y, w], right[x, y, w] = first, second
         for x in range(d):
-            for a in range(len(planes)):
-                j, k = planes[a, 0], planes[a, 1]
-                move = left[x, j] * right[k, x] - left[x, k] * right[j, x]
-                gradient[a] += 4.0 * weights[i] * logs[i, x] * move
-                moves[row, a], weighted[row, a] = move, 8.0 * weights[i] * move
-            row += 1
+            _fill_moves(left, right, planes, x, x, moves)
+            for b in range(m):
+                for w in range(width):
+                    weighted[b, w] = 8.0 * weight[w] * moves[b, w]
+                    gradient[b] += 4.0 * weight[w] * logs[x, w] * moves[b, w]
+            _add_products(weighted, moves, hessian)
             for y in range(x + 1, d):
-                low, high, log_low, log_high = values[i, x], values[i, y], logs[i, x], logs[i, y]
-                gap, middle = low - high, 0.5 * (low + high)
-                if abs(gap) < NEAR * middle:  # there the logarithm of the middle is the middle of the logarithms
-                    slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
-                else:
-                    slope = 4.0 * (log_low / low - log_high / high) / gap
-                first = weights[i] * (slope * high * high + 4.0 * log_low * high / low)
-                second = weights[i] * (slope * low * low + 4.0 * log_high * low / high)
-                mixed = weights[i] * (slope * low * high + 2.0 * (log_low + log_high))
-                for a in range(len(planes)):
-                    j, k = planes[a, 0], planes[a, 1]
-                    upper = left[x, j] * right[k, y] - left[x, k] * right[j, y]
-                    lower = left[y, j] * right[k, x] - left[y, k] * right[j, x]
-                    moves[row, a], weighted[row, a] = upper, first * upper + mixed * lower
-                    moves[row + 1, a], weighted[row + 1, a] = lower, second * lower + mixed * upper
-                row += 2
+                for w in range(width):
+                    low, high, log_low, log_high = a[x, x, w], a[y, y, w], logs[x, w], logs[y, w]
+                    gap, middle = low - high, 0.5 * (low + high)
+                    near = abs(gap) < NEAR * middle
+                    slope = 4.0 * (log_low / low - log_high / high) / (1.0 if near else gap)
+                    if near:  # there the logarithm of the middle is the middle of the logarithms
+                        slope = 2.0 * (2.0 - (log_low + log_high)) / (middle * middle)
+                    terms[0, w] = weight[w] * (slope * high * high + 4.0 * log_low * high / low)
+                    terms[1, w] = weight[w] * (slope * low * low + 4.0 * log_high * low / high)
+                    terms[2, w] = weight[w] * (slope * low * high + 2.0 * (log_low + log_high))
+                _fill_moves(left, right, planes, x, y, moves)
+                _fill_moves(left, right, planes, y, x, reverse)
+                for b in range(m):
+                    for w in range(width):
+                        weighted[b, w] = terms[0, w] * moves[b, w] + terms[2, w] * reverse[b, w]
+                        reverse_weighted[b, w] = terms[1, w] * reverse[b, w] + terms[2, w] * moves[b, w]
+                _add_products(weighted, moves, hessian)
+                _add_products(reverse_weighted, reverse, hessian)
+    return cost
+
+
+@part
+def _multiply_transposed(left, right, result):  # type: ignore[no-untyped-def]
+    """Fill the upper triangle of L Rᵀ, and its mirror image."""
+    d, width = left.shape[1:]
+    for i in range(d):
+        for j in range(i, d):
+            result[i, j] = 0.0
+            for k in range(d):
+                for w in range(width):
+                    result[i, j, w] += left[i, k, w] * right[j, k, w]
+            for w in range(width):
+                result[j, i, w] = result[i, j, w]
+
+
+@part
+def _fill_moves(left, right, planes, x, y, moves):  # type: ignore[no-untyped-def]
+    """Entry (x, y) of L⁻¹ Ω_a L in the eigenvectors, for every plane a."""
+    for a in range(len(planes)):
+        j, k = planes[a, 0], planes[a, 1]
+        for w in range(moves.shape[1]):
+            moves[a, w] = left[x, j, w] * right[k, y, w] - left[x, k, w] * right[j, y, w]
+
+
+@part(fastmath=True)
+def _add_products(weighted, moves, hessian):  # type: ignore[no-untyped-def]
+    for a in range(len(hessian)):
+        for b in range(len(hessian)):
+            total = 0.0
+            for w in range(moves.shape[1]):
+                total += weighted[a, w] * moves[b, w]
+            hessian[a, b] += total

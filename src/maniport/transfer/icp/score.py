@@ -1,23 +1,24 @@
-"""The paper's correspondence: the largest score of direction and shape, found exactly by a sorted search."""
+"""The paper's score of direction and shape (Reithmeir et al. 2022, eq. 18): the largest, found exactly."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.spd.kernels import eigh
-from maniport.transfer.icp.matches import Indices, Matches, Matching, Seeking
 from maniport.util.jit import kernel
-from maniport.util.validation import Array, as_number
+from maniport.util.validation import Array
 
 EQUAL_EIGENVALUES = 1e-6  # Relative difference below which an eigenvector is undefined and must not decide a match
 
 TIE = 1e-12  # Scores that differ by less are equal; of equal scores the lowest index wins
 
+BLOCK = 32  # Candidates whose bounds are computed together: vector instructions
+
 
 @dataclass(frozen=True)
 class EllipsoidFeatures:
-    """The features that the score compares (Reithmeir et al. 2022, eq. 18)."""
+    """The features that the score compares."""
 
     directions: Array  # (n, 2, d): unit eigenvectors of the smallest and largest eigenvalue; zero where undefined
     shapes: Array  # (n, 2): condition number λ_max / λ_min, and volume (product of the semi-axes)
@@ -40,11 +41,15 @@ class ScoreMatcher:
         order = np.argsort(student.shapes[:, 0], kind="stable")
         positions = np.searchsorted(student.shapes[order, 0], teacher.shapes[:, 0])
         self._directions = teacher.directions
-        self._clouds = teacher.shapes, positions, student.directions[order], student.shapes[order], order
+        sorted_directions = np.ascontiguousarray(student.directions[order].transpose(1, 2, 0))
+        sorted_shapes = np.ascontiguousarray(student.shapes[order].T)
+        self._clouds = teacher.shapes, positions, sorted_directions, sorted_shapes, order
 
-    def query(self, rotation: Array | None = None) -> tuple[Indices, Array]:
+    def query(self, rotation: Array | None = None) -> tuple[NDArray[np.intp], Array]:
         """For every teacher ellipsoid, rotated, the index of the student's with the largest score, and the score."""
-        directions = self._directions if rotation is None else self._directions @ rotation.T
+        directions = self._directions
+        if rotation is not None:
+            directions = (directions.reshape(-1, len(rotation)) @ rotation.T).reshape(directions.shape)
         index, score = np.empty(len(directions), np.intp), np.empty(len(directions))
         _search(directions, *self._clouds, index, score)
         return index, score
@@ -55,89 +60,48 @@ def _search(directions_t, shapes_t, positions, directions_s, shapes_s, order, in
     """Fill `indices` and `scores`, going outward from the student ellipsoid of the nearest condition number.
 
     The score of a candidate is at most 3 + exp(−|p − p'|), so that the search ends where this falls below the best.
+    The students, sorted by condition number, lie side by side: directions (2, d, m), shapes (2, m).
     """
     count, d = len(order), directions_t.shape[2]
+    minor, major, bound = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     for i in range(len(positions)):
         condition, volume = shapes_t[i, 0], shapes_t[i, 1]
-        left, right = positions[i] - 1, positions[i]
+        left, right = positions[i], positions[i]
         best, best_index, reach = -1.0, 0, np.inf
-        while left >= 0 or right < count:
-            gap_left = condition - shapes_s[left, 0] if left >= 0 else np.inf
-            gap_right = shapes_s[right, 0] - condition if right < count else np.inf
-            if gap_left <= gap_right:
-                j, gap = left, gap_left
-                left -= 1
-            else:
-                j, gap = right, gap_right
-                right += 1
-            if gap > reach:
+        while left > 0 or right < count:
+            gap_left = condition - shapes_s[0, left - 1] if left > 0 else np.inf
+            gap_right = shapes_s[0, right] - condition if right < count else np.inf
+            if min(gap_left, gap_right) > reach:
                 break
-            minor, major = 0.0, 0.0
+            if gap_left <= gap_right:
+                first, size = max(left - BLOCK, 0), min(left, BLOCK)
+                left = first
+            else:
+                first, size = right, min(count - right, BLOCK)
+                right += size
+            minor[:], major[:] = 0.0, 0.0
             for k in range(d):
-                minor += directions_t[i, 0, k] * directions_s[j, 0, k]
-                major += directions_t[i, 1, k] * directions_s[j, 1, k]
-            score = abs(minor) + abs(major)
-            # exp(−g) ≤ 1 / (1 + g + g²/2), which costs no exponential
-            if score + 1.0 + 1.0 / (1.0 + gap * (1.0 + 0.5 * gap)) < best - TIE:
-                continue
-            score += np.exp(-gap) + np.exp(-abs(volume - shapes_s[j, 1]))
-            if score > best + TIE or (score >= best - TIE and order[j] < best_index):
-                best_index = order[j]
-            if score > best:
-                best = score
-                excess = best - 3.0 - 2.0 * TIE
-                reach = -np.log(excess) if excess > 0.0 else np.inf
+                x, y = directions_t[i, 0, k], directions_t[i, 1, k]
+                shortest, longest = directions_s[0, k, first : first + size], directions_s[1, k, first : first + size]
+                for w in range(size):
+                    minor[w] += x * shortest[w]
+                    major[w] += y * longest[w]
+            conditions, volumes = shapes_s[0, first : first + size], shapes_s[1, first : first + size]
+            for w in range(size):
+                minor[w] = abs(minor[w]) + abs(major[w])
+                gap, other = min(abs(conditions[w] - condition), 1e6), min(abs(volumes[w] - volume), 1e6)
+                # exp(−g) ≤ 1 / (1 + g + g²/2), which costs no exponential
+                x, y = 1.0 + gap * (1.0 + 0.5 * gap), 1.0 + other * (1.0 + 0.5 * other)
+                bound[w] = minor[w] + (x + y) / (x * y)
+            for w in range(size):
+                if bound[w] < best - TIE:
+                    continue
+                j = first + w
+                score = minor[w] + np.exp(-abs(condition - conditions[w])) + np.exp(-abs(volume - volumes[w]))
+                if score > best + TIE or (score >= best - TIE and order[j] < best_index):
+                    best_index = order[j]
+                if score > best:
+                    best = score
+            excess = best - 3.0 - 2.0 * TIE
+            reach = -np.log(excess) if excess > 0.0 else np.inf
         indices[i], scores[i] = best_index, best
-
-
-@dataclass(frozen=True)
-class EllipsoidCorrespondence(Seeking):
-    """Match every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
-
-    The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
-    directions of the shortest and the longest axis, the condition numbers and the volumes.
-
-    Parameters
-    ----------
-    direction, trim
-        See `GeodesicCorrespondence`; a lower score is a worse match.
-    exponent : float
-        k in the weights w^k of the matches (the paper's best rows have 3; 0 gives equal weights).
-
-    References
-    ----------
-    Reithmeir, Figueredo and Haddadin, Human-to-robot manipulability domain adaptation with parallel transport and
-    manifold-aware ICP, IROS 2022.
-    """
-
-    exponent: float = 3.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        as_number(self.exponent, "exponent", minimum=0.0)
-
-    def one_way(self, teacher: Array, student: Array) -> Matching:
-        """Match by score."""
-        ratios = isinstance(self, LogEllipsoidCorrespondence)
-        features = EllipsoidFeatures.of(teacher, ratios), EllipsoidFeatures.of(student, ratios)
-        return partial(self._match, ScoreMatcher(*features))
-
-    def _match(self, matcher: ScoreMatcher, rotation: Array) -> Matches:
-        index, score = matcher.query(rotation)
-        best = score.max()
-        weight = (score / best) ** self.exponent if best > 0 else np.ones_like(score)
-        return Matches.trimmed(np.arange(len(index)), index, weight, -score, self.trim)
-
-
-@dataclass(frozen=True)
-class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
-    """As `EllipsoidCorrespondence`, with ``exp(−|log p − log p'|) + exp(−|log vol − log vol'|)`` in the score.
-
-    The terms are ratios of condition numbers and volumes, which also separate elongated ellipsoids; in the paper's
-    score they are all equally unlike.
-
-    Parameters
-    ----------
-    direction, trim, exponent
-        See `EllipsoidCorrespondence`.
-    """

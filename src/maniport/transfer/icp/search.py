@@ -99,7 +99,7 @@ def is_improvement(
     if angle < 1e-6:
         return False, result.reason
     gain = clouds.gain(start, result.rotation)
-    gained = 2.0 * gain.mean / clouds.energy_distance(start)
+    gained = 2.0 * gain.mean / max(clouds.energy_distance(start), 1e-12)
     nearer = gain.certainty >= certainty and gained >= share
     if nearer or clouds.coincidence(clouds.nearest(start), clouds.nearest(result.rotation)).certainty >= certainty:
         return True, result.reason
