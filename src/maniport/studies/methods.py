@@ -99,7 +99,7 @@ def _cells(one: Mapping[str, float]) -> tuple[str, ...]:
 class GaussianTransport(RigidAdapter):
     """The linear transport between Gaussians with the means and covariances of two clouds of log-vectors."""
 
-    scale, dispersion, recenter = True, "mean", "training"
+    scale, dispersion = True, "mean"
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         clouds = self._rigid_map().apply(teacher), student

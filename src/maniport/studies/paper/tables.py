@@ -22,7 +22,7 @@ PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "our
 FLOOR = 1e-4  # Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead
 
 PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
-    {"damping": None, "base_rotation": None, "scale": True, "dispersion": "mean", "recenter": "training"}
+    {"damping": None, "base_rotation": None, "scale": True, "dispersion": "mean"}
 )
 """Everything in the paper's text about steps 1, 2 and 4; no base_rotation is known."""
 
