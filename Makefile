@@ -1,15 +1,15 @@
-# make demo   the main job on a shipped recording
-# make test   the whole test suite
-# make coverage   the same, and which lines and branches of what is not drawing it leaves out (about ten minutes)
-# make fuzz   10 000 mutated files of every format that is read, in processes of their own (about half an hour)
-# make kills  kills what writes results at 1600 random moments, by SIGKILL and by Ctrl-C (about half an hour)
-# make mutants   changes spd and transfer in one place at a time and lists where no test notices (tests/mutation)
+# make demo   transfer a bundled recording to the Panda
+# make test   all tests
+# make coverage   all tests with coverage of lines and branches, except for drawing code (about ten minutes)
+# make fuzz   read 10 000 mutated files of every format in separate processes (about half an hour)
+# make kills  stop commands that write results at 1600 random times, by SIGKILL and Ctrl-C (about half an hour)
+# make mutants   change spd and transfer in one place at a time, and list changes that no test detects (tests/mutation)
 # make nightly   5000 configurations of each arm of example-robot-data on exact meshes; then fuzz, kills and mutants
-# make docs   the site, in build/docs, with every example run; whatever Sphinx warns of fails (about three minutes)
-# make links  whether the addresses of others that pages name still answer; needs the network
-# make dist   wheel and sdist, in dist/, each checked, installed and run outside the checkout
+# make docs   the site in build/docs, with all examples; warnings of Sphinx are errors (about three minutes)
+# make links  check external links of the documentation; needs the network
+# make dist   wheel and sdist in dist/, each checked, installed and run outside of the checkout
 # make lint   style, types, import contracts and spelling
-# make bench  speed against other libraries; rewrites BENCHMARKS.md (about ten minutes)
+# make bench  speed relative to other libraries; rewrites BENCHMARKS.md (about ten minutes)
 
 PYTHON ?= python3
 VENV := .venv
@@ -20,7 +20,7 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.installed
 	$(BIN)/maniport demo -o maniport-demo --overwrite
 
-# a worker for each core: threads of BLAS beside them would only wait for one another
+# One worker per core, each with one BLAS thread.
 test: $(VENV)/.installed-test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
 
@@ -48,7 +48,7 @@ docs: $(VENV)/.installed-docs
 	$(BIN)/maniport demo -o build/demo --overwrite --quiet
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
 
-# examples are not run for it
+# Without running the examples.
 links: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx --quiet -D plot_gallery=0 -D html_extra_path= -b linkcheck docs build/links
 

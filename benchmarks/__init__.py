@@ -1,1 +1,1 @@
-"""Benchmarks: what maniport does, timed against what one would otherwise use. ``python -m benchmarks`` runs them."""
+"""Computing times of maniport relative to other libraries; run ``python -m benchmarks``."""

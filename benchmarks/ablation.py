@@ -25,9 +25,9 @@ import maniport as mp
 from maniport.arms import VELOCITY, Arm
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
-from maniport.motion.effort import EFFORTS, FULL, QUICK
-from maniport.motion.placement import placement_search
-from maniport.motion.plan import arm_planner, refinement
+from maniport.motion.placement import search
+from maniport.motion.plan import arm_planner
+from maniport.motion.plan.plan_control import EFFORTS, FULL, QUICK
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -44,11 +44,11 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
-    "no joint descent of the placement": (placement_search, "_improved", lambda problem, start, terms: start),
-    "1 planned placement": (placement_search, "PLANS", 1),
-    "planning time scale 2": (refinement, "PLANNING_TIME_SCALE", 2.0),
-    "smoothness / 3": (refinement, "smoothness", lambda time, smoothness=refinement.smoothness: smoothness(time) / 3.0),
-    "smoothness · 3": (refinement, "smoothness", lambda time, smoothness=refinement.smoothness: smoothness(time) * 3.0),
+    "no joint descent of the placement": (search.JointProblem, "improved", lambda problem, state: state),
+    "1 planned placement": (search, "PLANS", 1),
+    "planning time scale 2": (arm_planner, "PLANNING_TIME_SCALE", 2.0),
+    "smoothness / 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS / 3.0),
+    "smoothness · 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS * 3.0),
     "no first optimization at the stages": (arm_planner, "optimize", lambda targets, time, q, terms, weight: q),
 }
 """Changed functions and constants: module, name and value."""

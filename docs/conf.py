@@ -1,9 +1,11 @@
-"""How the site is built: ``make docs``, which makes build/docs."""
+"""Configuration of the site, which ``make docs`` builds in build/docs."""
 
 import sys
+import zlib
 from pathlib import Path
 
 HERE = Path(__file__).parent
+BUILD = HERE.parent / "build"
 sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent / "src")]
 
 from numpydoc.xref import DEFAULT_LINKS  # noqa: E402
@@ -21,10 +23,12 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
     "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "_ext"]
+exclude_patterns = ["_build", "_ext", "_templates"]
+templates_path = ["_templates"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 default_role = "py:obj"
 
@@ -36,7 +40,17 @@ html_theme_options = {
     "source_directory": "docs/",
 }
 html_static_path = ["_static"]
-html_extra_path = ["../build/demo/report.html"]  # the demo's page, to be played with before anything is installed
+html_extra_path = ["../build/demo/report.html"]  # written by `maniport demo`
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html",
+        "sidebar/search.html",
+        "sidebar/scroll-start.html",
+        "sidebar/example_report.html",
+        "sidebar/navigation.html",
+        "sidebar/scroll-end.html",
+    ]
+}
 html_css_files = ["maniport.css"]
 html_show_sourcelink = False
 
@@ -50,9 +64,35 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
-numpydoc_xref_param_type = True  # types of arguments lead to their pages, where they are public
+numpydoc_xref_param_type = True  # link types of parameters
 numpydoc_xref_ignore = "all"
-numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | classes()  # words of Python's are told on other sites
+numpydoc_xref_aliases = (
+    {word: word for word in DEFAULT_LINKS}  # numpydoc's own links warn if there is no network
+    | {word: f":obj:`{word} <{word}>`" for word in ("None", "bool", "dict", "float", "int", "list", "str", "tuple")}
+    | {"ndarray": "numpy.ndarray", "array_like": "numpy.typing.ArrayLike", "path-like": "os.PathLike"}
+    | {"numpy.random.Generator": ":obj:`numpy.random.Generator`"}
+    | {word: f"collections.abc.{word.title()}" for word in ("callable", "iterable", "mapping", "sequence")}
+    | classes()
+)
+
+# Without a network, the empty inventory replaces the others: the build then has no external links and no warnings.
+BUILD.mkdir(exist_ok=True)
+EMPTY = BUILD / "empty.inv"
+EMPTY.write_bytes(
+    b"# Sphinx inventory version 2\n# Project: none\n# Version: 0\n"
+    b"# The remainder of this file is compressed using zlib.\n" + zlib.compress(b"")
+)
+intersphinx_mapping = {
+    name: (address, (None, str(EMPTY)))
+    for name, address in {
+        "python": "https://docs.python.org/3/",
+        "numpy": "https://numpy.org/doc/stable/",
+        "scipy": "https://docs.scipy.org/doc/scipy/",
+        "sklearn": "https://scikit-learn.org/stable/",
+    }.items()
+}
+intersphinx_timeout = 10  # [s]
+
 copybutton_prompt_text = "$ "
 
 sphinx_gallery_conf = {

@@ -19,57 +19,51 @@ from maniport.report import figures
 from maniport.util.files import save_ellipsoids
 
 
-def uncertainty(fit, profile):
-    """How far the ellipsoids move, in units of d, when the joints that are not determined take other angles."""
+def sensitivity(fit, profile):
+    """Return the distances that random angles of the unobservable joints cause, shape (n,)."""
     if fit.observable.all():
         return np.zeros(1)
-    other, rng = fit.joint_angles.copy(), np.random.default_rng(0)
-    guessed = ~fit.observable
-    other[:, guessed] = rng.uniform(fit.arm.lower[guessed], fit.arm.upper[guessed], (len(fit), guessed.sum()))
-    lift = 0.01 * np.trace(profile.mean(axis=0)) / 3.0 * np.eye(3)  # so that flat ellipsoids can be compared
-    return mp.spd.distance(profile + lift, fit.arm.manipulability(other) + lift)
+    joints, rng = fit.joint_angles.copy(), np.random.default_rng(0)
+    free = ~fit.observable
+    joints[:, free] = rng.uniform(fit.arm.lower[free], fit.arm.upper[free], (len(fit), free.sum()))
+    damping = 0.01 * np.trace(profile.mean(axis=0)) / 3.0 * np.eye(3)  # keeps distances of flat ellipsoids finite
+    return mp.spd.distance(profile + damping, fit.arm.manipulability(joints) + damping)
 
 
 def main(folder):
-    """Two recordings: bones of a motion-capture suit, and markers on the skin."""
+    """Fit the arm to two recordings: bones of a motion-capture suit, and markers on the skin."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, start, stop in (("ladder", 22.0, 26.0), ("freeform", 2.0, 6.0)):
-        # 1. Units, the axis that points up and gaps are recognised, and what was decided is told.
+        # 1. Units, vertical axis and gaps are detected and printed.
         recording = mp.read_recording(shipped_recording(name)).crop(start, stop)
         print(recording)
 
-        # 2. The arm of a person of this size, and its angles; its base frame is the trunk.
-        #    Where person and model differ too much, a warning says so, and what to do about it.
+        # 2. Fit segment lengths and joint angles; the base frame is the trunk. Poor fits cause warnings.
         with warnings.catch_warnings(record=True) as quality_warnings:
             warnings.simplefilter("always")
             fit = mp.fit_arm(recording, "myoarm")
-        for doubt in quality_warnings:
-            print(f"  doubtful: {doubt.message}")
+        for warning in quality_warnings:
+            print(f"  warning: {warning.message}")
         lengths = ", ".join(f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items())
-        print(f"  {lengths}; largest change from frame to frame {fit.largest_step[0]:.1f}°")
+        print(f"  {lengths}; largest change between frames {fit.largest_step[0]:.1f}°")
         for segment, residual in fit.residual_summary().items():
             print(
-                f"  {segment}: {residual['median']:.2f}° beside the recording (median), {residual['p95']:.2f}° (95 %), "
-                f"{residual['max']:.2f}° (largest, at {residual['max_at_s']:.1f} s)"
+                f"  {segment}: residual {residual['median']:.2f}° (median), {residual['p95']:.2f}° (95th percentile), "
+                f"{residual['max']:.2f}° (max at {residual['max_at_s']:.1f} s)"
             )
         for reason in dict.fromkeys(fit.unobservable.values()):
-            joints = ", ".join(joint for joint, why in fit.unobservable.items() if why == reason)
-            print(f"  guesses: {joints} ({reason})")
+            joints = ", ".join(joint for joint in fit.unobservable if fit.unobservable[joint] == reason)
+            print(f"  unobservable: {joints} ({reason})")
 
-        # 3. The profile: the ellipsoid of the hand at each time.
+        # 3. The profile: the ellipsoid of the hand in each frame.
         profile = fit.arm.manipulability(fit.joint_angles)
-        moved = uncertainty(fit, profile)
-        print(
-            f"  with other guesses the ellipsoids move by d = {np.median(moved):.3f} (median), {moved.max():.3f} (most)"
-        )
-        steps = mp.spd.lengths(profile)
-        print(f"  longest semi-axis {steps[:, 2].min():.2f} to {steps[:, 2].max():.2f} m/s per rad/s")
+        change, longest = sensitivity(fit, profile), mp.spd.lengths(profile)[:, 2]
+        print(f"  change by unobservable joints: d = {np.median(change):.3f} (median), {change.max():.3f} (max)")
+        print(f"  longest semi-axis {longest.min():.2f} to {longest.max():.2f} m/s per rad/s")
 
         save_ellipsoids(folder / f"{name}.npz", profile, fit.time)
-        skeletons = {"person": fit.arm.skeleton(fit.joint_angles)}
-        figures.save(
-            figures.arms(skeletons, {"person": profile}, roles={"person": "person"}), folder / f"{name}_arm.png"
-        )
+        skeletons, roles = {"person": fit.arm.skeleton(fit.joint_angles)}, {"person": "person"}
+        figures.save(figures.arms(skeletons, {"person": profile}, roles=roles), folder / f"{name}_arm.png")
         figures.save(figures.curves(fit.time, {"person": profile}), folder / f"{name}_curves.png")
     print(f"profiles and figures in {folder}")
 

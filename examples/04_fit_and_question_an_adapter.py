@@ -18,60 +18,61 @@ import maniport as mp
 from maniport.report import figures
 from maniport.report.renderings import write_report
 
-WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # up, as the table has it, points out of the wall
+WALL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # from the teacher's to the student's base frame
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
-SWING = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])
+AMPLITUDE = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])  # [rad]
 
 
-def hung(ellipsoids):
-    """The same ellipsoids, seen from the frame of the table."""
+def on_wall(ellipsoids):
+    """Rotate ellipsoids from the teacher's to the student's base frame."""
     return WALL @ ellipsoids @ WALL.T
 
 
 def main(folder):
-    """Four fits of the same two domains, what they know, and whether the one with pairs is worth while."""
+    """Compare four fits of the same two domains with the true map."""
     folder.mkdir(parents=True, exist_ok=True)
-    warnings.simplefilter("ignore", mp.errors.IdentifiabilityWarning)  # we ask ourselves
+    warnings.simplefilter("ignore", mp.errors.IdentifiabilityWarning)  # the example prints identifiability itself
     panda = mp.load_arm("panda")
-    teacher, student = mp.sample_domain(panda, 2048, 0), hung(mp.sample_domain(panda, 4096, 1))
-    profile = panda.manipulability(HOME + SWING * np.sin(np.linspace(0.0, np.pi, 40))[:, None])
-    truth = hung(profile)
+    teacher, student = mp.sample_domain(panda, 2048, 0), on_wall(mp.sample_domain(panda, 4096, 1))
+    profile = panda.manipulability(HOME + AMPLITUDE * np.sin(np.linspace(0.0, np.pi, 40))[:, None])
+    truth = on_wall(profile)
 
-    few = panda.manipulability(panda.sample(5, 2))  # five tasks that both have been seen to do
+    samples = panda.manipulability(panda.sample(5, 2))
+    pairs = samples, on_wall(samples)  # corresponding ellipsoids of five tasks
     fits = {
         "parallel transport": mp.ParallelTransport(damping=0.01).fit(teacher, student),
         "ICP": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student),
-        "ICP, five pairs": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student, (few, hung(few))),
+        "ICP, five pairs": mp.RiemannianICP(damping=0.01, random_state=0).fit(teacher, student, pairs),
         "base_rotation known": mp.ParallelTransport(damping=0.01, base_rotation=WALL).fit(teacher, student),
     }
     for name, adapter in fits.items():
         error = np.sqrt(np.mean(adapter.errors(profile, truth) ** 2))
-        off = np.degrees(np.arccos(np.clip((np.trace(adapter.map_rotation_.T @ WALL) - 1.0) / 2.0, -1.0, 1.0)))
-        print(f"{name}: {error:.3f} from the truth (root mean square), turned by {off:.1f}° beside it")
+        cosine = (np.trace(adapter.map_rotation_.T @ WALL) - 1.0) / 2.0
+        angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        print(f"{name}: error {error:.3f} (root mean square), rotation error {angle:.1f}°")
         print(f"  {adapter.identifiability_.in_words()}")
 
-    # What the sentences are made from: how much further apart a turn by 30° about each axis brings the domains.
-    found = fits["ICP, five pairs"].identifiability_
-    for axis, curvature, error in zip(found.axes, found.curvature, found.standard_error, strict=True):
-        print(
-            f"  about ({', '.join(f'{part:.2f}' for part in axis)}): {1e3 * curvature:.1f} ± {1e3 * error:.1f} ‰/rad²"
-        )
+    # Identifiability: curvature of the objective for rotations about each principal axis, with its standard error.
+    with_pairs = fits["ICP, five pairs"]
+    result = with_pairs.identifiability_
+    for axis, curvature, error in zip(result.axes, result.curvature, result.standard_error, strict=True):
+        direction = ", ".join(f"{part:.2f}" for part in axis)
+        print(f"  about ({direction}): {1e3 * curvature:.1f} ± {1e3 * error:.1f} ‰/rad²")
 
-    # Is it better than doing nothing? The same measures for the identity baseline and other cheap alternatives.
-    chosen = fits["ICP, five pairs"]
-    evaluation = mp.evaluate(chosen, teacher, student, profile, truth=truth, n_domain=0)
-    summary = evaluation.summary
-    print(f"take {summary.recommended}: {summary.measure} {summary.best_value:.3f}, identity {summary.identity:.3f}")
+    # Evaluation: the same metrics for the adapter and for the baselines.
+    evaluation = mp.evaluate(with_pairs, teacher, student, profile, truth=truth, n_domain=0)
+    best = evaluation.summary
+    print(f"recommended: {best.recommended}; {best.measure} {best.best_value:.3f}, identity {best.identity:.3f}")
     write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
-    # A file for later; the map is exact there and back.
-    chosen.save(folder / "adapter.npz")
-    again = mp.load_adapter(folder / "adapter.npz")
-    there = again.transform(profile)
-    print(f"there and back from the file: off by {np.abs(again.inverse_transform(there) - profile).max():.1e}")
-    rows, numbers = {"teacher": profile, "adapted": there, "truth": truth}, np.arange(1, len(profile) + 1)
-    figures.save(figures.ellipsoids(numbers, rows, axis="number of the ellipsoid"), folder / "adapted.png")
-    print(f"the adapter, the evaluation and a figure are in {folder}")
+    # Save and load; the inverse of the map is exact.
+    with_pairs.save(folder / "adapter.npz")
+    loaded = mp.load_adapter(folder / "adapter.npz")
+    adapted = loaded.transform(profile)
+    print(f"error of the inverse: {np.abs(loaded.inverse_transform(adapted) - profile).max():.1e}")
+    rows = {"teacher": profile, "adapted": adapted, "truth": truth}
+    figures.save(figures.ellipsoids(np.arange(1, 41), rows, axis="index of the ellipsoid"), folder / "adapted.png")
+    print(f"adapter, evaluation and figure in {folder}")
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ without Pink, with acceleration limits and a search for the start configuration.
 
 import sys
 import tempfile
-import time as clock
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pink
@@ -21,24 +21,24 @@ import maniport as mp
 from maniport.motion import robot_model
 from maniport.motion.pink_task import EllipsoidTask
 
-RATE = 200.0  # control steps a second [Hz]
+RATE = 200.0  # control rate [Hz]
 TIME = np.arange(0.0, 4.0, 1.0 / RATE)  # [s]
 HOME = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])  # [rad]
 
 
-def wanted_motion(arm):
-    """Ellipsoids (n, 3, 3) and hand positions (n, 3) that the arm can make: those of a swing of all its joints."""
-    swing = np.array([0.5, 0.3, -0.4, 0.4, 0.6, 0.3, 0.0])
-    joints = HOME + swing * np.sin(0.5 * np.pi * TIME[:, None])
+def target_motion(arm):
+    """Return feasible ellipsoids (n, 3, 3) and positions (n, 3) [m] of the end effector."""
+    amplitude = np.array([0.5, 0.3, -0.4, 0.4, 0.6, 0.3, 0.0])
+    joints = HOME + amplitude * np.sin(0.5 * np.pi * TIME[:, None])
     return arm.manipulability(joints), arm.forward(joints)[:, :3, 3]
 
 
 def follow(arm, profile, path, with_ellipsoids):
-    """Joint positions (n, dof) of Pink's loop, which starts from HOME."""
-    model = robot_model(arm)  # a plain Pinocchio model with the arm's limits; one from a URDF does as well
+    """Return the joint positions (n, dof) of Pink's loop, starting from HOME."""
+    model = robot_model(arm)  # a Pinocchio model with the arm's limits, like one from a URDF
     ellipsoid = EllipsoidTask(arm, cost=1.0)
-    position = FrameTask(arm.frame, position_cost=200.0, orientation_cost=0.0)  # cost of a meter
-    posture = PostureTask(cost=1e-2)  # holds what nothing else does: here the last joint
+    position = FrameTask(arm.frame, position_cost=200.0, orientation_cost=0.0)  # [1/m]
+    posture = PostureTask(cost=1e-2)  # determines the last joint, which the other tasks do not
     posture.set_target(HOME)
     tasks = [position, posture] + ([ellipsoid] if with_ellipsoids else [])
     configuration = pink.Configuration(model, model.createData(), HOME)
@@ -53,25 +53,24 @@ def follow(arm, profile, path, with_ellipsoids):
 
 
 def main(folder):
-    """Follow the same motion without and with the ellipsoid task, and write what came of both."""
+    """Follow the same motion without and with the ellipsoid task."""
     folder.mkdir(parents=True, exist_ok=True)
     arm = mp.load_arm("panda")
-    profile, path = wanted_motion(arm)
-    found = {}
-    for with_ellipsoids in (False, True):
-        began = clock.perf_counter()
-        joints = follow(arm, profile, path, with_ellipsoids)
-        rate = len(TIME) / (clock.perf_counter() - began)
+    profile, path = target_motion(arm)
+    arrays = {"time": TIME, "target": profile}
+    for name in ("without", "with"):
+        start = perf_counter()
+        joints = follow(arm, profile, path, name == "with")
+        rate = len(TIME) / (perf_counter() - start)
         d = mp.spd.distance(profile, arm.manipulability(joints))
-        beside = 1e3 * np.linalg.norm(arm.forward(joints)[:, :3, 3] - path, axis=1)
-        name = "with" if with_ellipsoids else "without"
-        found |= {f"joints_{name}": joints, f"distance_{name}": d}
+        error = 1e3 * np.linalg.norm(arm.forward(joints)[:, :3, 3] - path, axis=1)
+        arrays |= {f"joints_{name}": joints, f"distance_{name}": d}
         print(
-            f"{name:>7} the ellipsoid task: d {np.median(d):.3f} (median), "
-            f"{np.percentile(d, 95):.3f} (95 %), {d.max():.3f} (largest, at {TIME[d.argmax()]:.1f} s); hand "
-            f"{np.percentile(beside, 95):.2f} mm beside its path (95 %), at most {beside.max():.2f}; {rate:.0f} steps/s"
+            f"{name:>7} ellipsoid task: distance {np.median(d):.3f} (median), {np.percentile(d, 95):.3f} (95 %), "
+            f"{d.max():.3f} (max at {TIME[d.argmax()]:.1f} s); position error [mm] {np.percentile(error, 95):.2f} "
+            f"(95 %), {error.max():.2f} (max); {rate:.0f} steps/s"
         )
-    np.savez(folder / "joints.npz", time=TIME, target=profile, **found)
+    np.savez(folder / "joints.npz", **arrays)
     print(f"joints in {folder / 'joints.npz'}")
 
 

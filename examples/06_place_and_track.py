@@ -17,40 +17,40 @@ import maniport as mp
 from maniport.mocap import shipped_recording
 from maniport.motion import place_path, plan_motion
 
-TOLERANCE = 0.005  # how far beside its path the tip may be [m]; what is allowed is used
+TOLERANCE = 0.005  # of the end-effector position [m]; the planner uses it to reduce the ellipsoid distance
 
 
 def main(folder):
-    """Three seconds of climbing a ladder, on the Panda."""
+    """Transfer three seconds of climbing a ladder to the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
-    # 1. The recording becomes joint angles of the person's arm, and these the ellipsoids and the path of the hand.
+    # 1. Fit the person's arm; joint angles give ellipsoids and hand path.
     recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 25.0).resample(15.0)
     person = mp.fit_arm(recording)
     profile = person.arm.manipulability(person.joint_angles)
     hand = person.arm.forward(person.joint_angles)[:, :3, 3]
     print(f"person: {len(person)} ellipsoids in {person.time[-1] - person.time[0]:.1f} s")
 
-    # 2. What each arm can do, and the map between the two; the robot faces where the person faces.
+    # 2. Sample both domains and fit the map between them. Both bases have the same orientation.
     robot = mp.load_arm("panda")
     adapter = mp.ParallelTransport(damping=0.01, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 4096, 0), mp.sample_domain(robot, 16384, 1))
     target, damping = adapter.transform(profile), adapter.student_regularization
 
-    # 3. The path is placed where the robot makes these ellipsoids best; whatever turned them turns the path as well.
+    # 3. Place the path where the robot reaches the target ellipsoids best; it rotates with the ellipsoids.
     placed = place_path(hand, target, robot, turn=adapter.map_rotation_, scale=(0.5, 1.0), damping=damping)
     print(placed)
 
-    # 4. The motion: the tip on its path, the ellipsoids as near as that lets them, within the Panda's limits.
+    # 4. Plan the trajectory: position within the tolerance, smallest ellipsoid distance, within the Panda's limits.
     (motion,) = plan_motion(
         robot, placed.profile, time=person.time, paths=placed.path, damping=damping, position_tolerance=TOLERANCE
     ).arms
-    print(f"{motion.control_time[-1]:.1f} s, {motion.pointwise_ratio:.2f} times the pointwise optimum")
-    for name, off in (("d", motion.distance), ("hand beside its path, mm:", 1e3 * motion.position_error)):
-        most = f"{off.max():.2f} (largest, at {motion.time[off.argmax()]:.1f} s)"
-        print(f"{name} {np.median(off):.2f} (median), {np.percentile(off, 95):.2f} (95 %), {most}")
+    print(f"duration {motion.control_time[-1]:.1f} s; ratio to the pointwise optimum {motion.pointwise_ratio:.2f}")
+    for name, values in (("distance", motion.distance), ("position error [mm]", 1e3 * motion.position_error)):
+        largest = f"{values.max():.2f} (max at {motion.time[values.argmax()]:.1f} s)"
+        print(f"{name}: {np.median(values):.2f} (median), {np.percentile(values, 95):.2f} (95 %), {largest}")
     print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square)")
 
-    # 5. The joints, for the robot's controller or a spreadsheet, and all arrays for NumPy.
+    # 5. Export joint positions for the robot's controller, and all arrays for NumPy.
     motion.save_joints_csv(folder / "joints.csv")
     motion.save_joints(folder / "joints.npz")
     print(f"joints in {folder / 'joints.csv'}, {len(motion.control_time)} rows")

@@ -17,28 +17,28 @@ import maniport as mp
 from maniport.learning import tracking_weights
 
 HOME = np.array([0.3, -0.6, 0.2, -2.1, 0.3, 1.7, 0.5])  # [rad]
-SWING = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])
+AMPLITUDE = np.array([0.5, 0.4, -0.3, 0.4, 0.5, -0.4, 0.0])  # [rad]
 
 
 def demonstrations(count, seed=0):
-    """Times and joints of a Panda that is led by the hand, each time at another pace, freely in the middle."""
+    """Yield times (n,) and joint angles (n, 7) of a Panda; speeds differ, and the variance is largest in the middle."""
     rng = np.random.default_rng(seed)
-    for seconds in rng.uniform(3.0, 5.0, count):
-        time = np.linspace(0.0, seconds, int(15 * seconds))
-        course = np.sin(np.pi * (time[:, None] / seconds) ** rng.uniform(0.8, 1.25))
-        freedom = 0.01 * rng.standard_normal(7) + 0.3 * rng.standard_normal(7) * course**2
-        yield time, HOME + SWING * course + freedom
+    for duration in rng.uniform(3.0, 5.0, count):
+        time = np.linspace(0.0, duration, int(15 * duration))
+        phase = np.sin(np.pi * (time[:, None] / duration) ** rng.uniform(0.8, 1.25))
+        noise = 0.01 * rng.standard_normal(7) + 0.3 * rng.standard_normal(7) * phase**2
+        yield time, HOME + AMPLITUDE * phase + noise
 
 
 def deviation(profile, covariance, ellipsoids):
-    """How far ellipsoids are from the profile, in standard deviations of the demonstrations, shape (n,)."""
+    """Return distances from the mean profile in standard deviations of the demonstrations, shape (n,)."""
     whitening = mp.spd.invsqrtm(profile)
-    away = mp.spd.to_vector(mp.spd.logm(whitening @ ellipsoids @ whitening))
-    return np.sqrt(np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away))
+    error = mp.spd.to_vector(mp.spd.logm(whitening @ ellipsoids @ whitening))
+    return np.sqrt(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error))
 
 
 def main(folder):
-    """Six demonstrations, one profile, and the motion without and with weights."""
+    """Learn a profile from six demonstrations and track it without and with weights."""
     folder.mkdir(parents=True, exist_ok=True)
     arm = mp.load_arm("panda")
     times, joints = zip(*demonstrations(6), strict=True)
@@ -46,30 +46,31 @@ def main(folder):
     lengths = ", ".join(str(len(time)) for time in times)
     print(f"demonstrations of {lengths} ellipsoids, aligned to {len(alignment.time)}")
 
-    model = mp.ProfileGMM(random_state=0).fit(*alignment.stacked())  # BIC finds the number of Gaussians
+    model = mp.ProfileGMM(random_state=0).fit(*alignment.stacked())  # BIC selects the number of Gaussians
     profile, covariance = model.predict(alignment.time, return_covariance=True)
-    spread = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
-    agree = spread < np.median(spread)
-    print(f"{model.n_components_} Gaussians; spread {spread.min():.2f} to {spread.max():.2f} (in units of d)")
+    deviations = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    similar = deviations < np.median(deviations)
+    print(f"{model.n_components_} Gaussians; standard deviation {deviations.min():.2f} to {deviations.max():.2f}")
 
-    led = alignment.warp([arm.forward(q)[:, :3, 3] for q in joints]).mean(axis=0)
-    path = led + np.array([0.0, 0.0, 0.1])
+    demonstrated = alignment.warp([arm.forward(q)[:, :3, 3] for q in joints]).mean(axis=0)
+    path = demonstrated + np.array([0.0, 0.0, 0.1])
     start = None
     for name, weights in (("without", None), ("with", tracking_weights(covariance))):
         motion = mp.track(
             arm, profile, time=alignment.time, path=path, weights=weights, start=start, position_cost=10.0
         ).arms[0]
-        start = motion.joint_positions[0]  # both begin alike
-        beside, sigmas = 1e3 * motion.position_error, deviation(profile, covariance, motion.achieved)
+        start = motion.joint_positions[0]  # the same start for both
+        error = 1e3 * motion.position_error
+        rms = np.sqrt(np.mean(deviation(profile, covariance, motion.achieved) ** 2))
         print(
-            f"{name:>7} weights: {np.sqrt(np.mean(sigmas**2)):.2f} standard deviations from the demonstrations; hand "
-            f"{beside[agree].mean():.0f} mm beside its path where they agree, {beside[~agree].mean():.0f} where not"
+            f"{name:>7} weights: {rms:.2f} standard deviations from the mean profile; position error "
+            f"{error[similar].mean():.0f} mm where the variance is small, {error[~similar].mean():.0f} mm elsewhere"
         )
     model.save(folder / "model.npz")
     aligned = {"time": alignment.time, "demonstrated": alignment.ellipsoids}
     np.savez(folder / "profiles.npz", **aligned, mean=profile, covariance=covariance)
     motion.save_joints_csv(folder / "joints.csv")
-    print(f"the model and the last motion are in {folder}")
+    print(f"model and last motion in {folder}")
 
 
 if __name__ == "__main__":

@@ -20,22 +20,22 @@ import maniport as mp
 from maniport.motion import ArmMotion, robot_model
 
 HERE = Path(__file__).parent
-TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # limits, as franka_description has them [N m]
+TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # limits of franka_description [N m]
 STIFFNESS = np.array([600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0])  # libfranka's joint impedance example [N m/rad]
-DAMPING = np.array([50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0])  # of the same [N m s/rad]
+DAMPING = np.array([50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0])  # of the same example [N m s/rad]
 
 
 def physical_panda(arm):
-    """A MuJoCo model of the arm and its hand, a position servo on each joint; the motors compensate gravity."""
+    """Return a MuJoCo model of arm and hand with position servos; the motors compensate gravity."""
     kinematics, spec = robot_model(arm), mujoco.MjSpec()
-    spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # explicit: unstable
+    spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # explicit is unstable
     hand = kinematics.frames[kinematics.getFrameId("panda_hand")].placement
     links, body = np.loadtxt(HERE / "panda_inertia.csv", delimiter=","), spec.worldbody
-    for i, (place, row) in enumerate(zip([*kinematics.jointPlacements[1:], hand], links, strict=True)):
-        x, y, z, w = pin.SE3ToXYZQUAT(place)[3:]
-        body = body.add_body(pos=place.translation, quat=(w, x, y, z), gravcomp=1.0)
+    for i, (pose, row) in enumerate(zip([*kinematics.jointPlacements[1:], hand], links, strict=True)):
+        x, y, z, w = pin.SE3ToXYZQUAT(pose)[3:]
+        body = body.add_body(pos=pose.translation, quat=(w, x, y, z), gravcomp=1.0)
         body.explicitinertial, body.mass, body.ipos, body.fullinertia = True, row[0], row[1:4], row[4:]
-        if i < arm.dof:  # all joints of the Panda turn about z
+        if i < arm.dof:  # all joints of the Panda rotate about z
             body.add_joint(name=f"joint{i + 1}", actfrcrange=(-TORQUE[i], TORQUE[i]), actgravcomp=True)
             servo = spec.add_actuator(target=f"joint{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
             servo.set_to_position(kp=STIFFNESS[i], kv=DAMPING[i])
@@ -43,37 +43,37 @@ def physical_panda(arm):
 
 
 def replay(model, motion, feed_forward):
-    """Times [s], wanted and achieved joints [rad] and torques as shares of their limits, at each millisecond."""
+    """Return times [s], commanded and achieved joints [rad] and torques over their limits, at 1 kHz."""
     data, spline = mujoco.MjData(model), CubicSpline(motion.control_time, motion.control_positions)
     time = np.arange(motion.control_time[0], motion.control_time[-1] + 1e-3, 1e-3)
-    wanted, velocity = spline(time), spline(time, 1)
-    # A servo's torque is kp (command - q) - kd dq; so commanded it is kp (wanted - q) + kd (velocity - dq).
-    command = wanted + feed_forward * DAMPING / STIFFNESS * velocity
-    achieved, torque = np.empty_like(wanted), np.empty_like(wanted)
-    data.qpos, data.qvel = wanted[0], velocity[0]
+    planned, velocity = spline(time), spline(time, 1)
+    # The servo's torque kp (command - q) - kd dq becomes kp (planned - q) + kd (velocity - dq).
+    command = planned + feed_forward * DAMPING / STIFFNESS * velocity
+    achieved, torque = np.empty_like(planned), np.empty_like(planned)
+    data.qpos, data.qvel = planned[0], velocity[0]
     for i in range(len(time)):
         achieved[i], data.ctrl = data.qpos, command[i]
         mujoco.mj_step(model, data)
-        torque[i] = data.qfrc_actuator  # with what compensates gravity
-    return time, wanted, achieved, torque / TORQUE
+        torque[i] = data.qfrc_actuator  # includes gravity compensation
+    return time, planned, achieved, torque / TORQUE
 
 
 def main(folder):
-    """Return the change of d (95 %) and the largest share of a torque limit, with feed-forward; and the replay."""
+    """Return the change of d (95 %), the largest torque over its limit, and the replay, with feed-forward."""
     motion, arm = runpy.run_path(str(HERE / "06_place_and_track.py"))["main"](folder), mp.load_arm("panda")
     for feed_forward in (False, True):
-        time, wanted, q, torque = replay(physical_panda(arm), motion, feed_forward)
+        time, planned, q, torque = replay(physical_panda(arm), motion, feed_forward)
         real = ArmMotion.of_motion(arm, motion.time, motion.target, time, q, damping=motion.damping, path=motion.path)
         change, peak = np.percentile(np.abs(real.distance - motion.distance), 95), np.abs(torque).max()
-        lag, beside = np.degrees(np.abs(q - wanted).max()), 1e3 * np.percentile(real.position_error, (95, 100))
+        lag, error = np.degrees(np.abs(q - planned).max()), 1e3 * np.percentile(real.position_error, (95, 100))
         print(
-            f"{'with' if feed_forward else 'without'} velocity feed-forward: change of d {change:.4f} (95 %); hand, mm "
-            f"off: {beside[0]:.1f} (95 %), {beside[1]:.1f} (largest); lag at most {lag:.2f}°, torque at most {peak:.0%}"
+            f"{'with' if feed_forward else 'without'} velocity feed-forward: change of d {change:.4f} (95 %); position "
+            f"error [mm] {error[0]:.1f} (95 %), {error[1]:.1f} (max); lag {lag:.2f}° (max); torque {peak:.0%} (max)"
         )
-    return change, peak, (time, wanted, q, torque)
+    return change, peak, (time, planned, q, torque)
 
 
 if __name__ == "__main__":
     change, peak, _ = main(Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="maniport-")))
     if change >= 0.02 or peak >= 1.0:
-        sys.exit(f"the motion does not survive physics: change of d {change:.4f} (< 0.02), torque {peak:.0%} (< 100 %)")
+        sys.exit(f"failed: change of d {change:.4f} (limit 0.02), torque {peak:.0%} (limit 100 %)")

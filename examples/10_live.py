@@ -19,61 +19,63 @@ import maniport as mp
 from maniport.mocap import shipped_recording
 from maniport.motion import place_path
 
-CALIBRATION = 24.0  # what is before it tells who the person is and how they move [s]
-HIDDEN = 24.5, 25.0  # when nobody is seen [s]
+CALIBRATION = 24.0  # end of the part that is used for calibration [s]
+GAP = 24.5, 25.0  # missing points [s]
 
 
-def calibrated(recording, robot, clock):
-    """What knows the person and the robot."""
+def calibrate(recording, robot, clock):
+    """Return the fitted person and the live controller."""
     person = mp.fit_arm(recording)
     adapter = mp.ParallelTransport(damping=0.01, base_rotation=np.eye(3))
     adapter.fit(mp.sample_domain(person.arm, 2048, 0), mp.sample_domain(robot, 8192, 1))
-    shown = person.joint_angles[::8]
-    target = adapter.transform(person.arm.manipulability(shown))
-    path = place_path(person.arm.forward(shown)[:, :3, 3], target, robot, turn=adapter.map_rotation_)
+    joints = person.joint_angles[::8]
+    target = adapter.transform(person.arm.manipulability(joints))
+    path = place_path(person.arm.forward(joints)[:, :3, 3], target, robot, turn=adapter.map_rotation_)
     return person, mp.Live(person, adapter, robot, path=path, clock=clock)
 
 
-def played(live, recording, fast, page):
-    """The moments of a recording that is played, and how long each took [s]."""
+def play(live, recording, fast, page):
+    """Return the state of the controller for each frame, and the computing times [s]."""
     frames = recording.select(live.points).positions.copy()
-    frames[(recording.time >= HIDDEN[0]) & (recording.time < HIDDEN[1])] = np.nan
-    moments, took, began = [], [], clock.perf_counter() - recording.time[0]
+    frames[(recording.time >= GAP[0]) & (recording.time < GAP[1])] = np.nan
+    states, seconds, start = [], [], clock.perf_counter() - recording.time[0]
     for points, t in zip(frames, recording.time, strict=True):
         if not fast:
-            clock.sleep(max(0.0, began + t - clock.perf_counter()))
-        before = clock.perf_counter()
-        moments.append(live.step(points, t))
-        took.append(clock.perf_counter() - before)
+            clock.sleep(max(0.0, start + t - clock.perf_counter()))
+        begin = clock.perf_counter()
+        states.append(live.step(points, t))
+        seconds.append(clock.perf_counter() - begin)
         if page is not None:
-            page.show(moments[-1])
-    return moments, took
+            page.show(states[-1])
+    return states, seconds
 
 
 def main(folder, *options):
-    """Eight seconds of climbing a ladder, on the Panda."""
+    """Follow eight seconds of climbing a ladder with the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
     recording, robot = mp.read_recording(shipped_recording("ladder")).crop(20.0, 28.0), mp.load_arm("panda")
-    person, live = calibrated(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
-    print(f"a frame holds {', '.join(live.points)}")
+    person, live = calibrate(recording.crop(stop=CALIBRATION), robot, None if "--fast" in options else clock.monotonic)
+    print(f"points of a frame: {', '.join(live.points)}")
     page = None
     if "--view" in options:
         from maniport.viewer.server import Onlooker
 
         page = Onlooker(person.arm, robot)
         input(f"open {page.url} and press Enter")
-    moments, took = played(live, recording, "--fast" in options, page)
-    for state, some in groupby(moments, key=lambda moment: moment.state):
-        times, d = zip(*((moment.time, moment.distance) for moment in some), strict=True)
-        print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {state:10} d {np.median(d):.2f} (median)")
-    lag = 1e3 * np.quantile([moment.tip_error for moment in moments if moment.tip_error is not None], [0.5, 0.95, 1.0])
-    print("lag of the end effector, median, 95 % and max: {:.0f}, {:.0f}, {:.0f} mm".format(*lag))
-    print(f"computing time of a step: {1e3 * np.median(took):.1f} ms (median)")
+    states, seconds = play(live, recording, "--fast" in options, page)
+    for name, group in groupby(states, key=lambda state: state.state):
+        times, d = zip(*((state.time, state.distance) for state in group), strict=True)
+        print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {name:10} d {np.median(d):.2f} (median)")
+    errors = [1e3 * state.position_error for state in states if state.position_error is not None]
+    print(
+        "position error [mm]: {:.0f} (median), {:.0f} (95 %), {:.0f} (max)".format(*np.quantile(errors, [0.5, 0.95, 1]))
+    )
+    print(f"computing time of a step: {1e3 * np.median(seconds):.1f} ms (median)")
     names = "time", "joint_positions", "state", "distance"
-    np.savez(folder / "live.npz", **{name: [getattr(moment, name) for moment in moments] for name in names})
-    print(f"joints in {folder / 'live.npz'}")
+    np.savez(folder / "live.npz", **{name: [getattr(state, name) for state in states] for name in names})
+    print(f"joints in {folder}")
 
 
 if __name__ == "__main__":
-    words = [word for word in sys.argv[1:] if not word.startswith("--")] or [tempfile.mkdtemp(prefix="maniport-")]
-    main(Path(words[0]), *sys.argv[1:])
+    folders = [word for word in sys.argv[1:] if not word.startswith("--")] or [tempfile.mkdtemp(prefix="maniport-")]
+    main(Path(folders[0]), *sys.argv[1:])

@@ -1,4 +1,4 @@
-"""Build wheel and sdist, look at what is in them, and use each where no checkout is.
+"""Build wheel and sdist, check their content, and use each outside of the checkout.
 
     python scripts/check_distribution.py [FOLDER]
 
@@ -19,21 +19,21 @@ HOME = Path(__file__).parents[1]
 TESTED = (
     "tests/spd/test_ellipsoid.py",
     "tests/transfer/test_adapter_files.py",
-    "tests/test_start.py",
+    "tests/cli/test_start.py",
     "tests/test_project.py",
 )
-"""What is run of the sdist's tests: quick ones, of its files, its commands and what the project says of itself."""
+"""Quick tests that run from the sdist."""
 
 
 def run(*command: str | Path, folder: Path = HOME) -> None:
-    """Run a command, seen, without what this environment would lend to it; raise when it fails."""
+    """Print and run a command without this environment's packages; raise if it fails."""
     print("$", *command, flush=True)
     lent = ("PYTHONPATH", "VIRTUAL_ENV", "PYTHONHOME")
     subprocess.run(command, cwd=folder, check=True, env={k: v for k, v in os.environ.items() if k not in lent})
 
 
 def environment(folder: Path, *what: str | Path) -> Path:
-    """Make an environment with some distributions; return its commands' folder."""
+    """Create an environment with distributions; return the folder of its commands."""
     venv.create(folder, with_pip=True)
     commands = folder / ("Scripts" if os.name == "nt" else "bin")
     run(commands / "python", "-m", "pip", "install", "--quiet", *what)
@@ -41,7 +41,7 @@ def environment(folder: Path, *what: str | Path) -> Path:
 
 
 def only(folder: Path, pattern: str) -> Path:
-    """Return the one file that fits a pattern."""
+    """Return the only file that matches a pattern."""
     found = sorted(folder.glob(pattern))
     if len(found) != 1:
         raise SystemExit(f"{folder}: {len(found)} files fit {pattern}, not one; empty the folder first")

@@ -1,4 +1,4 @@
-"""Count lines, files and constants of the package, and list what exceeds the limits of CONTRIBUTING.md.
+"""Count lines, files and constants of the package, and list violations of the limits of CONTRIBUTING.md.
 
 Usage: python scripts/count_lines.py [FOLDER]
 """

@@ -1,6 +1,6 @@
 """Evaluate transfer methods from a human arm to the Panda, and write the table of docs/evaluation.md.
 
-    python scripts/evaluate_human_to_panda.py --jobs 2 --details build/evaluation.md
+    python scripts/evaluate_human_to_panda.py --details build/evaluation.md
 
 Takes about five minutes. `--methods` takes any names that the command line accepts, `--motions` a choice of the six.
 """
@@ -17,7 +17,7 @@ from maniport.report.metrics import report_of
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report
-from maniport.studies.human_to_panda import FITTED_METHODS, Motion, study
+from maniport.studies.methods import FITTED_METHODS, Motion, study
 from maniport.transfer import METHODS
 from maniport.util.defaults import AUTO
 
@@ -60,12 +60,11 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", default=[AUTO], choices=[AUTO, *METHODS])
     parser.add_argument("--motions", nargs="+", default=None)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=None)
     parser.add_argument("--details", type=Path, default=None)
     parser.add_argument("--json", type=Path, default=None)
     options = parser.parse_args()
     with mp.progress() as progress:
-        results = study(options.methods, options.motions, options.seed, options.jobs, progress=progress)
+        results = study(options.methods, options.motions, options.seed, progress)
     PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), gap_table(results)), encoding="utf-8")
     if options.details is not None:
         options.details.write_text(details(results), encoding="utf-8")

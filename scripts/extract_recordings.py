@@ -1,4 +1,4 @@
-"""Make the three shipped recordings from their two originals.
+"""Extract the three bundled recordings from two originals.
 
 The originals come with two Debian packages (``apt-get download``, then ``dpkg-deb -x``):
 
@@ -29,9 +29,9 @@ JOINTS = (
     "Hips", "LowerBack", "Spine", "Spine1", "Neck", "LeftShoulder", "LeftArm",
     "RightShoulder", "RightArm", "RightForeArm", "RightHand", "RightFingerBase", "RFingers",
 )  # fmt: skip
-"""What is kept of the skeleton: the spine, the left shoulder for the width of the trunk, the right arm."""
+"""Kept joints: the spine, the left shoulder for the width of the trunk, the right arm."""
 UNTURNED = ("Neck", "LeftArm", "RFingers")
-"""Joints kept for their place only: the rotation of a last joint moves nothing that is kept, so it is set to zero."""
+"""Joints whose position alone is kept: their rotation moves no kept joint and is set to zero."""
 BVH_STEP = 4
 """Every fourth frame: 120 becomes 30 Hz."""
 
@@ -41,8 +41,8 @@ MARKERS = (
 )  # fmt: skip
 LEFT_MARKERS = ("LELB", "LIEL", "LOWR", "LIWR", "LIHAND", "LOHAND")
 EXCHANGED = ("LIWR", "LOHAND"), 195
-"""Two labels of the original that bear each other's points in its first frames, and how many these are: LIWR is there
-61 mm from LOWR and 314 mm from LELB, later 45 and 251 mm, as LOHAND is before."""
+"""Two labels that are exchanged in the first frames of the original, and the number of these frames. Evidence: LIWR is
+there 61 mm from LOWR and 314 mm from LELB, later 45 and 251 mm, as LOHAND is before."""
 C3D_STEP = 3
 """Every third frame: 120 becomes 40 Hz."""
 
@@ -59,7 +59,7 @@ def main() -> None:
         if found != SHA256[kind]:
             parser.error(f"{getattr(arguments, kind)} is another file: SHA-256 {found} instead of {SHA256[kind]}")
     arguments.output.mkdir(parents=True, exist_ok=True)
-    later = slice(1, None, BVH_STEP)  # the first frame is a T-pose put in front
+    later = slice(1, None, BVH_STEP)  # the first frame is an added T-pose
     extract_bvh(arguments.bvh, arguments.output / "ladder.bvh", later)
     extract_c3d(arguments.c3d, arguments.output / "freeform.c3d")
     extract_c3d(arguments.c3d, arguments.output / "both_arms.c3d", MARKERS + LEFT_MARKERS)
@@ -71,7 +71,7 @@ def main() -> None:
 def extract_bvh(
     source: Path, target: Path, frames: slice, joints: tuple[str, ...] = JOINTS, unturned: tuple[str, ...] = UNTURNED
 ) -> None:
-    """Keep joints, in the order of their hierarchy, those at the ends for their place only; angles to 0.01 degrees."""
+    """Keep joints in the order of their hierarchy, with angles rounded to 0.01 degrees."""
     skeleton = pybvh.read_bvh_file(source, world_up="+y")
     columns = [skeleton.root_pos[frames]]
     for name in joints:
@@ -85,7 +85,7 @@ def extract_bvh(
 
 
 def _hierarchy(node: object, depth: int, joints: tuple[str, ...]) -> list[str]:
-    """Write a joint and those below it that are kept; where all are cut off, the next joint becomes the end site."""
+    """Write a joint with its kept descendants; without any, the next joint becomes the end site."""
     tab, inner = " " * depth, " " * (depth + 1)
     rotations = " ".join(f"{axis}rotation" for axis in node.rot_channels)
     channels = f"3 {rotations}" if depth else f"6 Xposition Yposition Zposition {rotations}"
@@ -111,7 +111,7 @@ def _short(value: float, decimals: int) -> str:
 
 
 def extract_c3d(source: Path, target: Path, markers: tuple[str, ...] = MARKERS) -> None:
-    """Keep some markers; drop-outs stay as they are, zeros with a residual of -1."""
+    """Keep some markers; missing points remain zeros with a residual of -1."""
     original = ezc3d.c3d(str(source))
     labels = original["parameters"]["POINT"]["LABELS"]["value"]
     index = {name: next(i for i, one in enumerate(labels) if one.endswith(f":{name}")) for name in markers}

@@ -1,4 +1,4 @@
-"""Make the excerpts of real recordings that tests read from their originals.
+"""Extract the recordings of the tests from their originals.
 
 The originals come with the wheel holosoma-retargeting 0.1.0 (``pip download --no-deps holosoma-retargeting==0.1.0``)
 and with the Debian package assimp-testmodels (``apt-get download``, then ``dpkg-deb -x``), there in
@@ -38,7 +38,7 @@ NPY_STEP = 4
 
 LEFT = ("LeftForeArm", "LeftHand", "LeftFingerBase", "LFingers")
 BOTH = JOINTS[: JOINTS.index("LeftArm") + 1] + LEFT + JOINTS[JOINTS.index("RightShoulder") :]
-"""What is kept of CMU's skeleton: the spine and both arms."""
+"""Kept joints of CMU's skeleton: the spine and both arms."""
 ENDS = ("LFingers", *(name for name in UNTURNED if name != "LeftArm"))
 WALKS = {
     "cmu_01_01.bvh": (1445, "1d9ee909452ee62784306545cf1fcd634243db1173e0c90cecbed793e50361a8"),
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def _require(original: bytes, digest: str, name: str) -> None:
-    """End where an original is another file."""
+    """Exit if an original is another file."""
     found = hashlib.sha256(original).hexdigest()
     if found != digest:
         raise SystemExit(f"the original of {name} is another file: SHA-256 {found} instead of {digest}")

@@ -1,4 +1,4 @@
-"""What robots make of targets: those of the rigid map and those of the field of lengths, planned alike.
+"""Plan robot motions for targets of parallel transport and of the length field, and compare them.
 
     python scripts/lengths_on_robot.py --robots Panda UR5 --motions H-Eval-1 ladder --seeds 0 1
 
@@ -21,7 +21,7 @@ from maniport.arms import VELOCITY, Arm
 from maniport.feasibility import knowing
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
-from maniport.studies.human_to_panda import EVALUATIONS, RECORDINGS
+from maniport.studies.methods import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import method_of
 from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
@@ -30,14 +30,14 @@ from maniport.util.subsample import evenly_spaced
 EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""
 POINTS, SLOWER = 150, 4.0
-"""Points that a recording is thinned to, and how many times the person's time the robot takes at least."""
+"""Waypoints of a recording, and smallest duration relative to the person's."""
 RIGID, LENGTHS = "parallel-transport", "length-field"
 PATHS = {True: "hand path", False: "no path"}
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A person's motion: the arm, when it is where, and its joint positions."""
+    """A person's motion: arm, times and joint positions."""
 
     name: str
     person: Arm
@@ -46,12 +46,12 @@ class Motion:
 
     @property
     def hand(self) -> np.ndarray:
-        """Path of the hand, shape (n, 3) [m]."""
+        """Return the path of the hand, shape (n, 3) [m]."""
         return self.person.forward(self.joint_positions)[:, :3, 3]
 
 
 def motions(names: list[str]) -> Iterator[Motion]:
-    """The four evaluation motions of the paper and the shipped recordings, those that are asked for."""
+    """Return the requested motions of the paper and bundled recordings."""
     for name in names:
         if name in EVALUATIONS:
             joints = human_evaluation()[name]
@@ -63,7 +63,7 @@ def motions(names: list[str]) -> Iterator[Motion]:
 
 
 def load(name: str) -> Arm:
-    """The Panda at its usual tip, or a robot of the package example-robot-data."""
+    """Return the Panda or a robot of the package example-robot-data."""
     if name == "Panda":
         return mp.load_arm("panda")
     file, options = ROBOTS[name]
@@ -72,7 +72,7 @@ def load(name: str) -> Arm:
 
 @dataclass(frozen=True)
 class Line:
-    """What became of one motion on one robot; distances are median and 95 %.
+    """Result of one motion on one robot; distances are median and 95th percentile.
 
     Attributes
     ----------
@@ -111,8 +111,8 @@ class Line:
 HEAD = "robot", "motion", "tip", "map", "seed", "gap", "d to its own target", "d to the rigid target", "tip [mm]", "s"
 
 
-def lines(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int) -> Iterator[Line]:
-    """Transfer by both maps, plan with and without the path, and compare."""
+def compare(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.ndarray, seed: int) -> Iterator[Line]:
+    """Transfer by both maps and plan with and without the path."""
     teacher = mp.sample_domain(motion.person, TEACHER_SAMPLES, seed)
     demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
     for method in (RIGID, LENGTHS):
@@ -143,18 +143,18 @@ def lines(motion: Motion, name: str, robot: Arm, planner: Planner, student: np.n
 
 
 def spread(values: np.ndarray) -> tuple[float, float]:
-    """Median and 95th percentile."""
+    """Return median and 95th percentile."""
     return float(np.median(values)), float(np.percentile(values, 95))
 
 
-def summary(found: Sequence[Line]) -> str:
-    """One row for each robot, with and without the path: means over motions and seeds."""
+def summary(lines: Sequence[Line]) -> str:
+    """Return one row for each robot, with and without the path: means over motions and seeds."""
     rows = [
         "| robot | tip | gap, rigid → lengths | d to its own target: rigid | lengths | lengths, to the rigid target |",
         "|---|---|---|---|---|---|",
     ]
-    for robot, path in dict.fromkeys((one.robot, one.path) for one in found):
-        sets = [[x for x in found if (x.robot, x.path, x.method) == (robot, path, way)] for way in (RIGID, LENGTHS)]
+    for robot, path in dict.fromkeys((line.robot, line.path) for line in lines):
+        sets = [[x for x in lines if (x.robot, x.path, x.method) == (robot, path, way)] for way in (RIGID, LENGTHS)]
         gaps = " → ".join(f"{np.mean([x.gap for x in some]):.2f}" for some in sets)
         own = [np.mean([x.own for x in some], axis=0) for some in sets]
         spreads = (*own, np.mean([x.rigid for x in sets[1]], axis=0))
@@ -169,19 +169,19 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=every, choices=every)
     parser.add_argument("--motions", nargs="+", default=[*EVALUATIONS, *RECORDINGS])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1])
-    given = parser.parse_args()
+    options = parser.parse_args()
     print(f"| {' | '.join(HEAD)} |", f"|{'---|' * len(HEAD)}", sep="\n", flush=True)
-    found = []
-    for seed in given.seeds:
-        for name in given.robots:
+    lines = []
+    for seed in options.seeds:
+        for name in options.robots:
             robot = load(name)
             planner = Planner.of(MotionLimits.of(robot), VELOCITY, random_state=seed)
             student = mp.sample_domain(robot, STUDENT_SAMPLES, seed + 1)
-            for motion in motions(given.motions):
-                for line in lines(motion, name, robot, planner, student, seed):
-                    found.append(line)
+            for motion in motions(options.motions):
+                for line in compare(motion, name, robot, planner, student, seed):
+                    lines.append(line)
                     print(line, flush=True)
-    print("", summary(found), sep="\n")
+    print("", summary(lines), sep="\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Measure the lengths field on many robots and print a table: every figure the worst of independent draws.
+"""Evaluate the length field on many robots and print a table with the worst of several draws.
 
     python scripts/lengths_table.py --draws 5
     python scripts/lengths_table.py --robots Panda --persons freeform --draws 1 --full
@@ -24,18 +24,18 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
 from maniport.errors import NotInvertibleError
 from maniport.evaluation import distance_preservation, identity_test, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
-from maniport.studies.human_to_panda import Motion, motions
+from maniport.studies.methods import Motion, motions
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
 from maniport.transfer.length_field.field import NEAR_SINGULAR
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96
 INVERTIBLE = 0.15
-"""Smallest singular value from which on the inverse must be exact."""
+"""Smallest singular value for which the inverse must be exact."""
 
 
 def arm_of(side: str, names: list[str]) -> list[str]:
-    """Names of the joints of one arm."""
+    """Return the names of the joints of one arm."""
     return [f"{side}_{name}_joint" for name in names]
 
 
@@ -78,11 +78,11 @@ ROBOTS: dict[str, tuple[str, dict[str, Any]]] = {
         {"frame": "right_wrist_pitch_link", "joints": arm_of("right", G1_JOINTS[:5])},
     ),
 }
-"""File and end effector of each, right arms as the persons'; nothing was developed on Jaco, UR10 and Z1, and the last
-five show for which arms the length field passes its checks."""
+"""File and end effector, right arms where there are two. Jaco, UR10 and Z1 were not used in development; the last five
+test for which arms the length field passes its checks."""
 
 ALL_PERSONS = ("Panda",)
-"""Robots that all motions are mapped to: those of rHuMan and both recordings; the others get those of rHuMan."""
+"""Robots for all motions (rHuMan and both recordings); the others get those of rHuMan."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ WORST = (max, max, max, max, max, max, min, max, max, min, max, max, max, max, m
 
 
 def cases(names: list[str]) -> Iterator[Case]:
-    """Robots, each with the persons it shall follow."""
+    """Yield each robot with each person."""
     every = motions()
     for name in names:
         file, options = ROBOTS[name]
@@ -114,7 +114,7 @@ def cases(names: list[str]) -> Iterator[Case]:
 
 
 def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec) -> list[float]:
-    """One row of figures, in the order of `HEADS`; nan where they do not apply."""
+    """Return one row in the order of `HEADS`; nan where a value does not apply."""
     random = np.random.default_rng(seed)
     person = case.motions[0].person
     both = (person, TEACHER), (case.arm, STUDENT)
@@ -127,8 +127,8 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
     for motion in case.motions if spec == VELOCITY else ():
         images = adapter.transform(motion.profile)
         gaps.append(gap(adapter, case.arm, images, spec))
-        own, found = adapter.teacher_side(motion.profile), adapter.student_side(images)
-        steps.append(smoothness(found, own).largest_ratio)
+        demonstrated, transferred = adapter.teacher_side(motion.profile), adapter.student_side(images)
+        steps.append(smoothness(transferred, demonstrated).largest_ratio)
     images = adapter.transform(fresh)
     kept = distance_preservation(adapter.student_side(images), adapter.teacher_side(fresh), HELD_OUT)
     along, apart = np.concatenate(gaps or [[np.nan]]), gap(adapter, case.arm, images, spec)
@@ -142,12 +142,12 @@ def measured(adapter: DomainAdapter, case: Case, seed: int, spec: EllipsoidSpec)
 
 
 def gap(adapter: DomainAdapter, arm: Arm, images: np.ndarray, spec: EllipsoidSpec) -> np.ndarray:
-    """How far images are from what the robot can make."""
+    """Return distances of images from the feasible set."""
     return nearest_feasible(arm, images, spec=spec, damping=adapter.student_regularization, n_starts=STARTS).distance
 
 
 def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tuple[float, float, float]:
-    """Smallest singular value, share that folds, and largest error of the inverse where it must be exact."""
+    """Return the smallest singular value, the orientation-reversing share, and the largest error of the inverse."""
     squeezed = adapter.singular_values(fresh)
     sure, worst = squeezed >= INVERTIBLE, 0.0
     for one, image in zip(fresh[sure][:50], images[sure][:50], strict=True):
@@ -160,7 +160,7 @@ def inverse(adapter: LengthField, fresh: np.ndarray, images: np.ndarray) -> tupl
 
 
 def main() -> None:
-    """Print a row for each robot and person, and each draw as it is done."""
+    """Print a row for each robot and person, and each draw when it ends."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", default=list(ROBOTS), choices=list(ROBOTS))
     parser.add_argument("--persons", nargs="+", default=None, help="rHuMan, ladder, freeform")

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 import maniport as mp
 from make_gallery import small
 from maniport.report import figures
-from maniport.report.roles import PERSON, TARGET
+from maniport.report.page.content import PERSON, TARGET
 
 MOUNTINGS = {"--base-rotation 0,0,90": (0.0, 0.0, 90.0), "--base-rotation 0,90,0": (0.0, 90.0, 0.0)}
-POSTURE = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8])  # [rad]
+CONFIGURATION = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, 0.8])  # [rad]
 REACHING = np.radians([60.0, 40.0, 0.0, 70.0, 0.0, 0.0, 0.0])
 
 
@@ -26,7 +26,7 @@ def main(picture: Path) -> None:
     lines = {"person": person.skeleton(REACHING)[None]}
     for name, angles in MOUNTINGS.items():
         base_rotation = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-        lines[name] = robot.skeleton(POSTURE)[None] @ base_rotation
+        lines[name] = robot.skeleton(CONFIGURATION)[None] @ base_rotation
     roles = {name: (PERSON if name == "person" else TARGET).name for name in lines}
     figure = figures.arms(lines, dict.fromkeys(lines, target), roles=roles)
     small(figure, picture)

@@ -1,8 +1,8 @@
-"""Run the examples and make the pictures of the gallery: one small picture of each.
+"""Run the examples and write one small picture of each for the gallery.
 
     python scripts/make_gallery.py [FOLDER]
 
-Writes ``*.png`` into the folder, by default ``docs/gallery``. What they show stands in its ``captions.json``.
+Writes ``*.png`` into the folder, by default ``docs/gallery``. Their captions are in ``captions.json``.
 """
 
 import contextlib
@@ -22,65 +22,63 @@ from PIL import Image
 
 import maniport as mp
 from maniport.motion import ArmMotion
-from maniport.report.figures.curves import TEXT, column_figure, laid_out
-from maniport.report.roles import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
+from maniport.report.figures.drawing import TEXT, column_figure, laid_out
+from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, REFERENCE, TARGET
 
 HOME = Path(__file__).parents[1]
 WIDTH = 700
-"""Of the pictures, in pixels."""
-COLOURS = 256
-"""So many keep pale blue apart from pale green, and a picture below 100 kB."""
+"""Width of the pictures [pixels]."""
+COLORS = 256
+"""Number of colors: pale blue and green stay distinct, and pictures stay below 100 kB."""
 
 
-def with_and_without(folder: Path) -> Figure:
-    """The distance to the target with the ellipsoid task and without it (example 05)."""
-    with np.load(folder / "joints.npz") as found:
+def ellipsoid_task(folder: Path) -> Figure:
+    """Plot the distance to the target with and without the ellipsoid task (example 05)."""
+    with np.load(folder / "joints.npz") as arrays:
         figure, (axes,) = panels(1, 1.9)
         for name, role, style in (("without", REFERENCE, "--"), ("with", ACHIEVED, "-")):
             label = f"{name} the ellipsoid task"
-            axes.plot(found["time"], found[f"distance_{name}"], style, color=role.color, label=label, linewidth=1.4)
+            axes.plot(arrays["time"], arrays[f"distance_{name}"], style, color=role.color, label=label, linewidth=1.4)
     axes.set(xlabel="time [s]", ylabel="distance d to the target")
     axes.legend(frameon=False, fontsize=TEXT)
     return laid_out(figure)
 
 
-def path_and_floor(motion: ArmMotion) -> Figure:
-    """The tip's path with the ellipsoids, and how far they are off, above what each point could reach (example 06)."""
+def path_and_distance(motion: ArmMotion) -> Figure:
+    """Plot the end-effector path, and the distance with the pointwise optimum found (example 06)."""
     figure, (side, axes) = panels(2, 3.6)
-    error, floor = motion.distance, motion.pointwise_best
+    error, best = motion.distance, motion.pointwise_best
     side.plot(motion.path[:, 1], motion.path[:, 2], color=REFERENCE.color, linewidth=0.8, linestyle="--", zorder=1)
     dots = side.scatter(*motion.path[:, 1:].T, c=error, s=9, cmap="viridis", zorder=2)
     side.set(xlabel="y [m]", ylabel="z [m]")
-    side.set_title("the tip's path, seen from the front", fontsize=TEXT)
+    side.set_title("end-effector path, front view", fontsize=TEXT)
     side.set_aspect("equal", adjustable="datalim")
     figure.colorbar(dots, ax=side).set_label("distance d", fontsize=TEXT)
-    axes.fill_between(
-        motion.time, floor, color=REFERENCE.pale, alpha=0.5, label="pointwise optimum: nothing reaches below"
-    )
-    axes.plot(motion.time, error, color=ACHIEVED.color, label="the planned motion", linewidth=1.4)
+    axes.fill_between(motion.time, best, color=REFERENCE.pale, alpha=0.5, label="pointwise optimum found")
+    axes.plot(motion.time, error, color=ACHIEVED.color, label="planned motion", linewidth=1.4)
     axes.set(xlabel="time [s]", ylabel="distance d", ylim=(0.0, 1.3 * error.max()))
     axes.legend(loc="upper right", frameon=False, fontsize=TEXT)
     return laid_out(figure)
 
 
-def mean_and_band(folder: Path) -> Figure:
-    """How large the ellipsoids of the demonstrations are, and how far from their mean, with bands (example 07)."""
-    with np.load(folder / "profiles.npz") as found:
-        time, mean, each, covariance = (found[name] for name in ("time", "mean", "demonstrated", "covariance"))
-    # sizes, since the determinant of a mean is the mean of the determinants, while a mean's axes are like nobody's
+def learned_profile(folder: Path) -> Figure:
+    """Plot sizes of the demonstrated ellipsoids and distances from their mean, with bands (example 07)."""
+    with np.load(folder / "profiles.npz") as arrays:
+        time, mean, demonstrated, covariance = (arrays[name] for name in ("time", "mean", "demonstrated", "covariance"))
+    # The size of a mean is the mean of the sizes; single semi-axes of a mean resemble no demonstration.
     draws = np.random.default_rng(0).standard_normal((1000, len(time), 6))
     tangents = np.einsum("nij,snj->sni", np.linalg.cholesky(covariance), draws)
     sizes = size(mean) * np.exp(tangents[..., :3].sum(axis=-1) / 6.0)
     away = np.percentile(np.linalg.norm(tangents, axis=-1), 95.0, axis=0)
     figure, (above, below) = panels(2, 3.4)
     above.fill_between(time, *np.percentile(sizes, [2.5, 97.5], axis=0), color=TARGET.pale, alpha=0.6)
-    above.plot(time, size(each).T, color=PERSON.color, linewidth=0.7)
+    above.plot(time, size(demonstrated).T, color=PERSON.color, linewidth=0.7)
     above.plot(time, size(mean), color=TARGET.color, linewidth=1.6)
     above.set_ylabel("size: geometric mean of the\nsemi-axes [m/s per rad/s]", fontsize=TEXT)
     below.fill_between(time, 0.0, away, color=TARGET.pale, alpha=0.6, label="expected (95 %)")
-    below.plot(time, mp.spd.distance(each, mean).T, color=PERSON.color, linewidth=0.7)
+    below.plot(time, mp.spd.distance(demonstrated, mean).T, color=PERSON.color, linewidth=0.7)
     below.plot([], [], color=PERSON.color, linewidth=0.7, label="demonstrations")
-    below.plot([], [], color=TARGET.color, linewidth=1.6, label="their mean")
+    below.plot([], [], color=TARGET.color, linewidth=1.6, label="mean")
     below.set_xlabel("time [s]", fontsize=TEXT)
     below.set_ylabel("distance d from the mean", fontsize=TEXT)
     figure.legend(loc="outside upper center", ncols=3, frameon=False, fontsize=TEXT)
@@ -88,14 +86,14 @@ def mean_and_band(folder: Path) -> Figure:
 
 
 def size(ellipsoids: np.ndarray) -> np.ndarray:
-    """Geometric mean of the semi-axes of ellipsoids (..., 3, 3)."""
+    """Return the geometric mean of the semi-axes of ellipsoids (..., 3, 3)."""
     return np.linalg.det(ellipsoids) ** (1 / 6)
 
 
-def after_physics(replay: tuple[np.ndarray, ...]) -> Figure:
-    """What a Panda with masses makes of the joints: their lag, and the shares of the torque limits (example 08)."""
-    time, wanted, achieved, torque = replay
-    lag = np.degrees(achieved - wanted)
+def replay(result: tuple[np.ndarray, ...]) -> Figure:
+    """Plot the joint lag of a Panda with masses, and torques relative to their limits (example 08)."""
+    time, planned, achieved, torque = result
+    lag = np.degrees(achieved - planned)
     figure, (above, below) = panels(2, 3.2)
     for i, color in enumerate((PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)):
         above.plot(time, lag[:, i], color=color, linewidth=0.9, label=f"joint {i + 1}")
@@ -106,12 +104,12 @@ def after_physics(replay: tuple[np.ndarray, ...]) -> Figure:
     return laid_out(figure)
 
 
-def while_it_moves(folder: Path) -> Figure:
-    """The distance to the target while a robot follows live, and when it does not (example 10)."""
-    with np.load(folder / "live.npz") as found:
-        time, states = found["time"], found["state"]
+def live_states(folder: Path) -> Figure:
+    """Plot the distance to the target and the state of the live controller (example 10)."""
+    with np.load(folder / "live.npz") as arrays:
+        time, states = arrays["time"], arrays["state"]
         figure, (axes,) = panels(1, 1.9)
-        axes.plot(time, found["distance"], color=ACHIEVED.color, linewidth=1.4)
+        axes.plot(time, arrays["distance"], color=ACHIEVED.color, linewidth=1.4)
     height = axes.get_xaxis_transform()
     for state, alpha in (("reaching", 0.2), ("holding", 0.6), ("recovering", 0.3)):
         style = {"color": REFERENCE.pale, "alpha": alpha, "label": state, "transform": height}
@@ -121,57 +119,57 @@ def while_it_moves(folder: Path) -> Figure:
     return laid_out(figure)
 
 
-def from_above(result: Any) -> Figure:
-    """The paths of both tips and where they were to be, seen from above, between the bases (example 11)."""
+def both_paths(result: Any) -> Figure:
+    """Plot target and achieved paths of both end effectors from above (example 11)."""
     figure, (axes,) = panels(1, 1.6)
-    for one in result.arms:
-        motion, arm = one.motion, one.robot
-        tips = arm.forward(motion.joint_positions)[:, :3, 3]
-        axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="path")
-        axes.plot(tips[:, 1], tips[:, 0], color=ACHIEVED.color, linewidth=0.9, label="tip")
+    for output in result.arms:
+        motion, arm = output.motion, output.robot
+        positions = arm.forward(motion.joint_positions)[:, :3, 3]
+        axes.plot(motion.path[:, 1], motion.path[:, 0], color=TARGET.color, linewidth=2.2, label="target")
+        axes.plot(positions[:, 1], positions[:, 0], color=ACHIEVED.color, linewidth=0.9, label="end effector")
         base = arm.skeleton(motion.joint_positions[:1])[0, 0]
         axes.plot(base[1], base[0], "s", color=REFERENCE.color, markersize=5, label="base")
     axes.set(xlabel="to the left, y [m]", ylabel="forward, x [m]", aspect="equal")
     axes.invert_xaxis()
-    figure.legend(*(one[:3] for one in axes.get_legend_handles_labels()), loc="outside upper center", frameon=False,
+    figure.legend(*(items[:3] for items in axes.get_legend_handles_labels()), loc="outside upper center", frameon=False,
                   fontsize=TEXT, ncols=3)  # fmt: skip
     return laid_out(figure)
 
 
 def panels(count: int, height: float) -> tuple[Figure, tuple[Axes, ...]]:
-    """A figure with axes below one another."""
+    """Return a figure with stacked axes."""
     with rc_context({"font.size": TEXT, "axes.spines.top": False, "axes.spines.right": False}):
         figure = column_figure(height)
         return figure, tuple(np.atleast_1d(figure.subplots(count, 1)))
 
 
-Made = Callable[[Path, Any], Path | Figure]
-PICTURES: dict[str, Made] = {
+Drawing = Callable[[Path, Any], Path | Figure]
+PICTURES: dict[str, Drawing] = {
     "01": lambda folder, _: folder / "arm.png",
-    "02": lambda folder, _: folder / "ways.png",
+    "02": lambda folder, _: folder / "geodesics.png",
     "03": lambda folder, _: folder / "ladder_arm.png",
     "04": lambda folder, _: folder / "adapted.png",
-    "05": lambda folder, _: with_and_without(folder),
-    "06": lambda _, motion: path_and_floor(motion),
-    "07": lambda folder, _: mean_and_band(folder),
-    "08": lambda _, made: after_physics(made[2]),
+    "05": lambda folder, _: ellipsoid_task(folder),
+    "06": lambda _, motion: path_and_distance(motion),
+    "07": lambda folder, _: learned_profile(folder),
+    "08": lambda _, output: replay(output[2]),
     "09": lambda folder, _: folder / "polytope.png",
-    "10": lambda folder, _: while_it_moves(folder),
-    "11": lambda _, result: from_above(result),
+    "10": lambda folder, _: live_states(folder),
+    "11": lambda _, result: both_paths(result),
 }
-"""By number: how a picture is had from the folder of the example and from what it returns."""
+"""Picture of each example from its output folder and its return value."""
 
 
 def small(picture: Path | Figure, target: Path) -> None:
-    """Write a picture in few colours and a width for the screen."""
+    """Write a picture with few colors at screen width."""
     stream = io.BytesIO()
     if isinstance(picture, Figure):
         picture.savefig(stream, format="png", dpi=300)
         picture = stream
     with Image.open(picture) as image:
         height = round(image.height * WIDTH / image.width)
-        shown = image.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
-    shown.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
+        resized = image.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
+    resized.quantize(COLORS, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 def main(folder: Path) -> None:
@@ -180,8 +178,8 @@ def main(folder: Path) -> None:
     for example in sorted((HOME / "examples").glob("[0-9]*.py")):
         target = folder / f"{example.stem}.png"
         with tempfile.TemporaryDirectory() as name, contextlib.redirect_stdout(io.StringIO()):
-            made = runpy.run_path(str(example))["main"](Path(name))
-            small(PICTURES[example.stem[:2]](Path(name), made), target)
+            output = runpy.run_path(str(example))["main"](Path(name))
+            small(PICTURES[example.stem[:2]](Path(name), output), target)
         print(f"{target.name}: {target.stat().st_size / 1e3:.0f} kB")
 
 

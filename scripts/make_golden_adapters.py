@@ -1,4 +1,4 @@
-"""Writes the adapter files that later versions must read: one of each method, and what it makes of some ellipsoids.
+"""Write adapter files that later versions must read: one of each method, with transformed ellipsoids.
 
 Run once for each format of files, ``python scripts/make_golden_adapters.py``; the files of earlier formats stay.
 """
@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parents[1] / "tests" / "transfer" / "golden"
 
 
 def main() -> None:
-    """Fit and write them."""
+    """Fit and write the adapters."""
     rng = np.random.default_rng(0)
     factors = rng.normal(size=(2, 24, 3, 3))
     teacher, student = factors @ np.swapaxes(factors, -1, -2) + 0.1 * np.eye(3)

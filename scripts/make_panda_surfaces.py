@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.model import read_shapes
+from maniport.arms.loaders.document import read_shapes
 from maniport.arms.loaders.urdf import Urdf
 from maniport.arms.meshes import reduced, welded
 from maniport.util.validation import Array

@@ -1,4 +1,4 @@
-"""Make the pictures of the README from the demo: the scene in a loop, three rows of ellipsoids, and the page.
+"""Make the pictures of the README from the demo: an animation, three rows of ellipsoids, and the page.
 
     python scripts/make_readme_pictures.py [--check FOLDER]
 
@@ -20,22 +20,22 @@ from PIL import Image
 
 import maniport as mp
 from maniport.report import figures as plots
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.report.write import write_results
 
 HOME = Path(__file__).parents[1]
 DOCS = HOME / "docs"
 FRAMES, WIDTH, SIZE, TALL = 80, 700, (1024, 768), (900, 1200)
-"""Of the loop, its width, and the windows for the page and for the scene [pixels]."""
+"""Frames of the animation, its width, and the window sizes for page and scene [pixels]."""
 SCENE = ".stages"
 STATISTICS = {"median": "median", "95": "p95", "largest": "max"}
 TOLERANCE = 0.25
-"""Relative change from which pictures are out of date. Processors round differently, which a plan feels, above all in
-what is largest: that is not compared."""
+"""Relative change from which pictures are out of date. Rounding differs between processors and changes plans slightly,
+most of all their maxima, which are not compared."""
 
 
 def figures_of(folder: Path) -> dict[str, float]:
-    """Return the figures of a result of the demo that the README has, to three digits."""
+    """Return the figures of the demo in the README, to three digits."""
     motion = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["motion"]
     error, duration = motion["position_error_mm"], motion["duration_s"]
     figures = {f"distance_{name}": motion["distance"][key] for name, key in STATISTICS.items()}
@@ -45,7 +45,7 @@ def figures_of(folder: Path) -> dict[str, float]:
 
 
 def check(now: dict[str, float]) -> None:
-    """End with exit code 1 where a figure is not what the pictures were made from."""
+    """Exit with code 1 if a figure differs from that of the pictures."""
     before = json.loads((DOCS / "demo.json").read_text(encoding="utf-8"))
     old = [
         name for name in {*now, *before} if not np.isclose(now.get(name, np.nan), before.get(name, np.nan), TOLERANCE)
@@ -57,7 +57,7 @@ def check(now: dict[str, float]) -> None:
 
 
 def three_rows(result: mp.TransferResult) -> None:
-    """Draw the ellipsoids of the person, those that are asked for and those that the robot makes."""
+    """Draw demonstrated, target and achieved ellipsoids."""
     arm = result.arm
     rows = {"person": arm.demonstrated_profile, "target": arm.target_profile, "achieved": in_place(result)}
     roles = {"person": PERSON.name, "target": TARGET.name, "achieved": ACHIEVED.name}
@@ -66,13 +66,13 @@ def three_rows(result: mp.TransferResult) -> None:
 
 
 def in_place(result: mp.TransferResult) -> np.ndarray:
-    """What the robot makes, in the frame of the targets before the path was placed."""
+    """Return achieved ellipsoids in the frame of the targets before placement."""
     turn = result.arm.placement.rotation
     return turn.T @ result.arm.motion.achieved @ turn
 
 
 def loop(browser: "Browser") -> None:  # noqa: F821 - tests/headless_chromium
-    """Take pictures of the scene over the whole motion."""
+    """Write the animation of the scene."""
     last = float(browser.run("document.querySelector('input[type=range]').max"))
     shots = []
     for i in range(FRAMES):
@@ -90,7 +90,7 @@ def loop(browser: "Browser") -> None:  # noqa: F821 - tests/headless_chromium
 
 
 def shot(browser: "Browser") -> Image.Image:  # noqa: F821 - tests/headless_chromium
-    """What is seen."""
+    """Return a screenshot."""
     with tempfile.NamedTemporaryFile(suffix=".png") as file:
         browser.picture(file.name)
         return Image.open(io.BytesIO(Path(file.name).read_bytes())).convert("RGB")

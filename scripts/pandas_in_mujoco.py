@@ -1,7 +1,4 @@
-"""One or several Pandas in MuJoCo, built from Franka's published parameters: tips, ellipsoids, contacts.
-
-What the links look like comes from the package. Needs `pip install mujoco`.
-"""
+"""One or several Pandas in MuJoCo, built from the parameters that Franka publishes; meshes come from the package."""
 
 from pathlib import Path
 from typing import Any
@@ -25,141 +22,126 @@ CRAIG = np.array(
     ]
 )
 FLANGE = "panda_link8"
-TIPS = {FLANGE: 0.0, "panda_hand_tcp": 0.1034}
-"""How far along the flange's axis [m]."""
+FRAMES = {FLANGE: 0.0, "panda_hand_tcp": 0.1034}
+"""End effectors, with the distance from the flange along its axis [m]."""
 MESHES = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
-APART = 2
-"""Bodies so many joints apart are checked: one joint joins nearer ones."""
-OPENING = 0.04
-"""How far each finger opens [m]."""
-FINGERS = {"panda_leftfinger": 1.0, "panda_rightfinger": -1.0}
-"""Along the hand's y axis."""
+FINGERS = {"panda_leftfinger": 0.04, "panda_rightfinger": -0.04}
+"""Travel along the y axis of the hand [m]; collisions are checked with closed and open fingers."""
 Base = tuple[float, float, float, float]
-"""Where an arm stands: x, y, z [m] and yaw [deg]."""
+"""Pose of a base: x, y, z [m] and yaw [deg]."""
+Meshes = dict[str, tuple[Array, Any]]
+"""Vertices (v, 3) [m] and triangles (t, 3) by link, in the frame of the link."""
 
 
-def pandas(tips: dict[str, str], bases: dict[str, Base], shapes: dict[str, tuple[Array, Any]]) -> mujoco.MjModel:
-    """ArmGroup with the surfaces of their links, by what stands before their names, in the order of their joints."""
-    spec = mujoco.MjSpec()
-    for prefix, tip in tips.items():
-        _stand(spec, prefix, tip, bases[prefix], shapes)
-    return spec.compile()
-
-
-def _stand(spec: Any, prefix: str, tip: str, base: Base, shapes: dict[str, tuple[Array, Any]]) -> None:
-    """Put up an arm; where the tip is the hand's, the hand is there, too, its fingers both closed and open."""
-    half = np.radians(base[3]) / 2
-    body = spec.worldbody.add_body(
-        name=f"{prefix}panda_link0", pos=base[:3], quat=[np.cos(half), 0.0, 0.0, np.sin(half)]
-    )
-    _add(spec, body, prefix, "panda_link0", shapes)
-    for i, (a, d, alpha) in enumerate(CRAIG, start=1):
-        turn = np.array([np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0])
-        place = np.array([a, -d * np.sin(alpha), d * np.cos(alpha)])
-        body = body.add_body(name=f"{prefix}panda_link{i}", pos=place, quat=turn)
-        body.mass, body.inertia = 1.0, np.ones(3)
-        if i < len(CRAIG):
-            body.add_joint(name=f"{prefix}joint{i}", axis=[0, 0, 1])
-        _add(spec, body, prefix, f"panda_link{i}", shapes)
-    if tip != FLANGE:
-        body = body.add_body(name=f"{prefix}{tip}", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
-        _add(spec, body, prefix, "panda_hand", shapes)
-        for finger, way in FINGERS.items():
-            for k, opening in enumerate((0.0, OPENING)):
-                _add(spec, body, prefix, finger, shapes, np.array([0.0, way * opening, 0.0584]), f"_{k}")
-    body.add_site(name=f"{prefix}tip", pos=[0.0, 0.0, TIPS[tip]])
-
-
-def surfaces(path: Path = MESHES) -> dict[str, tuple[Array, Any]]:
-    """Points and triangles of each link's surface, in the link's frame."""
+def read_meshes(path: Path = MESHES) -> Meshes:
+    """Read the meshes of all links."""
     with np.load(path) as stored:
+        grids = [(str(name), stored[f"grid_{i}"], i) for i, name in enumerate(stored["links"])]
         return {
-            str(name): (
-                stored[f"grid_{i}"][:3] + stored[f"grid_{i}"][3] * stored[f"points_{i}"],
-                stored[f"triangles_{i}"].astype(int),
-            )
-            for i, name in enumerate(stored["links"])
+            name: (grid[:3] + grid[3] * stored[f"points_{i}"], stored[f"triangles_{i}"].astype(int))
+            for name, grid, i in grids
         }
 
 
-def _add(
-    spec: Any, body: Any, prefix: str, link: str, shapes: dict[str, tuple[Array, Any]],
-    shift: Array | None = None, suffix: str = "",
-) -> None:  # fmt: skip
-    """Add a link's surface, shifted in its body's frame."""
-    if link in shapes:
-        name = f"{prefix}{link}{suffix}"
-        if shift is not None:
-            shapes[f"{link}{suffix}"] = shapes[link][0] + shift, shapes[link][1]
-        points = shapes[f"{link}{suffix}"][0]
-        spec.add_mesh(name=name, uservert=points.ravel().tolist())
-        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
-
-
 class Pandas:
-    """Where the tips of arms are, what ellipsoids they make, whether an arm touches itself or another one."""
+    """Kinematics, ellipsoids and collisions of Pandas; arms are identified by the prefix of their names."""
 
-    def __init__(self, tips: dict[str, str], bases: dict[str, Base]):
-        self.shapes = surfaces()
-        self.model = pandas(tips, bases, self.shapes)
+    def __init__(self, frames: dict[str, str], bases: dict[str, Base]):
+        self.meshes = read_meshes()
+        spec = mujoco.MjSpec()
+        for prefix, frame in frames.items():
+            self._add_arm(spec, prefix, frame, bases[prefix])
+        self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
 
-    def tip(self, q: Array, prefix: str) -> tuple[Array, Array]:
-        """Position (3,) [m] and M = J J^T (3, 3) of the velocity of an arm's tip."""
+    def _add_arm(self, spec: Any, prefix: str, frame: str, base: Base) -> None:
+        half = np.radians(base[3]) / 2
+        orientation = [np.cos(half), 0.0, 0.0, np.sin(half)]
+        body = spec.worldbody.add_body(name=f"{prefix}panda_link0", pos=base[:3], quat=orientation)
+        self._add_mesh(spec, body, prefix, "panda_link0")
+        for i, (a, d, alpha) in enumerate(CRAIG, start=1):
+            position = np.array([a, -d * np.sin(alpha), d * np.cos(alpha)])
+            orientation = [np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0]
+            body = body.add_body(name=f"{prefix}panda_link{i}", pos=position, quat=orientation)
+            body.mass, body.inertia = 1.0, np.ones(3)
+            if i < len(CRAIG):
+                body.add_joint(name=f"{prefix}joint{i}", axis=[0, 0, 1])
+            self._add_mesh(spec, body, prefix, f"panda_link{i}")
+        if frame != FLANGE:
+            body = body.add_body(name=f"{prefix}{frame}", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
+            self._add_mesh(spec, body, prefix, "panda_hand")
+            for finger, travel in FINGERS.items():
+                for k in (0, 1):
+                    self._add_mesh(spec, body, prefix, finger, np.array([0.0, k * travel, 0.0584]), f"_{k}")
+        body.add_site(name=f"{prefix}end_effector", pos=[0.0, 0.0, FRAMES[frame]])
+
+    def _add_mesh(
+        self, spec: Any, body: Any, prefix: str, link: str, offset: Array | None = None, suffix: str = ""
+    ) -> None:
+        if link not in self.meshes:
+            return
+        if offset is not None:
+            self.meshes[f"{link}{suffix}"] = self.meshes[link][0] + offset, self.meshes[link][1]
+        name = f"{prefix}{link}{suffix}"
+        spec.add_mesh(name=name, uservert=self.meshes[f"{link}{suffix}"][0].ravel().tolist())
+        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+
+    def end_effector(self, q: Array, prefix: str) -> tuple[Array, Array]:
+        """Return the position (3,) [m] of the end effector and M = J Jᵀ (3, 3)."""
         self.data.qpos = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
-        jacobian, site = np.zeros((3, self.model.nv)), self.model.site(f"{prefix}tip").id
+        jacobian, site = np.zeros((3, self.model.nv)), self.model.site(f"{prefix}end_effector").id
         mujoco.mj_jacSite(self.model, self.data, jacobian, None, site)
         return self.data.site_xpos[site].copy(), jacobian @ jacobian.T
 
     def near(self, q: Array) -> list[tuple[str, str]]:
-        """Links of two arms, or `APART` joints apart on one, whose convex hulls meet."""
+        """Return pairs of links whose convex hulls overlap: of two arms, or at least two joints apart on one arm."""
         self.data.qpos = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
-        deep = np.unique(self.data.contact.geom[self.data.contact.dist < 0.0], axis=0)
-        bodies = self.model.geom_bodyid[deep]
+        pairs = np.unique(self.data.contact.geom[self.data.contact.dist < 0.0], axis=0)
+        bodies = self.model.geom_bodyid[pairs]
         arms = self.model.body_rootid[bodies]
-        apart = np.abs(np.diff(self.model.body_weldid[bodies], axis=1))[:, 0]
-        far = (apart >= APART) | (arms[:, 0] != arms[:, 1])
-        return [(self.model.geom(a).name, self.model.geom(b).name) for a, b in deep[far]]
+        joints_apart = np.abs(np.diff(self.model.body_weldid[bodies], axis=1))[:, 0]
+        checked = (joints_apart >= 2) | (arms[:, 0] != arms[:, 1])
+        return [(self.model.geom(a).name, self.model.geom(b).name) for a, b in pairs[checked]]
 
-    def meet(self, first: str, second: str) -> bool:
-        """Whether the surfaces of two links cut one another at the configuration last given to `near`."""
-        (a, a_sides), (b, b_sides) = (self._placed(name) for name in (first, second))
-        low, high = np.maximum(a.min(axis=0), b.min(axis=0)), np.minimum(a.max(axis=0), b.max(axis=0))
-        corners = [_within(points[sides], low, high) for points, sides in ((a, a_sides), (b, b_sides))]
-        return any(_pierced(one, other) for one, other in (corners, corners[::-1]))
+    def collisions(self, q: Array) -> list[tuple[str, str]]:
+        """Return pairs of links whose meshes intersect."""
+        return [pair for pair in self.near(q) if self._intersect(*pair)]
+
+    def _intersect(self, first: str, second: str) -> bool:
+        placed = [self._placed(name) for name in (first, second)]
+        low = np.maximum(*(vertices.min(axis=0) for vertices, _ in placed))
+        high = np.minimum(*(vertices.max(axis=0) for vertices, _ in placed))
+        a, b = (_in_box(vertices[triangles], low, high) for vertices, triangles in placed)
+        return _edges_pierce(a, b) or _edges_pierce(b, a)
 
     def _placed(self, name: str) -> tuple[Array, Any]:
         body = self.data.body(self.model.geom_bodyid[self.model.geom(name).id])
-        points, sides = self.shapes[name[name.index("panda_") :]]
-        return points @ body.xmat.reshape(3, 3).T + body.xpos, sides
-
-    def touching(self, q: Array) -> list[tuple[str, str]]:
-        """Pairs of links whose surfaces cut one another."""
-        return [pair for pair in self.near(q) if self.meet(*pair)]
+        vertices, triangles = self.meshes[name[name.index("panda_") :]]
+        return vertices @ body.xmat.reshape(3, 3).T + body.xpos, triangles
 
 
-def _within(triangles: Array, low: Array, high: Array) -> Array:
-    """Triangles (t, 3, 3) that reach into a box."""
+def _in_box(triangles: Array, low: Array, high: Array) -> Array:
+    """Return the triangles (t, 3, 3) that overlap an axis-aligned box."""
     return triangles[((triangles.max(axis=1) >= low) & (triangles.min(axis=1) <= high)).all(axis=1)]
 
 
-def _pierced(triangles: Array, others: Array) -> bool:
-    """Whether an edge of one of the triangles (t, 3, 3) goes through another (u, 3, 3), after Moeller and Trumbore."""
+def _edges_pierce(triangles: Array, others: Array) -> bool:
+    """Return whether an edge of a triangle (t, 3, 3) intersects another (u, 3, 3), after Moeller and Trumbore."""
     if not len(triangles) or not len(others):
         return False
     origin, first, second = others[:, 0], others[:, 1] - others[:, 0], others[:, 2] - others[:, 0]
     normal = np.cross(first, second)
     for k in range(3):
-        start, along = triangles[:, None, k], (triangles[:, (k + 1) % 3] - triangles[:, k])[:, None]
-        slope = np.sum(along * normal, axis=-1)
+        start, edge = triangles[:, None, k], (triangles[:, (k + 1) % 3] - triangles[:, k])[:, None]
+        slope = np.sum(edge * normal, axis=-1)
         slope = np.where(slope == 0.0, np.nan, slope)
-        there = np.sum((origin - start) * normal, axis=-1) / slope
-        turned = np.cross(start - origin, along)
-        u, v = -np.sum(turned * second, axis=-1) / slope, np.sum(turned * first, axis=-1) / slope
-        if ((there >= 0.0) & (there <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)).any():
+        position = np.sum((origin - start) * normal, axis=-1) / slope
+        moment = np.cross(start - origin, edge)
+        u, v = -np.sum(moment * second, axis=-1) / slope, np.sum(moment * first, axis=-1) / slope
+        if ((position >= 0.0) & (position <= 1.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)).any():
             return True
     return False

@@ -126,9 +126,9 @@ def write_bvh(path, skeleton, made):
         zero[part] = np.eye(3)
         if moves:
             bone = rest[tip] - rest[part]
-            turns[part] = _onto(np.einsum("nij,j->ni", trunk, bone), places[tip] - places[part]) @ trunk
+            turns[part] = onto(np.einsum("nij,j->ni", trunk, bone), places[tip] - places[part]) @ trunk
             if skeleton.bones == "x":  # the bone's own frame lies otherwise than the body's at rest
-                zero[part] = _onto(np.array([[1.0, 0.0, 0.0]]), bone[None])[0]
+                zero[part] = onto(np.array([[1.0, 0.0, 0.0]]), bone[None])[0]
     lines, rows = ["HIERARCHY"], []
 
     def write(part, depth):
@@ -183,7 +183,7 @@ def _rest_places(world):
     return places
 
 
-def _onto(start, end):
+def onto(start, end):
     """The smallest rotations that turn directions (n, 3) onto others, shape (n, 3, 3)."""
     a = start / np.linalg.norm(start, axis=-1, keepdims=True)
     b = end / np.linalg.norm(end, axis=-1, keepdims=True)

@@ -2,10 +2,11 @@
 
 import json
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+
+from dialect_files import onto
 
 DOWN = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
 """From x forward, y to the left, z up to x to the right, y down, z forward, as MediaPipe has it."""
@@ -18,6 +19,11 @@ def _cell(x, digits=6):
     return "" if np.isnan(x) else f"{x:.{digits}f}"
 
 
+def _written(path, lines, end="\n"):
+    path.write_bytes("".join(line + end for line in lines).encode())
+    return path
+
+
 def write_trc(path, recording, unit="m", scale=1.0):
     """A table as OpenSim writes it; what is missing stays empty."""
     n, k = recording.positions.shape[:2]
@@ -25,7 +31,7 @@ def write_trc(path, recording, unit="m", scale=1.0):
     names = "".join(f"{name}\t\t\t" for name in recording.names)
     axes = "\t".join(f"{axis}{i + 1}" for i in range(k) for axis in "XYZ")
     lines = [
-        f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate}\t{rate}\t{n}\t{k}\t{unit}\t{rate}\t1\t{n}",
         f"Frame#\tTime\t{names}",
@@ -35,8 +41,7 @@ def write_trc(path, recording, unit="m", scale=1.0):
     for i, (time, places) in enumerate(zip(recording.time, recording.positions, strict=True)):
         cells = [_cell(x / scale) for x in places.reshape(-1)]
         lines.append("\t".join([str(i + 1), f"{time:.6f}", *cells]))
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Path(path)
+    return _written(path, lines)
 
 
 def write_mot(path, time, angles, names, degrees=True):
@@ -45,8 +50,7 @@ def write_mot(path, time, angles, names, degrees=True):
     head = ["Coordinates", "version=1", f"nRows={len(table)}", f"nColumns={table.shape[1]}"]
     head += [f"inDegrees={'yes' if degrees else 'no'}", "", "endheader", "\t".join(["time", *names])]
     rows = ["\t".join(f"{x:.8f}" for x in row) for row in table]
-    Path(path).write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
-    return Path(path)
+    return _written(path, [*head, *rows])
 
 
 def write_csv(path, recording, long=False, dot=False):
@@ -61,8 +65,7 @@ def write_csv(path, recording, long=False, dot=False):
         lines = [",".join(["time", *(f"{name}{sign}{axis}" for name in recording.names for axis in "xyz")])]
         lines += [f"{time:.6f}," + ",".join(map(_cell, places.reshape(-1)))
                   for time, places in zip(recording.time, recording.positions, strict=True)]  # fmt: skip
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Path(path)
+    return _written(path, lines)
 
 
 def write_motive(path, recording, solved=True):
@@ -88,8 +91,7 @@ def write_motive(path, recording, solved=True):
         cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
         before = ["0", "0", "0", *["7"] * len(cells)] if solved else []
         lines.append(",".join([str(i), f"{recording.time[i]:.6f}", "15:26:46:12.02", *before, *cells]))
-    Path(path).write_bytes(("\r\n".join(lines) + "\r\n").encode())
-    return Path(path)
+    return _written(path, lines, "\r\n")
 
 
 def write_nexus(path, recording):
@@ -99,8 +101,7 @@ def write_nexus(path, recording):
              "Frame,Sub Frame" + ",X,Y,Z" * len(recording.names), "," + ",mm" * 3 * len(recording.names)]  # fmt: skip
     for i, places in enumerate(recording.positions):
         lines.append(",".join([str(i + 1), "0", *(_cell(1000 * x, 3) for x in places.reshape(-1))]))
-    Path(path).write_text("\n".join(lines) + "\n\n", encoding="utf-8")
-    return Path(path)
+    return _written(path, [*lines, ""])
 
 
 def write_qualisys(path, recording, columns=True):
@@ -114,8 +115,7 @@ def write_qualisys(path, recording, columns=True):
     for i, places in enumerate(recording.positions):
         cells = [_cell(1000 * x, 3) for x in places.reshape(-1)]
         lines.append("\t".join([*([str(i + 1), f"{recording.time[i]:.5f}"] if columns else []), *cells, ""]))
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Path(path)
+    return _written(path, lines)
 
 
 def write_mvnx(path, recording):
@@ -128,13 +128,11 @@ def write_mvnx(path, recording):
         numbers = " ".join(f"{x:.6f}" for x in places.reshape(-1))
         frames.append(f'<frame time="{1000 * time:.0f}" type="normal"><orientation>{still}</orientation>'
                       f"<position>{numbers}</position></frame>")  # fmt: skip
-    Path(path).write_text(
+    return _written(path, [
         '<?xml version="1.0" encoding="UTF-8"?>\n<mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">'
         f'<subject label="A" frameRate="{recording.rate:.0f}" segmentCount="{len(recording.names)}">'
         f"<segments>{segments}</segments><frames>{''.join(frames)}</frames></subject></mvnx>",
-        encoding="utf-8",
-    )
-    return Path(path)
+    ])  # fmt: skip
 
 
 def landmarks(recording, order, turn, origin):
@@ -153,8 +151,7 @@ def landmarks(recording, order, turn, origin):
 
 def write_json(path, content):
     """Any content."""
-    Path(path).write_text(json.dumps(content), encoding="utf-8")
-    return Path(path)
+    return _written(path, [json.dumps(content)])
 
 
 def amass(made):
@@ -168,12 +165,8 @@ def amass(made):
         above = trunk
         for joint, (start, end) in zip(joints, pairwise(("shoulder", "elbow", "wrist", "hand")), strict=True):
             bone = made.parts[f"{end}_{side}"] - made.parts[f"{start}_{side}"]
-            bone = bone / np.linalg.norm(bone, axis=1, keepdims=True)
             local = np.einsum("nji,nj->ni", above, bone)
-            rest = np.array([sign, 0.0, 0.0])
-            axis = np.cross(rest, local)
-            length = np.linalg.norm(axis, axis=1, keepdims=True)
-            turn = axis / length * np.arctan2(length, (local @ rest)[:, None])
-            poses[:, joint] = turn
-            above = above @ Rotation.from_rotvec(turn).as_matrix()
+            turn = onto(np.array([[sign, 0.0, 0.0]]), local)
+            poses[:, joint] = Rotation.from_matrix(turn).as_rotvec()
+            above = above @ turn
     return {"poses": poses.reshape(n, -1), "trans": made.parts["pelvis"], "mocap_framerate": 1 / made.time[1]}

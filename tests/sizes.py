@@ -3,7 +3,7 @@
 from dataclasses import replace
 from unittest import mock
 
-from maniport.motion.effort import EFFORTS
+from maniport.motion.plan.plan_control import EFFORTS
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult, motion_of_arm
 

@@ -1,4 +1,4 @@
-"""The independent check of exported motions agrees with the package, and finds deliberate faults."""
+"""The independent check of exported motions agrees with the package and detects deliberate faults."""
 
 import importlib.util
 import sys
@@ -18,33 +18,32 @@ LAST = FIRST + 0.4
 
 
 @pytest.fixture(scope="module")
-def check():
-    """The script as a module, with what stands beside it."""
+def script():
+    """The script as a module."""
     sys.path.insert(0, str(SCRIPT.parent))
-    found = importlib.util.spec_from_file_location("check_motion", SCRIPT)
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
+    spec = importlib.util.spec_from_file_location("check_motion", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
     sys.path.remove(str(SCRIPT.parent))
     return module
 
 
-def export(folder, last=LAST, seconds=1.0):
-    """A calm motion from rest to rest with its own ellipsoids and tip for targets, as results folders hold it."""
+def export(folder, seconds=1.0):
+    """Write a slow motion from rest to rest whose targets are its own ellipsoids and positions."""
     arm, time = load_arm("panda", frame="panda_hand_tcp"), np.arange(0.0, seconds + 1e-9, 1e-3)
     s = time / seconds
-    q = FIRST + (s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3))[:, None] * (last - FIRST)
-    at, points = time[::100], q[::100]
+    q = FIRST + (s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3))[:, None] * (LAST - FIRST)
+    waypoints, points = time[::100], q[::100]
     path, profile = arm.forward(points)[:, :3, 3], arm.manipulability(points)
-    motion = ArmMotion.of_motion(arm, at, profile, time, q, path=path)
-    save_ellipsoids(folder / "placed_profile.npz", profile, at)
-    save_path(folder / "path.npz", path, at)
+    motion = ArmMotion.of_motion(arm, waypoints, profile, time, q, path=path)
+    save_ellipsoids(folder / "placed_profile.npz", profile, waypoints)
+    save_path(folder / "path.npz", path, waypoints)
     motion.save_joints_csv(folder / "joints.csv")
     motion.save_joints(folder / "joints.npz")
-    return motion
 
 
-def broken(folder, change):
-    """Rewrite the numbers of joints.csv."""
+def rewrite(folder, change):
+    """Change the numbers of joints.csv."""
     path = folder / "joints.csv"
     header, *lines = path.read_text().splitlines()
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
@@ -52,20 +51,16 @@ def broken(folder, change):
     path.write_text("\n".join([header, *(",".join(f"{cell:.12f}" for cell in row) for row in table)]))
 
 
-def verdicts(check, folder, tip=None):
-    """Return text and verdict of each row, by the first word of its name."""
-    return {name.split(",")[0]: (said, within) for name, said, within in check.judge(folder, tip, None)}
-
-
-def test_what_the_package_exports_is_what_mujoco_sees(check, tmp_path):
-    """Kinematics, ellipsoids and distances of two programs that share no code agree, and a calm motion passes."""
+def test_mujoco_agrees_with_the_package(script, tmp_path):
+    """Kinematics, ellipsoids and distances of two programs that share no code agree; a slow motion passes."""
     export(tmp_path)
-    found = verdicts(check, tmp_path)
-    assert found["tip"][0].startswith("panda_hand_tcp")
-    for name in ("d", "tip beside its path [mm]: same"):
-        figures = found[name][0] if name in found else next(v[0] for k, v in found.items() if k.startswith(name))
-        assert_allclose([float(part.split()[0]) for part in figures.split(" / ")], 0.0, atol=1e-3)
-    assert all(within is not False for _, within in found.values())
+    rows = script.check(tmp_path)
+    values = {name: value for name, value, _ in rows}
+    assert values["end effector"].startswith("panda_hand_tcp")
+    for start in ("distance (", "position error"):
+        (value,) = (value for name, value in values.items() if name.startswith(start))
+        assert_allclose([float(part.split()[0]) for part in value.split(" / ")], 0.0, atol=1e-3)
+    assert all(within is not False for _, _, within in rows)
 
 
 def _jump(table):
@@ -77,8 +72,8 @@ def _cut_off(table):
 
 
 @pytest.mark.parametrize(("change", "row"), [(_jump, "jerk"), (_cut_off, "at rest at both ends")])
-def test_broken_files_are_found(check, tmp_path, change, row):
-    """A jump shows in the jerk, a motion that is cut off in its ends."""
+def test_faults_are_detected(script, tmp_path, change, row):
+    """A jump exceeds the jerk limit; a motion that is cut off does not start or end at rest."""
     export(tmp_path)
-    broken(tmp_path, change)
-    assert verdicts(check, tmp_path, "panda_hand_tcp")[row][1] is False
+    rewrite(tmp_path, change)
+    assert {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp")}[row] is False

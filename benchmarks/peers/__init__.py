@@ -1,1 +1,1 @@
-"""Other ways of doing the same work, written as well as the other libraries allow."""
+"""The same tasks with other libraries."""

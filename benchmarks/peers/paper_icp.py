@@ -58,7 +58,7 @@ class PaperICP:
         moved = powm(moved, ratio)  # eq. 12
 
         left, _, right = np.linalg.svd(white_s @ sqrtm(mean_t))
-        rotation = left @ right  # what parallel transport of the teacher amounts to
+        rotation = left @ right  # parallel transport of the teacher
         seen: list[tuple[bytes, Array]] = []
         self.cost_, self.rotation_, best = np.inf, rotation, 0
         for iteration in range(self.max_iter + 1):
@@ -71,16 +71,16 @@ class PaperICP:
             if iteration - best >= PATIENCE:
                 break
             starts = [rotation, *special_ortho_group.rvs(len(rotation), self.n_starts - 1, random)]
-            found = min((step.minimize(start, TOLERANCE) for start in starts), key=step.cost)  # eq. 15
-            state = index.tobytes(), found
-            if any(key == state[0] and np.linalg.norm(found - old) < 10 * TOLERANCE for key, old in seen):
+            minimum = min((step.minimize(start, TOLERANCE) for start in starts), key=step.cost)  # eq. 15
+            state = index.tobytes(), minimum
+            if any(key == state[0] and np.linalg.norm(minimum - old) < 10 * TOLERANCE for key, old in seen):
                 break
             seen.append(state)
-            rotation = found
+            rotation = minimum
         return self
 
     def _match(self, moved: Array, fixed: Array) -> tuple[NDArray[np.intp], Array]:
-        """For every teacher ellipsoid the student's with the largest score, and the weights w^k (eq. 18)."""
+        """Return the index of the best student ellipsoid for each teacher ellipsoid, and weights w^k (eq. 18)."""
         (values_t, vectors_t), (values_s, vectors_s) = np.linalg.eigh(moved), np.linalg.eigh(fixed)
         score = np.abs(vectors_t[:, :, 0] @ vectors_s[:, :, 0].T) + np.abs(vectors_t[:, :, -1] @ vectors_s[:, :, -1].T)
         for feature in (lambda v: v[:, -1] / v[:, 0], lambda v: np.sqrt(np.prod(v, axis=1))):

@@ -1,4 +1,4 @@
-"""The examples as pages: run by Sphinx-Gallery, each with its picture of `docs/gallery` and a title."""
+"""Gallery: each example gets the picture of `docs/gallery` and a title from its docstring."""
 
 import builtins
 import json
@@ -14,7 +14,7 @@ PAGES = "examples/"
 
 
 def picture(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
-    """Show the picture that `scripts/make_gallery.py` drew of what an example makes, once."""
+    """Return the picture that `scripts/make_gallery.py` drew of an example."""
     example = Path(block_vars["src_file"]).stem
     caption = json.loads((PICTURES / "captions.json").read_text(encoding="utf-8"))[example]
     target = Path(next(block_vars["image_path_iterator"]))
@@ -23,12 +23,12 @@ def picture(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
 
 
 def with_file(gallery_conf: dict[str, Any], example: str) -> None:
-    """Give an example the ``__file__`` that Python gives a script, and Sphinx-Gallery does not."""
+    """Set ``__file__`` of an example, which Sphinx-Gallery does not set."""
     builtins.__file__ = example  # type: ignore[attr-defined]
 
 
 def with_title(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Make the first sentence of an example's docstring, a paragraph by itself, the title of its page."""
+    """Make the first paragraph of an example's docstring the title of its page."""
     if not docname.startswith(PAGES) or not docname.removeprefix(PAGES)[:1].isdigit():
         return
     label = f".. _sphx_glr_{docname.replace('/', '_')}.py:\n\n"
@@ -39,11 +39,11 @@ def with_title(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def _get_sg_image_scraper() -> Any:
-    """What Sphinx-Gallery asks a module for that is named as a scraper."""
+    """Return the scraper, as Sphinx-Gallery requires of a module."""
     return picture
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Give the pages their titles as they are read."""
+    """Connect the function to Sphinx."""
     app.connect("source-read", with_title)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw themselves: the pages need no script and no network for them."""
+"""Formulas as MathML, which browsers draw without scripts and network."""
 
 from docutils import nodes
 from latex2mathml.converter import convert
@@ -7,13 +7,13 @@ from sphinx.writers.html5 import HTML5Translator
 
 
 def inline(translator: HTML5Translator, node: nodes.math) -> None:
-    """Put a formula into a line."""
+    """Write an inline formula."""
     translator.body.append(convert(node.astext()))
     raise nodes.SkipNode
 
 
 def displayed(translator: HTML5Translator, node: nodes.math_block) -> None:
-    r"""Give a formula a line of its own, the number of its ``\tag{…}`` beside it."""
+    r"""Write a displayed formula with the number of its ``\tag{…}``."""
     latex, _, tag = node.astext().partition(r"\tag{")
     number = f'<span class="eqno">({tag.strip().rstrip("}")})</span>' if tag else ""
     formula = convert(latex.strip(), display="block")
@@ -22,7 +22,7 @@ def displayed(translator: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Give both kinds of formulas to these functions."""
+    """Register both functions for their nodes."""
     for node, write in ((nodes.math, inline), (nodes.math_block, displayed)):
         app.add_node(node, override=True, html=(write, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -11,8 +11,6 @@ import re
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +23,7 @@ from maniport.spd.matrix_functions import congruence
 from maniport.transfer import load_adapter
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.rotation_group import rotation_from_vector
-from maniport.util.validation import Array, as_spd
+from maniport.util.validation import as_spd
 
 REGULARIZATIONS: tuple[dict[str, float], ...] = ({}, {"damping": 0.01}, {"eigenvalue_floor": 1e-3})
 ROUNDING = 1e-9
@@ -58,27 +56,34 @@ def check_adapter(
         When a property does not hold; the traceback names it.
     """
     first, *others = dimensions
+    sizes = [*((first, remedy) for remedy in REGULARIZATIONS), *((d, REGULARIZATIONS[1]) for d in others)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)  # small made-up domains determine little
-        cases = [Case(adapter, first, remedy, random_state) for remedy in REGULARIZATIONS]
-        cases += [Case(adapter, d, REGULARIZATIONS[1], random_state) for d in others]
-        for case in cases:
-            for law in LAWS:
-                law(case)
-            if identity:
-                _equal_domains_change_nothing(case)
-        for law in INPUT_CHECKS:
-            law(cases[0])
+        for i, (d, remedy) in enumerate(sizes):
+            case = _Case(adapter, d, remedy, random_state)
+            for check in (_check_fit, _check_transform, _check_inverse, _check_copies, _check_base_rotation):
+                check(case)
+            _check_regularization(case, identity)
+            if i == 0:
+                _check_parameters_and_failed_fits(case)
+                _check_bad_input(case)
 
 
-@dataclass(frozen=True)
-class Case:
+class _Case:
     """A method with one regularization, its domains and new ellipsoids of one size: singular where allowed."""
 
-    prototype: DomainAdapter
-    d: int
-    remedy: dict[str, float]
-    seed: int
+    def __init__(self, adapter: DomainAdapter, d: int, remedy: dict[str, float], seed: int):
+        self.prototype, self.d, self.remedy = adapter, d, remedy
+        self.random = random = np.random.default_rng(seed + d)
+        ellipsoids = []
+        for count in (12, 15, 6):  # of condition up to 100, or flat ones
+            axes = np.linalg.qr(random.standard_normal((count, d, d)))[0]
+            squares = np.exp(random.uniform(0.0, np.log(100.0), (count, d)))
+            squares[:, 0] *= not remedy
+            ellipsoids.append(congruence(axes, squares[:, :, None] * np.eye(d)))
+        self.teacher, self.student, self.new = ellipsoids[0], 2.0 * ellipsoids[1], ellipsoids[2]
+        self.fitted = self.make().fit(self.teacher, self.student)
+        self.images = self.fitted.transform(self.new)
 
     def make(self, **options: Any) -> DomainAdapter:
         """Return an unfitted adapter."""
@@ -86,199 +91,137 @@ class Case:
         made: DomainAdapter = clone(self.prototype).set_params(**chosen)
         return made
 
-    @cached_property
-    def domains(self) -> tuple[Array, Array, Array]:
-        """Teacher, student and new ellipsoids."""
-        random = np.random.default_rng(self.seed + self.d)
-        first, other, new = (self.draw(random, n) for n in (12, 15, 6))
-        return first, 2.0 * other, new
-
-    def draw(self, random: np.random.Generator, n: int) -> Array:
-        """Ellipsoids of condition up to 100, or flat ones."""
-        axes = np.linalg.qr(random.standard_normal((n, self.d, self.d)))[0]
-        squares = np.exp(random.uniform(0.0, np.log(100.0), (n, self.d)))
-        if self.remedy:
-            squares[:, 0] = 0.0
-        return congruence(axes, squares[:, :, None] * np.eye(self.d))
-
-    @cached_property
-    def fitted(self) -> DomainAdapter:
-        """The adapter, fitted."""
-        return self.make().fit(*self.domains[:2])
-
-    @cached_property
-    def images(self) -> Array:
-        """Images of the new ellipsoids."""
-        return self.fitted.transform(self.domains[2])
-
-    @cached_property
-    def rotation(self) -> Array:
-        """Random rotation of the ellipsoids, shape (d, d); of space for d = 6."""
-        random = np.random.default_rng(self.seed)
-        if self.d == 6:
-            return np.asarray(np.kron(np.eye(2), rotation_from_vector(random.standard_normal(3))))
-        return rotation_from_vector(random.standard_normal(self.d * (self.d - 1) // 2))
+    def require_same(self, other: DomainAdapter) -> None:
+        """Require that another adapter has the attributes of the fitted one, and its images, bit by bit."""
+        for name, value in vars(self.fitted).items():
+            if name.endswith("_"):
+                assert_array_equal(getattr(other, name), value, err_msg=name)
+                assert np.shape(getattr(other, name)) == np.shape(value), name
+        assert_array_equal(other.transform(self.new), self.images)
 
 
-def _law_fit_returns_the_adapter_with_its_attributes(case: Case) -> None:
+def _check_fit(case: _Case) -> None:
+    """`fit` returns the adapter with its attributes, leaves its input alone, and the order of points is arbitrary."""
+    arrays = [points.copy() for points in (case.teacher, case.student, case.new)]
+    for array in arrays:
+        array.setflags(write=False)
     adapter, d = case.make(), case.d
-    assert adapter.fit(*case.domains[:2]) is adapter, "fit must return the adapter itself"
+    assert adapter.fit(arrays[0], arrays[1]) is adapter, "fit must return the adapter itself"
+    adapter.transform(arrays[2])
+    for array, original in zip(arrays, (case.teacher, case.student, case.new), strict=True):
+        assert_array_equal(array, original)
     assert adapter.rotation_.shape == adapter.teacher_mean_.shape == adapter.student_mean_.shape == (d, d)
     assert len(adapter.history_) == adapter.n_iter_ + 1
     assert isinstance(adapter.converged_, bool)
     assert isinstance(adapter.stop_reason_, str)
     assert adapter.map_rotation_.shape == ((3, 3) if d == 6 else (d, d))
     assert_allclose(adapter.map_rotation_ @ adapter.map_rotation_.T, np.eye(len(adapter.map_rotation_)), atol=ROUNDING)
+    shuffled = case.make().fit(*(case.random.permutation(points) for points in (case.teacher, case.student)))
+    assert_allclose(shuffled.transform(case.new), case.images, rtol=1e-7, atol=1e-7 * np.abs(case.images).max())
 
 
-def _law_results_are_positive_definite(case: Case) -> None:
+def _check_transform(case: _Case) -> None:
+    """Images are SPD and have the shape of the points; a single matrix has the image of its row in a batch."""
+    new, d, transform, compiled = case.new, case.d, case.fitted.transform, case.fitted.compiled()
     assert_array_equal(case.images, np.swapaxes(case.images, -1, -2))
     as_spd(case.images, "images")
-
-
-def _law_one_matrix_equals_its_row_in_a_batch(case: Case) -> None:
-    new, compiled = case.domains[2], case.fitted.compiled()
-    assert_allclose(case.fitted.transform(new[::-1]), case.images[::-1], rtol=1e-12, atol=1e-15)
+    for shape in ((2, 3, d, d), (0, d, d)):
+        assert transform(new[: 6 if shape[0] else 0].reshape(shape)).shape == shape
+    assert_array_equal(transform(new.tolist()), case.images)
+    assert_allclose(transform(new[::-1]), case.images[::-1], rtol=1e-12, atol=1e-15)
     for matrix, image in zip(new, case.images, strict=True):
-        assert_allclose(case.fitted.transform(matrix), image, rtol=1e-12, atol=1e-15)
+        assert_allclose(transform(matrix), image, rtol=1e-12, atol=1e-15)
         assert_allclose(compiled(matrix), image, rtol=1e-6, atol=ROUNDING * np.abs(image).max())
 
 
-def _law_shapes_are_kept(case: Case) -> None:
-    new, d = case.domains[2], case.d
-    assert case.fitted.transform(new.reshape(2, 3, d, d)).shape == (2, 3, d, d)
-    assert case.fitted.transform(new[0]).shape == (d, d)
-    assert case.fitted.transform(new[:0]).shape == (0, d, d)
-    assert_array_equal(case.fitted.transform(new.tolist()), case.images)
-
-
-def _law_inverse_returns_or_is_refused(case: Case) -> None:
-    new, d = case.domains[2], case.d
+def _check_inverse(case: _Case) -> None:
+    """`inverse_transform` returns the points, or raises NotInvertibleError."""
+    new, d, fitted = case.new, case.d, case.fitted
     try:
-        back = case.fitted.inverse_transform(case.images.reshape(2, 3, d, d))
+        back = fitted.inverse_transform(case.images.reshape(2, 3, d, d))
     except NotInvertibleError:
         return
     assert back.shape == (2, 3, d, d)
-    assert case.fitted.inverse_transform(case.images[:0]).shape == (0, d, d)
-    raised = case.fitted.teacher_regularization.apply(new) if case.fitted.eigenvalue_floor is not None else new
+    assert fitted.inverse_transform(case.images[:0]).shape == (0, d, d)
+    raised = fitted.teacher_regularization.apply(new) if fitted.eigenvalue_floor is not None else new
     assert_allclose(back.reshape(new.shape), raised, atol=1e-6 * np.abs(new).max())
 
 
-def _law_inputs_are_left_alone(case: Case) -> None:
-    arrays = [points.copy() for points in case.domains]
-    for array in arrays:
-        array.setflags(write=False)
-    adapter = case.make().fit(arrays[0], arrays[1])
-    adapter.transform(arrays[2])
-    for array, original in zip(arrays, case.domains, strict=True):
-        assert_array_equal(array, original)
-
-
-def _law_order_of_points_does_not_matter(case: Case) -> None:
-    random = np.random.default_rng(case.seed)
-    shuffled = case.make().fit(*(random.permutation(points) for points in case.domains[:2]))
-    assert_allclose(shuffled.transform(case.domains[2]), case.images, rtol=1e-7, atol=1e-7 * np.abs(case.images).max())
-
-
-def _law_a_clone_fits_to_the_same_bits(case: Case) -> None:
+def _check_copies(case: _Case) -> None:
+    """A clone is unfitted and fits to the same bits; files, pickles and copies have them."""
     again = clone(case.fitted)
     assert repr(again.get_params()) == repr(case.fitted.get_params())
-    _refused("call fit", again.transform, case.domains[2], kind=NotFittedError)
-    _same(again.fit(*case.domains[:2]), case)
-
-
-def _law_files_and_pickles_give_the_same_bits(case: Case) -> None:
+    _refused("call fit", again.transform, case.new, kind=NotFittedError)
+    case.require_same(again.fit(case.teacher, case.student))
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "adapter.npz")
         case.fitted.save(path)
         with np.load(path, allow_pickle=False) as archive:
             assert {archive[name].dtype.kind for name in archive.files} <= set("fibU"), "the file holds pickled objects"
-        _same(load_adapter(path), case)
-    for other in (pickle.loads(pickle.dumps(case.fitted)), copy.deepcopy(case.fitted)):
-        _same(other, case)
+        case.require_same(load_adapter(path))
+    case.require_same(pickle.loads(pickle.dumps(case.fitted)))
+    case.require_same(copy.deepcopy(case.fitted))
 
 
-def _same(other: DomainAdapter, case: Case) -> None:
-    """Require that another adapter has the attributes of the fitted one, and its images, bit by bit."""
-    for name, value in vars(case.fitted).items():
-        if name.endswith("_"):
-            assert_array_equal(getattr(other, name), value, err_msg=name)
-            assert np.shape(getattr(other, name)) == np.shape(value), name
-    assert_array_equal(other.transform(case.domains[2]), case.images)
-
-
-def _law_base_rotation_equals_rotated_teacher(case: Case) -> None:
-    """With the base rotation R, the image of T is that of R T Rᵀ without."""
-    teacher, student, new = case.domains
-    rotated, seen = congruence(case.rotation, teacher), congruence(case.rotation, new)
-    plain = case.make(base_rotation=np.eye(case.d)).fit(rotated, student)
-    fitted = case.make(base_rotation=case.rotation).fit(teacher, student)
+def _check_base_rotation(case: _Case) -> None:
+    """With the base rotation R, the image of T is that of R T Rᵀ without; for d = 6, R is a rotation of space twice."""
+    d = case.d
+    turn = rotation_from_vector(case.random.standard_normal(3 if d == 6 else d * (d - 1) // 2))
+    rotation = np.asarray(np.kron(np.eye(2), turn)) if d == 6 else turn
+    seen = congruence(rotation, case.new)
+    plain = case.make(base_rotation=np.eye(d)).fit(congruence(rotation, case.teacher), case.student)
+    fitted = case.make(base_rotation=rotation).fit(case.teacher, case.student)
     images = plain.transform(seen)
-    assert_allclose(fitted.transform(new), images, rtol=1e-7, atol=1e-7 * np.abs(images).max())
-    rotation = case.rotation[:3, :3] if case.d == 6 else case.rotation
-    assert_allclose(fitted.map_rotation_, plain.map_rotation_ @ rotation, atol=1e-7)
-    assert_allclose(fitted.teacher_side(new), plain.teacher_side(seen), atol=1e-7 * np.abs(new).max())
+    assert_allclose(fitted.transform(case.new), images, rtol=1e-7, atol=1e-7 * np.abs(images).max())
+    assert_allclose(fitted.map_rotation_, plain.map_rotation_ @ turn, atol=1e-7)
+    assert_allclose(fitted.teacher_side(case.new), plain.teacher_side(seen), atol=1e-7 * np.abs(case.new).max())
 
 
-def _law_regularization_is_that_of_the_contract(case: Case) -> None:
-    """ε is damping times the mean eigenvalue of each domain; at most ε is removed again."""
-    adapter, rho = case.fitted, case.remedy.get("damping", 0.0)
-    for points, epsilon in zip(case.domains, (adapter.teacher_damping_, adapter.student_damping_), strict=False):
-        assert_allclose(epsilon, rho * np.trace(points, axis1=1, axis2=2).mean() / case.d, rtol=1e-12)
-    assert 0.0 <= adapter.released_damping_ <= adapter.student_damping_
-    if "eigenvalue_floor" in case.remedy:
-        lowest = eigh(adapter.teacher_side(case.domains[0]))[0][:, 0]
-        assert lowest.min() >= case.remedy["eigenvalue_floor"] * (1.0 - 1e-6)
-
-
-def _law_score_is_minus_the_root_mean_squared_gap(case: Case) -> None:
-    student, new = case.domains[1:]
-    gaps = case.fitted.gaps(new, student)
+def _check_regularization(case: _Case, identity: bool) -> None:
+    """ε is damping times the mean eigenvalue of each domain, of which at most ε is removed again; then the scores."""
+    fitted, student, new = case.fitted, case.student, case.new
+    for points, epsilon in ((case.teacher, fitted.teacher_damping_), (student, fitted.student_damping_)):
+        mean_eigenvalue = np.trace(points, axis1=1, axis2=2).mean() / case.d
+        assert_allclose(epsilon, case.remedy.get("damping", 0.0) * mean_eigenvalue, rtol=1e-12)
+    assert 0.0 <= fitted.released_damping_ <= fitted.student_damping_
+    if (floor := case.remedy.get("eigenvalue_floor", 0.0)) > 0.0:
+        assert eigh(fitted.teacher_side(case.teacher))[0].min() >= floor * (1.0 - 1e-6)
+    gaps = fitted.gaps(new, student)
     assert gaps.shape == (6,)
-    assert_allclose(case.fitted.score(new, student), -np.sqrt(np.mean(gaps**2)), rtol=1e-12)
-    assert np.all(gaps <= case.fitted.errors(new, student[:6]) + ROUNDING)
+    assert_allclose(fitted.score(new, student), -np.sqrt(np.mean(gaps**2)), rtol=1e-12)
+    assert np.all(gaps <= fitted.errors(new, student[:6]) + ROUNDING)
+    if identity:
+        domain = case.teacher
+        adapter = case.make().fit(domain, domain[::-1])
+        kept = adapter.student_damping_ - adapter.released_damping_  # the damping that the map keeps
+        allowed = 1.001 * kept + floor + 1e-8 * np.abs(domain).max()
+        assert np.abs(adapter.transform(domain) - domain).max() <= allowed, "equal domains must change nothing"
 
 
-def _equal_domains_change_nothing(case: Case) -> None:
-    domain = case.domains[0]
-    adapter = case.make().fit(domain, domain[::-1])
-    kept = adapter.student_damping_ - adapter.released_damping_  # the damping that the map keeps
-    allowed = 1.001 * kept + case.remedy.get("eigenvalue_floor", 0.0) + 1e-8 * np.abs(domain).max()
-    assert np.abs(adapter.transform(domain) - domain).max() <= allowed, "equal domains must change nothing"
-
-
-def _input_init_only_stores(case: Case) -> None:
+def _check_parameters_and_failed_fits(case: _Case) -> None:
+    """`__init__` only stores, unfitted adapters raise NotFittedError, and a failed fit changes nothing."""
     parameters: dict[str, Any] = {name: object() for name in case.prototype.get_params(deep=False)}
-    assert set(parameters) >= {"damping", "eigenvalue_floor", "base_rotation"}, (
-        "damping, floor and base_rotation are parameters of every method"
-    )
-    adapter = type(case.prototype)(**parameters)
-    assert all(getattr(adapter, name) is value for name, value in parameters.items()), "__init__ must only store"
-
-
-def _input_not_fitted_is_an_error(case: Case) -> None:
-    adapter, (teacher, student, new) = case.make(), case.domains
-    _refused("at least 2", adapter.fit, teacher, student[:1])
+    required = {"damping", "eigenvalue_floor", "base_rotation"}
+    assert set(parameters) >= required, "damping, floor and base_rotation are parameters of every method"
+    stored = type(case.prototype)(**parameters)
+    assert all(getattr(stored, name) is value for name, value in parameters.items()), "__init__ must only store"
+    adapter = case.make()
+    _refused("at least 2", adapter.fit, case.teacher, case.student[:1])
     with tempfile.TemporaryDirectory() as folder:
-        uses = (adapter.transform, adapter.inverse_transform, lambda x: adapter.score(x, x), adapter.teacher_side)
-        for use in (
-            *uses,
-            lambda x: adapter.map_rotation_,
-            lambda x: adapter.save(os.path.join(folder, "adapter.npz")),
-        ):
-            _refused("call fit", use, new, kind=NotFittedError)
+        save = lambda x: adapter.save(os.path.join(folder, "adapter.npz"))  # noqa: E731
+        uses = (lambda x: adapter.score(x, x), lambda x: adapter.map_rotation_, adapter.teacher_side, save)
+        for use in (adapter.transform, adapter.inverse_transform, *uses):
+            _refused("call fit", use, case.new, kind=NotFittedError)
         assert not os.listdir(folder)
+    adapter.fit(case.teacher, case.student)
+    _refused("damping", adapter.set_params(damping=-1.0).fit, case.teacher, case.student)
+    _refused("no dispersion", adapter.set_params(damping=None).fit, case.teacher, np.array([np.eye(case.d)] * 3))
+    case.require_same(adapter)
 
 
-def _input_a_failed_fit_changes_nothing(case: Case) -> None:
-    adapter = case.make().fit(*case.domains[:2])
-    _refused("damping", adapter.set_params(damping=-1.0).fit, *case.domains[:2])
-    _refused("no dispersion", adapter.set_params(damping=None).fit, case.domains[0], np.array([np.eye(case.d)] * 3))
-    _same(adapter, case)
-
-
-def _input_bad_input_is_refused_by_name(case: Case) -> None:
-    good, d = case.domains[0], case.d
+def _check_bad_input(case: _Case) -> None:
+    """Errors name the argument and what is wrong with it; singular domains need regularization."""
+    good, d = case.teacher, case.d
     asymmetric, indefinite, singular, broken = (good.copy() for _ in range(4))
     asymmetric[2, 0, 1] += 0.5 * np.abs(good[2]).max()
     indefinite[1] = -good[1]
@@ -297,7 +240,7 @@ def _input_bad_input_is_refused_by_name(case: Case) -> None:
     for words, points in {**bad, f"hold {d}×{d}": np.array([np.eye(d + 1)] * 3)}.items():
         _refused(words, case.fitted.transform, points, start="points")
     _refused("exclude", case.make(damping=0.01, eigenvalue_floor=0.01).fit, good, good)
-    _refused("base_rotation", case.make(base_rotation=2.0 * np.eye(d)).fit, good, case.domains[1])
+    _refused("base_rotation", case.make(base_rotation=2.0 * np.eye(d)).fit, good, case.student)
     for remedy in REGULARIZATIONS[1:]:
         as_spd(case.make(**remedy).fit(singular, 2.0 * singular).transform(singular), "images")
 
@@ -307,9 +250,3 @@ def _refused(
 ) -> None:
     """Require an error of a kind whose message starts with the argument's name and then holds some words."""
     assert_raises_regex((kind, NotSPDError), f"(?s)^{start}.*{re.escape(words)}", use, *arguments)
-
-
-LAWS, INPUT_CHECKS = (
-    [use for name, use in list(globals().items()) if name.startswith(kind)] for kind in ("_law_", "_input_")
-)
-"""Properties for every size and regularization, and those that are checked once."""

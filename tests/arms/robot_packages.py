@@ -39,32 +39,30 @@ def model_of(mujoco, path):
 def farthest(mujoco, model, arm, count=4):
     """Largest difference of an arm's Jacobians and poses from MuJoCo's, both seen from the arm's base.
 
-    The other joints stand where the arm holds them, or at zero.
+    The other joints are where the arm locks them, or at zero. The end effector is a body or a site.
     """
-    data = mujoco.MjData(model)
-    body = mujoco.mjtObj.mjOBJ_BODY
-    tip, base = (mujoco.mj_name2id(model, body, name) if name else 0 for name in (arm.frame, arm.chain.base))
-    worst = 0.0
+    data, worst = mujoco.MjData(model), 0.0
+    is_site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, arm.frame) >= 0
+    tip = data.site(arm.frame) if is_site else data.body(arm.frame)
+    base = data.body(arm.chain.base or "world")
+    bodies = int(model.site_bodyid[tip.id]) if is_site else tip.id, base.id
+    columns = [model.joint(name).dofadr[0] for name in arm.joint_names]
     for q in arm.sample(count, random_state=0):
         data.qpos[:] = 0.0
         for name, value in [*arm.chain.locked.items(), *zip(arm.joint_names, q, strict=True)]:
             data.joint(name).qpos = value
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        jacobians = []
-        for one in (tip, base):
-            linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-            mujoco.mj_jac(model, data, linear, angular, data.xpos[tip], one)
-            jacobians.append(np.vstack([linear, angular]))
-        turn = data.xmat[base].reshape(3, 3).T
-        columns = [model.joint(name).dofadr[0] for name in arm.joint_names]
-        relative = (jacobians[0] - jacobians[1])[:, columns]
-        expected = np.vstack([turn @ relative[:3], turn @ relative[3:]])
+        jacobians = np.zeros((2, 6, model.nv))
+        for jacobian, body in zip(jacobians, bodies, strict=True):
+            mujoco.mj_jac(model, data, jacobian[:3], jacobian[3:], tip.xpos, body)
+        turn = base.xmat.reshape(3, 3).T
+        relative = (jacobians[0] - jacobians[1])[:, columns].reshape(2, 3, -1)
         pose = arm.forward(q)
         gaps = (
-            arm.jacobian(q) - expected,
-            pose[:3, 3] - turn @ (data.xpos[tip] - data.xpos[base]),
-            pose[:3, :3] - turn @ data.xmat[tip].reshape(3, 3),
+            arm.jacobian(q) - (turn @ relative).reshape(6, -1),
+            pose[:3, 3] - turn @ (tip.xpos - base.xpos),
+            pose[:3, :3] - turn @ tip.xmat.reshape(3, 3),
         )
         worst = max(worst, *(float(np.abs(gap).max()) for gap in gaps))
     return worst

@@ -1,111 +1,66 @@
-"""Configurations, kinematics and ellipsoids of single arms."""
+"""Configurations, kinematics, ellipsoids of single arms and of two arms as one, and their derivatives."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.testing import assert_allclose
 
-from maniport import arms
-from maniport.arms import EllipsoidSpec, load_arm
+from maniport.arms import EllipsoidSpec, load_arm, load_arms
 from maniport.arms.arm import Arm
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.manipulability import manipulability
 from maniport.errors import InvalidInputError, NotSPDError
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def panda():
     """The embedded robot."""
     return load_arm("panda")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"n": 0}, "n must be a whole number of at least 1; found 0"),
+def test_wrong_arguments_are_named(panda):
+    """Sampling arguments, and configurations for every method that takes them, are checked."""
+    for options, message in (
         ({"n": 2.5}, "n must be a whole number of at least 1; found 2.5"),
         ({"n": 4, "sequence": "halton"}, "unknown sequence 'halton'"),
         ({"n": 4, "random_state": "seed"}, "random_state .*found 'seed'"),
-    ],
-)
-def test_wrong_sampling_arguments_are_named(panda, arguments, message):
-    """Each wrong argument gets an error that says what is allowed."""
-    with pytest.raises(InvalidInputError, match=message):
-        panda.sample(**arguments)
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            panda.sample(**options)
+    with pytest.raises(InvalidInputError, match=r"unknown frame 'panda_hnd' on the arm 'panda'; .*first: 'panda_hand'"):
+        panda.point_positions(np.zeros(7), ["panda_hand", "panda_hnd"])
+    for method in (panda.forward, panda.jacobian, panda.manipulability, panda.skeleton, panda.require_within_limits):
+        for q, message in (
+            (np.zeros(6), r"q must have shape \(\.\.\., 7\).*'panda' \(panda_joint1, .*\); found shape \(6,\)"),
+            (0.0, r"q must have shape \(\.\.\., 7\).*found shape \(\)"),
+            ([[0, 0, np.nan, 0, 0, 0, 0]], r"q must be finite; found nan at index \(0, 2\)"),
+        ):
+            with pytest.raises(InvalidInputError, match=message):
+                method(q)
 
 
 @pytest.mark.parametrize(
-    ("q", "message"),
+    ("options", "message"),
     [
-        (np.zeros(6), r"q must have shape \(\.\.\., 7\).*'panda' \(panda_joint1, .*\); found shape \(6,\)"),
-        (0.0, r"q must have shape \(\.\.\., 7\).*found shape \(\)"),
-        ([[0, 0, np.nan, 0, 0, 0, 0]], r"q must be finite; found nan at index \(0, 2\)"),
-        ("home", "q must be an array of numbers; found str"),
+        ({"kind": "speed"}, "unknown kind 'speed'"),
+        ({"part": "linear"}, "unknown part 'linear'"),
+        ({"joint_weights": [1.0, 2.0]}, r"joint_weights must be 7 numbers above 0; found shape \(2,\)"),
+        ({"joint_weights": [1, 1, 0, 1, 1, 1, 1]}, "joint_weights must be .* numbers above 0; found 0 at index 2"),
+        ({"joint_weights": [[1.0]]}, r"joint_weights must be a sequence of numbers above 0; found shape \(1, 1\)"),
+        ({"joint_weights": "limits"}, "unknown joint_weights 'limits'"),
     ],
 )
-def test_wrong_configurations_are_refused(panda, q, message):
-    """Shape, nan and type of a configuration are checked by every method that takes one."""
-    methods = (panda.forward, panda.jacobian, panda.manipulability, panda.skeleton, panda.require_within_limits)
-    for method in methods:
-        with pytest.raises(InvalidInputError, match=message):
-            method(q)
+def test_wrong_options_of_ellipsoids_are_named(panda, options, message):
+    """A wrong option gets an error that says what was found and what is allowed."""
+    with pytest.raises(InvalidInputError, match=message):
+        panda.manipulability(panda.sample(2, random_state=0), **options)
 
 
-STEP = 1e-6
-
-
-@pytest.fixture(params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "planar", "restricted"])
-def arm(request: pytest.FixtureRequest) -> Arm:
-    """One arm of each kind."""
-    if request.param in ("urdf", "mjcf"):
-        return load_arm(request.getfixturevalue(request.param))
-    if request.param == "planar":
-        return request.getfixturevalue("planar")
-    if request.param == "restricted":
-        return load_arm("myoarm", frame="wrist", joints=["shoulder_elv", "elbow_flexion"])
-    return load_arm(request.param)
-
-
-def differences(function, q: np.ndarray) -> np.ndarray:
-    """Central differences of a function of q, the derivative's direction last."""
-    steps = STEP * np.eye(q.shape[-1])
-    return np.stack([(function(q + s) - function(q - s)) / (2 * STEP) for s in steps], axis=-1)
-
-
-def test_angular_jacobian_is_the_derivative_of_orientation(arm):
-    """The lower rows are the angular velocity: [ω]× = Ṙ Rᵀ in the axes of the base."""
-    q = arm.sample(8, random_state=1)
-    change = differences(lambda x: arm.forward(x)[..., :3, :3], q)
-    spin = np.einsum("nijk,nlj->nilk", change, arm.forward(q)[:, :3, :3])
-    omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-    np.testing.assert_allclose(arm.jacobian(q)[:, 3:], omega, atol=1e-8)
-
-
-def test_modified_dh_table_gives_the_panda():
-    """Craig's table of the Panda, as its maker publishes it, gives the embedded arm."""
-    half = np.pi / 2
-    rows = [
-        [0, 0.333, 0, 0], [0, 0, 0, -half], [0, 0.316, 0, half], [0, 0, 0.0825, half],
-        [0, 0.384, -0.0825, -half], [0, 0, 0, half], [0, 0, 0.088, half],
-    ]  # fmt: skip
-    panda = load_arm("panda", frame="panda_link7")
-    table = Arm.from_dh("table", rows, panda.lower, panda.upper, convention="modified")
-    q = panda.sample(10, random_state=0)
-    np.testing.assert_allclose(table.forward(q), panda.forward(q), atol=1e-14)
-
-
-def test_poses_and_jacobians_agree_with_pinocchio(arm):
-    """The compiled chain gives the poses and Jacobians of Pinocchio's model of the same chain."""
-    chain, model, parent = arm.chain, pin.Model(), 0
-    for joint in chain.joints:
-        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
-        parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
-    frame = chain.frames[chain.frame]
-    placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
-    index, data, q = model.addFrame(placed), model.createData(), arm.sample(16, random_state=3)
-    for row, positions in enumerate(q @ chain.coupling.T + chain.offset):
-        expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
-        np.testing.assert_allclose(arm.forward(q)[row], data.oMf[index].homogeneous, atol=1e-12)
-        np.testing.assert_allclose(arm.jacobian(q)[row], expected.reshape(6, -1) @ chain.coupling, atol=1e-12)
+def test_unknown_velocity_limits_are_named(urdf):
+    """Weights by velocity limits need them all: the joints without one are listed."""
+    for arm, joints in (("myoarm", "elv_angle, .*flexion"), (urdf, "turn, spin")):
+        with pytest.raises(InvalidInputError, match=f"has no velocity limits for {joints}; give"):
+            load_arm(arm).manipulability(np.zeros(load_arm(arm).dof), joint_weights="velocity-limits")
 
 
 def test_singular_force_ellipsoid_is_refused(planar):
@@ -119,43 +74,108 @@ def test_singular_force_ellipsoid_is_refused(planar):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"kind": "speed"}, "unknown kind 'speed'"),
-        ({"part": "linear"}, "unknown part 'linear'"),
-        ({"joint_weights": [1.0, 2.0]}, r"joint_weights must be 7 numbers above 0; found shape \(2,\)"),
-        ({"joint_weights": [1, 1, 0, 1, 1, 1, 1]}, "joint_weights must be .* numbers above 0; found 0 at index 2"),
-        ({"joint_weights": [[1.0]]}, r"joint_weights must be a sequence of numbers above 0; found shape \(1, 1\)"),
-        ({"joint_weights": "limits"}, "unknown joint_weights 'limits'"),
+        ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
+        ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
+        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower of .joint2. must be below upper"),
+        ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
+        ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
+        ({"base": 2 * np.eye(3)}, "base must be a rotation"),
+        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be one number or 2 numbers above 0; found 0"),
     ],
 )
-def test_wrong_options_are_named(arguments, message):
-    """A wrong option gets an error that says what was found and what is allowed."""
-    panda = load_arm("panda")
+def test_wrong_tables_are_refused(arguments, message):
+    """Each wrong argument of a Denavit-Hartenberg arm is named."""
     with pytest.raises(InvalidInputError, match=message):
-        panda.manipulability(panda.sample(2, random_state=0), **arguments)
+        Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
 
 
-def test_unknown_velocity_limits_are_named(urdf):
-    """Weights by velocity limits need them all: the joints without one are listed."""
-    with pytest.raises(InvalidInputError, match=r"'myoarm' has no velocity limits for elv_angle, .*flexion; give"):
-        load_arm("myoarm").manipulability(np.zeros(7), joint_weights="velocity-limits")
-    with pytest.raises(InvalidInputError, match="'crane' has no velocity limits for turn, spin; give"):
-        load_arm(urdf).manipulability(np.zeros(4), joint_weights="velocity-limits")
+def test_modified_dh_table_gives_the_panda():
+    """Craig's table of the Panda, as its maker publishes it, gives the embedded arm."""
+    half = np.pi / 2
+    rows = [
+        [0, 0.333, 0, 0], [0, 0, 0, -half], [0, 0.316, 0, half], [0, 0, 0.0825, half],
+        [0, 0.384, -0.0825, -half], [0, 0, 0, half], [0, 0, 0.088, half],
+    ]  # fmt: skip
+    flange = load_arm("panda", frame="panda_link7")
+    table = Arm.from_dh("table", rows, flange.lower, flange.upper, convention="modified")
+    q = flange.sample(10, random_state=0)
+    assert_allclose(table.forward(q), flange.forward(q), atol=1e-14)
 
 
-def sliding():
-    """An arm whose second joint slides."""
-    rows = [[0.1, 0.3, 0.2, 0.5], [0.4, 0.1, 0.3, -1.0], [0.2, 0.0, 0.4, 0.7]]
-    return arms.Arm.from_dh("sliding", rows, kinds=["revolute", "prismatic", "revolute"])
+def mixed() -> Arm:
+    """An arm of eight joints, three of them prismatic, so that all parts are regular."""
+    kinds = ["revolute", "prismatic", "revolute", "revolute", "prismatic", "revolute", "revolute", "prismatic"]
+    return Arm.from_dh("mixed", np.random.default_rng(0).uniform(-1, 1, (8, 4)), kinds=kinds)
 
 
-@pytest.mark.parametrize("arm", [arms.myoarm(), arms.rhuman(), sliding()], ids=lambda arm: arm.name)
-def test_points_agree_with_pinocchio(arm):
-    """Positions and derivatives are those that Pinocchio finds of the tips of arms that end there, to 1e-13."""
-    q = arm.sample(600, random_state=0)  # more than are worked on together
+@pytest.fixture(params=["panda", "myoarm", "rhuman", "urdf", "mjcf", "planar", "restricted", "mixed"])
+def arm(request: pytest.FixtureRequest) -> Arm:
+    """One arm of each kind."""
+    if request.param in ("urdf", "mjcf"):
+        return load_arm(request.getfixturevalue(request.param))
+    made = {
+        "planar": lambda: request.getfixturevalue("planar"),
+        "mixed": mixed,
+        "restricted": lambda: load_arm("myoarm", frame="wrist", joints=["shoulder_elv", "elbow_flexion"]),
+    }
+    return made.get(request.param, lambda: load_arm(request.param))()
+
+
+def test_kinematics_agrees_with_pinocchio(arm):
+    """Poses and Jacobians are those of Pinocchio's model of the same chain, points those of arms that end there."""
+    chain, model, parent = arm.chain, pin.Model(), 0
+    for joint in chain.joints:
+        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        parent = model.addJoint(parent, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+    frame = chain.frames[chain.frame]
+    placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
+    index, data, q = model.addFrame(placed), model.createData(), arm.sample(600, random_state=3)
+    poses, jacobians = arm.motion(q)
+    for row, positions in enumerate(q[:16] @ chain.coupling.T + chain.offset):
+        expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
+        assert_allclose(poses[row], data.oMf[index].homogeneous, atol=1e-12)
+        assert_allclose(jacobians[row], expected.reshape(6, -1) @ chain.coupling, atol=1e-12)
     values, slopes = arm.point_positions(q, arm.frames), arm.point_jacobians(q, arm.frames)
     for k, name in enumerate(arm.frames):
-        if arm.chain.frames[name].joint:
+        if np.any(chain.coupling[: chain.frames[name].joint]):
             part = arm.restricted(frame=name)
             own = [arm.joint_names.index(joint) for joint in part.joint_names]
-            np.testing.assert_allclose(values[:, k], part.forward(q[:, own])[:, :3, 3], atol=1e-13)
-            np.testing.assert_allclose(slopes[:, k][..., own], part.jacobian(q[:, own])[:, :3], atol=1e-13)
+            assert_allclose(values[:, k], part.forward(q[:, own])[:, :3, 3], atol=1e-13)
+            assert_allclose(slopes[:, k][..., own], part.jacobian(q[:, own])[:, :3], atol=1e-13)
+
+
+def test_angular_jacobian_is_the_derivative_of_orientation(arm):
+    """The lower rows are the angular velocity: [ω]× = Ṙ Rᵀ in the axes of the base."""
+    step, q = 1e-6, arm.sample(8, random_state=1)[:, None]
+    shifts = step * np.eye(arm.dof)
+    change = (arm.forward(q + shifts) - arm.forward(q - shifts))[..., :3, :3] / (2 * step)
+    spin = change @ np.swapaxes(arm.forward(q)[..., :3, :3], -1, -2)
+    omega = np.stack([spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]], axis=1)
+    assert_allclose(arm.jacobian(q)[:, 0, 3:], omega, atol=1e-8)
+
+
+@pytest.fixture(params=["panda", "myoarm", "rhuman", "mixed", "relative", "absolute", "crane relative"])
+def manipulable(request, crane):
+    """An arm with plain, coupled, many or prismatic joints, or two arms as one with or without shared joints."""
+    if request.param == "crane relative":
+        return crane.relative
+    if request.param in ("relative", "absolute"):
+        return getattr(load_arms("panda", bases=((0, 0.3, 0), (0.1, -0.3, 0, 0.4))), request.param)
+    return mixed() if request.param == "mixed" else load_arm(request.param)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "force"])
+@pytest.mark.parametrize("part", ["translation", "rotation", "full"])
+def test_derivatives_of_ellipsoids_are_finite_differences(manipulable, kind, part):
+    """Every entry agrees with central differences of fourth order, weighted or not."""
+    q, step = manipulable.sample(128 if kind == "force" else 20, random_state=1), 1e-5
+    shifts = step * np.eye(manipulable.dof)
+    for weights in (None, np.linspace(0.5, 2, manipulable.dof)):
+        spec = EllipsoidSpec(kind, part, weights)
+        if kind == "force":
+            q = q[np.linalg.cond(manipulable.ellipsoids(q, spec.velocity)) < 100]
+        assert len(q) > 5 or part == "full"
+        m = {n: manipulable.ellipsoids(q[:, None] + n * shifts, spec) for n in (-20, -10, 10, 20)}
+        expected = (8 * (m[10] - m[-10]) - (m[20] - m[-20])) / (120 * step)
+        scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True) if kind == "force" else 1.0
+        assert_allclose(manipulable.manipulability_jacobian(q, spec) / scale, expected / scale, rtol=0, atol=1e-7)

@@ -1,14 +1,17 @@
-"""Groups of arms: robots side by side, limbs of one robot."""
+"""Groups of arms: robots side by side, limbs of one robot, relative and absolute ellipsoids of two arms."""
 
 import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from robot_packages import farthest, model_of
 
 import maniport as mp
-from maniport.arms.chain import Frame, Joint, pose
+from maniport.arms.chain import Frame, pose
+from maniport.arms.loaders.packages import PACKAGES
 from maniport.errors import InvalidInputError
+from real_robots import HERE, MISSING
 
 BASES = ((0.0, 0.3, 0.0), (0.1, -0.3, 0.2, 0.5))
 
@@ -20,35 +23,11 @@ def pandas():
 
 
 @pytest.fixture(scope="module")
-def crane():
-    """Two arms with four joints each on a trunk that turns and rises."""
-    return mp.arms.ArmGroup(limb("left"), limb("right"), names=("left", "right"))
-
-
-@pytest.fixture(scope="module")
-def three():
-    """Three Pandas on different bases."""
-    return mp.load_arms("panda", bases=[(0.0, 0.8 * i, 0.0, 0.7 * i) for i in range(3)])
-
-
-def limb(side, **changes):
-    """One arm of the crane."""
-    sign = 1.0 if side == "left" else -1.0
-    turn, up, across = np.eye(3)[2], np.eye(3)[2], np.eye(3)[1]
-    joints = [
-        Joint("turn", "revolute", turn, pose((0, 0, 0.2))),
-        Joint("rise", "prismatic", up, pose((0, 0, 0.3))),
-        Joint(f"{side}_1", "revolute", turn, pose((0.1, sign * 0.2, 0.1))),
-        Joint(f"{side}_2", "revolute", across, pose((0, sign * 0.1, 0))),
-        Joint(f"{side}_3", "revolute", turn, pose((0.3, 0, 0))),
-        Joint(f"{side}_4", "revolute", across, pose((0.25, 0, 0.05))),
-    ]
-    coordinates = tuple(joint.name for joint in joints)
-    frames = {"base": Frame(0, np.eye(4)), "trunk": Frame(2, np.eye(4)), f"{side}_tip": Frame(6, pose((0.2, 0, 0)))}
-    chain = mp.Arm.from_dh("crane", np.zeros((6, 4)), -1.5, 1.5).chain
-    return mp.Arm(replace(
-        chain, joints=tuple(joints), frames=frames, frame=f"{side}_tip", coordinates=coordinates, **changes
-    ))  # fmt: skip
+def talos():
+    """A humanoid whose torso moves both arms, with two joints."""
+    if not HERE:
+        pytest.skip(MISSING)
+    return mp.load_arms("talos")
 
 
 def test_a_shared_joint_counts_once_and_moves_both(crane):
@@ -60,8 +39,9 @@ def test_a_shared_joint_counts_once_and_moves_both(crane):
     np.testing.assert_array_equal(moved[1], [True] * 2 + [False] * 4 + [True] * 4)
 
 
-def test_three_arms_have_their_own_joints_frames_and_collisions(three):
+def test_three_arms_have_their_own_joints_frames_and_collisions():
     """Names are prefixed, results have an axis of arms, and hulls of different arms are checked with one another."""
+    three = mp.load_arms("panda", bases=[(0.0, 0.8 * i, 0.0, 0.7 * i) for i in range(3)])
     assert (len(three), three.dof, three.names, three.shared) == (3, 21, ("arm1", "arm2", "arm3"), ())
     assert three.joint_names[7] == "arm2_panda_joint1"
     q = three.sample(8, 0)
@@ -93,9 +73,8 @@ def test_three_arms_share_a_trunk_and_two_of_them_a_joint_more(crane):
     assert (group.dof, group.shared) == (13, ("turn", "rise", "right_1"))
     np.testing.assert_array_equal(group.common, [[6, 2, 2], [2, 6, 3], [2, 3, 6]])
     q = group.sample(4, 0)
-    tree = group.kinematics
-    rotations, origins = tree.link_poses(tree.positions(q))
-    for arm, part, links in zip(group.arms, group.split(q), tree.links, strict=True):
+    rotations, origins = group.kinematics.link_poses(q)
+    for arm, part, links in zip(group.arms, group.split(q), group.kinematics.links, strict=True):
         expected = arm.link_poses(part)
         np.testing.assert_allclose(rotations[:, links], expected[..., :3, :3], atol=1e-12)
         np.testing.assert_allclose(origins[:, links], expected[..., :3, 3], atol=1e-12)
@@ -147,3 +126,39 @@ def test_single_joints_of_a_pair_are_held():
     arms = mp.load_arms("panda", bases=BASES, lock={"panda_joint1": 0.1, "right_panda_joint3": 0.2})
     assert arms.arms[0].chain.locked == {"panda_joint1": 0.1}
     assert arms.arms[1].chain.locked == {"panda_joint1": 0.1, "panda_joint3": 0.2}
+
+
+def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
+    """M_r = M_left + M_right and M_a = (M_left + M_right) / 4 to 1e-12; those of force are their inverses."""
+    q = pandas.sample(64, 0)
+    for part in ("translation", "rotation", "full"):
+        together = pandas.manipulability(q, part=part).sum(axis=1)
+        np.testing.assert_allclose(pandas.relative.manipulability(q, part=part), together, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(pandas.absolute.manipulability(q, part=part), together / 4, rtol=0, atol=1e-12)
+    force = pandas.absolute.manipulability(q, "force")
+    np.testing.assert_allclose(force @ pandas.absolute.manipulability(q), np.tile(np.eye(3), (64, 1, 1)), atol=1e-9)
+
+
+def test_shared_joints_count_once(talos):
+    """With the blocks of J = [T A 0; T' 0 B] of a torso and two arms, M is theirs and not the sum of both arms'."""
+    q = talos.sample(32, 1)
+    jacobian, count = talos.jacobian(q)[..., :3, :], len(talos.shared)
+    own = [jacobian[:, i][..., np.setdiff1d(columns, range(count))] for i, columns in enumerate(talos.columns)]
+    arms = sum(block @ np.swapaxes(block, -1, -2) for block in own)
+    for kind, factors in (("relative", (-1.0, 1.0)), ("absolute", (0.5, 0.5))):
+        torso = factors[0] * jacobian[:, 0, :, :count] + factors[1] * jacobian[:, 1, :, :count]
+        expected = torso @ np.swapaxes(torso, -1, -2) + arms * factors[1] ** 2
+        np.testing.assert_allclose(getattr(talos, kind).manipulability(q), expected, rtol=0, atol=1e-12)
+    twice = talos.manipulability(q).sum(axis=1)
+    assert np.linalg.norm(talos.relative.manipulability(q) - twice, axis=(1, 2)).min() > 0.01
+
+
+def test_jacobians_of_a_humanoid_are_those_of_mujoco(talos):
+    """Both hands of Talos agree with MuJoCo to 1e-9; relative and absolute Jacobians are their combinations."""
+    mujoco = pytest.importorskip("mujoco")
+    model = model_of(mujoco, PACKAGES["example-robot-data"].found()["talos_reduced"])
+    assert max(farthest(mujoco, model, arm) for arm in talos.arms) < 1e-9
+    q = talos.sample(4, 0)
+    left, right = np.moveaxis(talos.jacobian(q), 1, 0)
+    np.testing.assert_allclose(talos.relative.jacobian(q), right - left, atol=1e-12)
+    np.testing.assert_allclose(talos.absolute.jacobian(q), (left + right) / 2, atol=1e-12)

@@ -8,10 +8,9 @@ import pytest
 from drawn_arms import write_digger
 from scipy.spatial import ConvexHull
 
-from maniport.arms import load_arm
+from maniport.arms import as_group, load_arm, load_arms
 from maniport.arms.collisions import Collisions, free_configurations
 from maniport.motion.trajectory import Clearance
-from maniport.report.motion import collision_value
 from maniport.report.robot import collision_warnings
 from maniport.report.values import WARNING
 
@@ -29,16 +28,9 @@ def _slide(name: str, parent: str, child: str, axis: str) -> str:
     )
 
 
-GANTRY = (
-    '<robot name="gantry">'
-    + _link("base", CUBE)
-    + '<link name="beam"/><link name="trolley"/>'
-    + _link("load", CUBE)
-    + _slide("x", "base", "beam", "1 0 0")
-    + _slide("y", "beam", "trolley", "0 1 0")
-    + _slide("z", "trolley", "load", "0 0 1")
-    + "</robot>"
-)
+GANTRY = f"""<robot name="gantry">{_link("base", CUBE)}<link name="beam"/><link name="trolley"/>{_link("load", CUBE)}
+  {_slide("x", "base", "beam", "1 0 0")}{_slide("y", "beam", "trolley", "0 1 0")}
+  {_slide("z", "trolley", "load", "0 0 1")}</robot>"""
 """A cube that three slides move past another cube of the same size, so that distances are known."""
 
 
@@ -57,16 +49,13 @@ def gantry(tmp_path):
     return load_arm(path)
 
 
-@pytest.fixture(scope="module")
-def panda():
-    """The Panda with its hand."""
-    return load_arm("panda", frame="panda_hand_tcp")
-
-
-@pytest.fixture(scope="module")
-def collisions(panda):
-    """The Panda with its hand, over a table and before a box."""
-    return Collisions.of(panda, table=0.0, obstacles=[[0.5, 0.1, 0.3, 0.2, 0.3, 0.2, 0.4]])
+@pytest.fixture(scope="module", params=["panda", "crane", "pandas"])
+def checked(request, crane):
+    """The Panda with its hand over a table and before a box, two arms on one trunk, or two robots."""
+    if request.param == "panda":
+        return Collisions.of(load_arm("panda"), table=0.0, obstacles=[[0.5, 0.1, 0.3, 0.2, 0.3, 0.2, 0.4]])
+    pandas = {"frames": ("panda_link8", "panda_link8"), "bases": ((0, 0.25, 0), (0.1, -0.25, 0, 0.4))}
+    return Collisions.of(crane if request.param == "crane" else load_arms("panda", **pandas))
 
 
 def test_distances_of_cubes_are_those_of_geometry(gantry):
@@ -97,9 +86,10 @@ def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
     np.testing.assert_allclose(slope[:, 0], 4.0, atol=1e-4)
 
 
-def test_distances_agree_with_mujoco(panda, collisions):
-    """MuJoCo measures the same distances between the same hulls, and the same depths."""
-    hulls = collisions._solids.hulls
+def test_distances_agree_with_mujoco(checked):
+    """MuJoCo measures the same distances between the same hulls where the links of the single arms are."""
+    group, solids = as_group(checked.arm), checked._solids
+    hulls = solids.hulls
     meshes = "".join(
         f'<mesh name="m{i}" vertex="{" ".join(map(str, h.corners.ravel()))}"/>' for i, h in enumerate(hulls)
     )
@@ -108,59 +98,76 @@ def test_distances_agree_with_mujoco(panda, collisions):
     )
     model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{meshes}</asset><worldbody>{bodies}</worldbody></mujoco>")
     data = mujoco.MjData(model)
-    pairs = collisions._pairs[collisions._pairs[:, 1] >= 0]
-    within = 0
-    for q in panda.sample(16, 3):
-        asked = np.ones((1, len(pairs)), dtype=bool)
-        ours = collisions._solids.distances(q[None], pairs, asked)[0] + collisions._solids._skins[pairs].sum(axis=1)
+    pairs = checked._pairs[checked._pairs[:, 1] >= 0]
+    depths = []
+    for q in checked.arm.sample(16, 3):
+        poses = {}  # of the links of the tree
+        for arm, part, links in zip(group.arms, group.split(q), group.kinematics.links, strict=True):
+            poses |= dict(zip(links, arm.link_poses(part), strict=True))
         for i, hull in enumerate(hulls):
-            pose = panda.link_poses(q)[hull.joint]
-            data.mocap_pos[i] = pose[:3, 3]
-            mujoco.mju_mat2Quat(data.mocap_quat[i], pose[:3, :3].ravel())
+            data.mocap_pos[i] = poses[hull.joint][:3, 3]
+            mujoco.mju_mat2Quat(data.mocap_quat[i], poses[hull.joint][:3, :3].ravel())
         mujoco.mj_kinematics(model, data)
-        for (a, b), distance in zip(pairs.tolist(), ours, strict=True):
-            theirs = mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6))
-            assert theirs == pytest.approx(distance, abs=2e-6)
-            within += distance < 0
-    assert within > 3
+        ours = solids.distances(q[None], pairs, np.ones((1, len(pairs)), dtype=bool))[0]
+        theirs = [mujoco.mj_geomDistance(model, data, a, b, 10.0, np.zeros(6)) for a, b in pairs.tolist()]
+        np.testing.assert_allclose(theirs, ours + solids._skins[pairs].sum(axis=1), atol=2e-6)
+        depths += [-distance for distance in theirs if distance < 0]
+    assert len(depths) > 3
 
 
-def test_slopes_are_derivatives_of_the_distances(panda, collisions):
+def test_slopes_are_derivatives_of_the_distances(checked):
     """Central differences of each pair's distance, apart or in one another, are its slope."""
-    q, step, solids, pairs = panda.sample(200, 4), 1e-5, collisions._solids, collisions._pairs
+    q, step, solids, pairs = checked.arm.sample(200, 4), 1e-5, checked._solids, checked._pairs
     near = solids.maybe_near(q, pairs, 0.05)
     distance, normals, points = solids.distances(q, pairs, near)
     slope = solids.slopes(q, pairs, near, normals, points)
     numeric = np.empty_like(slope)
-    for k, way in enumerate(step * np.eye(panda.dof)):
-        ahead, behind = (solids.distances(q + sign * way, pairs, near)[0] for sign in (1, -1))
+    for k, shift in enumerate(step * np.eye(checked.arm.dof)):
+        ahead, behind = (solids.distances(q + sign * shift, pairs, near)[0] for sign in (1, -1))
         numeric[:, k] = (ahead - behind) / (2 * step)
     errors = np.abs(slope - numeric).max(axis=1)
-    assert len(errors) > 200
-    assert np.quantile(errors, 0.98) < 1e-6  # where the nearest corner changes there is no derivative
-    rows, kept, slopes = collisions.gradient(q, 0.05)
+    assert len(errors) > 100
+    # where the nearest corner changes there is no derivative; faces of boxes are often parallel
+    assert np.quantile(errors, 0.9 if checked.arm.name == "crane" else 0.98) < 1e-6
+    rows, kept, slopes = checked.gradient(q, 0.05)
     inside = distance < 0.05
     np.testing.assert_array_equal(rows, np.nonzero(near)[0][inside])
     np.testing.assert_array_equal(kept, distance[inside])
     np.testing.assert_array_equal(slopes, slope[inside])
 
 
-def test_the_fast_test_frees_no_posture_that_collides(panda, collisions):
+def test_the_fast_test_frees_no_configuration_that_collides(checked):
     """Whatever the compiled test takes for apart is apart by the exact distance, whatever the margin."""
-    q, pairs, solids = panda.sample(500, 5), collisions._pairs, collisions._solids
+    q, pairs, solids = checked.arm.sample(300, 5), checked._pairs, checked._solids
     exact = solids.distances(q, pairs, np.ones((len(q), len(pairs)), dtype=bool))[0].reshape(len(q), -1)
     for margin in (0.0, 0.03):
         near = solids.maybe_near(q, pairs, margin)
         assert np.all(exact[~near] > margin)
         assert np.mean(near & (exact > margin + 1e-3)) < 0.01
-    np.testing.assert_array_equal(collisions.collides(q), (exact <= 0).any(axis=1))
-    np.testing.assert_array_equal(collisions.clearance(q), exact.min(axis=1))
+    np.testing.assert_array_equal(checked.collides(q), (exact <= 0).any(axis=1))
+    np.testing.assert_array_equal(checked.clearance(q), exact.min(axis=1))
 
 
-def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
+@pytest.mark.parametrize("checked", ["crane", "pandas"], indirect=True)
+def test_a_group_has_the_pairs_of_its_arms_and_those_between(checked):
+    """Each arm's distances are those of the arm alone; less lies between the arms; shared links come once."""
+    q = checked.arm.sample(256, 3)
+    alone = np.min([own.clearance(x) for own, x in zip(checked.of_arms, checked.arm.split(q), strict=True)], axis=0)
+    nearest = checked.nearest(q)
+    assert np.all(nearest.distance <= alone + 1e-9)
+    between = nearest.distance < alone - 1e-9
+    assert 0.01 < between.mean() < 0.9
+    sides = np.char.startswith(nearest.first, "left") != np.char.startswith(nearest.second, "left")
+    assert np.all(sides[between])
+    assert len(set(checked.pairs)) == len(checked.pairs)
+    assert ("trunk", "right_link3") in checked.pairs or checked.arm.shared == ()
+
+
+def test_hulls_hold_all_that_is_drawn_and_the_tip():
     """Every corner of a link lies within the skin of one of its hulls; the hand's reaches to the tip."""
+    panda = load_arm("panda")
     meshes = dict(panda.geometry.shapes)
-    hulls = [hull for hull in collisions._solids.hulls if hull.name in meshes]
+    hulls = [hull for hull in Collisions.of(panda)._solids.hulls if hull.name in meshes]
     assert {hull.name for hull in hulls} == set(meshes) == {*(f"panda_link{i}" for i in range(8)), "panda_hand"}
     meshes["panda_hand"] = np.array([[*panda.chain.frames["panda_hand_tcp"].placement[:3, 3]]]), None
     for link, (points, _) in meshes.items():
@@ -173,9 +180,9 @@ def test_hulls_hold_all_that_is_drawn_and_the_tip(panda, collisions):
         assert np.min(outside, axis=0).max() < 1e-6
 
 
-def test_pairs_are_those_that_no_joint_joins(panda):
+def test_pairs_are_those_that_no_joint_joins():
     """Every pair of links but neighbors is checked or never meets, and so are the fingers where there is a hand."""
-    flange, hand = Collisions.of(load_arm("panda", frame="panda_link8")), Collisions.of(panda)
+    flange, hand = (Collisions.of(load_arm("panda", frame=frame)) for frame in ("panda_link8", "panda_hand_tcp"))
     links = [f"panda_link{i}" for i in range(8)]
     apart = {(a, b) for i, a in enumerate(links) for b in links[i + 2 :]}
     assert {*flange.pairs, *flange.never} == apart
@@ -221,4 +228,4 @@ def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry)
     (warned,) = collision_warnings(clearance, collisions.unchecked)
     assert warned.severity == WARNING
     assert warned.key == "missing-meshes"
-    assert "250 mm" in collision_value(clearance, 1.0)[0]
+    assert clearance.distance == pytest.approx(0.25, abs=1e-3)

@@ -73,31 +73,27 @@ def test_fingers_are_left_out(write):
 
 def test_two_arms_are_ambiguous(write):
     """A robot with two arms gets an error with the candidates, the hands and not the fingers."""
-    arm = (
-        "{s}1:base>{s}one",
-        "{s}2:{s}one>{s}two",
-        "{s}w:{s}two>{s}hand:fixed",
-        "{s}f:{s}hand>{s}f1",
-        "{s}g:{s}hand>{s}f2",
-    )
+    arm = ["{s}1:base>{s}one", "{s}2:{s}one>{s}two", "{s}w:{s}two>{s}hand:fixed", "{s}f:{s}hand>{s}f1"]
+    arm.append("{s}g:{s}hand>{s}f2")
     path = write(tree(*(joint.format(s=s) for s in ("left_", "right_") for joint in arm)))
     with pytest.raises(InvalidInputError, match=r"several frames.*2 movable.*frame=.*'left_hand', 'right_hand'$"):
         load_arm(path)
     assert load_arm(path, frame="right_hand").joint_names == ("right_1", "right_2")
 
 
-def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
+def test_catalog_robots_are_loaded_by_name(monkeypatch, urdf):
     """A name from robot_descriptions is looked up in that package when it is installed."""
     package = urdf.parent / "robot_descriptions"
     package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "_descriptions.py").write_text("DESCRIPTIONS = {'crane_description': 0, 'ladder_description': 0}\n")
-    (package / "crane_description.py").write_text(f"URDF_PATH = {str(urdf)!r}\n")
-    (package / "offline_description.py").write_text("raise OSError('no network')\n")
+    for name, text in {
+        "__init__": "",
+        "_descriptions": "DESCRIPTIONS = {'crane_description': 0, 'ladder_description': 0}",
+        "crane_description": f"URDF_PATH = {str(urdf)!r}",
+        "offline_description": "raise OSError('no network')",
+    }.items():
+        (package / f"{name}.py").write_text(f"{text}\n")
     monkeypatch.syspath_prepend(str(urdf.parent))
-    for name in [name for name in sys.modules if name.split(".")[0] == "robot_descriptions"]:
-        monkeypatch.delitem(sys.modules, name)  # the real package, where it is installed and was used before
-    before = set(sys.modules)
+    before = {name: sys.modules.pop(name) for name in list(sys.modules) if name.startswith("robot_descriptions")}
     try:
         assert load_arm("crane_description", frame="boom").joint_names == ("turn", "raise")
         with pytest.raises(UnknownNameError, match=r"'cran_description' .*first: 'crane_description', "):
@@ -105,9 +101,9 @@ def test_catalogue_robots_are_loaded_by_name(monkeypatch, urdf):
         with pytest.raises(UnknownNameError, match=r"'offline_description' could not be fetched.*no network"):
             load_arm("offline_description")
     finally:
-        for name in set(sys.modules) - before:
-            if name.startswith("robot_descriptions"):
-                del sys.modules[name]
+        for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+            del sys.modules[name]
+        sys.modules.update(before)
 
 
 SEGMENTS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="segment" params="n parent length">
@@ -142,35 +138,37 @@ JOINT = '<joint name="j" type="{type}"><parent link="a"/><child link="b"/>{more}
 ROBOT = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 
 
-def test_unknown_robot_lists_the_nearest_first():
-    """A misspelt robot is answered with the robots there are."""
-    with pytest.raises(UnknownNameError, match=r"unknown robot 'pnada'.*nearest first: 'panda', "):
-        load_arm("pnada")
-    with pytest.raises(UnknownNameError, match="nearest first: 'myoarm', "):
-        load_arm("myo_arm")
-
-
-def test_unknown_frame_lists_the_nearest_first(urdf):
-    """A misspelt frame is answered with the frames there are, for embedded arms and files."""
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"):
-        load_arm("panda", frame="panda_hnd")
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"):
-        load_arm(urdf, frame="hok")
-    with pytest.raises(UnknownNameError, match=r"unknown frame 'ellbow' on the arm 'myoarm'; .*first: 'elbow'"):
-        load_arm("myoarm").point_positions(np.zeros(7), ["shoulder", "ellbow"])
-
-
-def test_joints_that_cannot_be_used_are_named(urdf):
-    """Joints beyond the tip, joints that follow others, repeated names and bare strings are refused."""
-    with pytest.raises(InvalidInputError, match="'panda_joint7' does not move the frame 'panda_link3'"):
-        load_arm("panda", frame="panda_link3", joints=["panda_joint1", "panda_joint7"])
-    with pytest.raises(InvalidInputError, match=r"'level' in .* cannot move by itself, it follows 'raise'"):
-        load_arm(urdf, joints=["level"])
-    with pytest.raises(InvalidInputError, match="joints must name each once; found more than once: panda_joint1"):
-        load_arm("panda", joints=["panda_joint1", "panda_joint1"])
-    for wrong in ("panda_joint1", [], 5):
-        with pytest.raises(InvalidInputError, match="joints must be a sequence of names"):
-            load_arm("panda", joints=wrong)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"name_or_path": "pnada"}, r"unknown robot 'pnada'.*nearest first: 'panda', "),
+        ({"name_or_path": "myo_arm"}, "nearest first: 'myoarm', "),
+        ({"frame": "panda_hnd"}, r"unknown frame 'panda_hnd' .*'panda'; .*first: 'panda_hand'"),
+        ({"name_or_path": "crane", "frame": "hok"}, r"unknown frame 'hok' in '.*crane\.urdf'; .*first: 'hook'"),
+        ({"name_or_path": "crane", "joints": ["level"]}, "'level' in .* cannot move by itself, it follows 'raise'"),
+        ({"frame": "panda_link3", "joints": ["panda_joint7"]}, "'panda_joint7' does not move the frame 'panda_link3'"),
+        ({"joints": ["panda_joint1"] * 2}, "joints must name each once; found more than once: panda_joint1"),
+        ({"joints": "panda_joint1"}, "joints must be a sequence of names"),
+        ({"joints": []}, "joints must be a sequence of names"),
+        ({"joints": 5}, "joints must be a sequence of names"),
+        ({"lock": {"panda_joint4": 0.5}}, r"lock: 'panda_joint4' \[rad\] must be a number in \[-3.0718, -0.0698\]"),
+        ({"lock": {"panda_joint9": 0.5}}, "unknown joint 'panda_joint9' .*'panda_joint1'"),
+        ({"lock": {"panda_joint5": 0}, "frame": "panda_link3"}, "lock: 'panda_joint5' does not move the fr"),
+        ({"lock": {"panda_joint1": 0}, "frame": "panda_link1"}, "no movable joint .* lock contains all"),
+        ({"lock": ["panda_joint4"]}, "lock must map names of joints to positions, such as .*; found"),
+        ({"lock": {"panda_joint4": -1}, "joints": ["panda_joint4"]}, "in joints or in lock, not in both; found"),
+        ({"lock": {"panda_joint1": 0}, "base": "panda_link2"}, "does not move the frame .* seen from 'panda_link2'"),
+        ({"base": "panda_hand"}, "no movable joint lies between the base and the frame"),
+        ({"base": "panda_hand", "frame": "panda_link2"}, "unknown base 'panda_hand'"),
+    ],
+)
+def test_wrong_arguments_are_named(urdf, options, message):
+    """Names that do not exist get the nearest ones; frames, bases and joints that do not fit get one sentence."""
+    options = {"name_or_path": "panda"} | options
+    if options["name_or_path"] == "crane":
+        options["name_or_path"] = urdf
+    with pytest.raises(InvalidInputError, match=message):
+        load_arm(**options)
 
 
 def jointed(kind, more=""):
@@ -225,39 +223,19 @@ def test_implausible_segment_lengths_are_refused(build, length):
         build(forearm=length)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"rows": [[0, 0, 1]]}, r"rows must have shape \(n, 4\).*found shape \(1, 3\)"),
-        ({"lower": [0, 0, 0]}, r"lower must be one number or 2 numbers; found shape \(3,\)"),
-        ({"lower": 1.0, "upper": [2.0, 0.5]}, "lower of .joint2. must be below upper"),
-        ({"joint_names": ["a", "a"]}, "joint_names must name each once"),
-        ({"kinds": ["revolute", "ball"]}, r"unknown kinds\[1\] 'ball'"),
-        ({"base": 2 * np.eye(3)}, "base must be a rotation"),
-        ({"velocity_limits": [1.0, 0.0]}, "velocity_limits must be one number or 2 numbers above 0; found 0"),
-    ],
-)
-def test_wrong_tables_are_refused(arguments, message):
-    """Each wrong argument of a Denavit-Hartenberg arm is named."""
-    with pytest.raises(InvalidInputError, match=message):
-        Arm.from_dh("planar", **{"rows": [[0, 0, 1, 0], [0, 0, 1, 0]]} | arguments)
-
-
-@pytest.mark.parametrize("suffix", ["urdf", "xml"])
 @pytest.mark.parametrize(("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")])
-def test_an_axis_of_no_length_and_a_place_out_of_the_world_are_refused(tmp_path, suffix, axis, place):
+def test_axes_of_no_length_and_places_out_of_the_world_are_refused(tmp_path, axis, place):
     """They would make nan of every ellipsoid, or infinities."""
-    more = f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
-    file = tmp_path / f"robot.{suffix}"
-    urdf = ROBOT.format(JOINT.format(type="revolute", more=more))
-    file.write_text(
-        urdf if suffix == "urdf" else f'<mujoco><worldbody><body name="a">{body}</body></worldbody></mujoco>'
-    )
-    with pytest.raises(
-        ValueError, match=r"joint 'j' must (have an axis of finite length|be placed by)|<body> needs pos"
-    ):
-        load_arm(file, frame="b")
+    texts = {
+        "r.urdf": jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'),
+        "r.xml": world(f'<body name="a">{body}</body>'),
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+        message = r"joint 'j' must (have an axis of finite length|be placed by)|<body> needs pos"
+        with pytest.raises(ValueError, match=message):
+            load_arm(tmp_path / name, frame="b")
 
 
 def read_reach(path, frame, joints):

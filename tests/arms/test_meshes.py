@@ -13,34 +13,17 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from fuzz.mesh_examples import CORNERS, GOOD, OBJ, PLY, POINT_LINES, SHOWN, dae, gltf, stl
-from maniport.arms import Arm, load_arm
+from maniport.arms import Arm, Surface, load_arm
 from maniport.arms.meshes import box, capsule, cylinder, ellipsoid, reduced
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.arms.restriction import mirrored
 from maniport.cli import app
 from maniport.errors import FileFormatError
 
-
-def signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume within a closed surface; positive when its triangles are counter-clockwise from outside."""
-    a, b, c = (points[column] for column in triangles.T)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-
-
-def ripples(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """A wavy square metre with 2 n² triangles."""
-    x, y = (axis.reshape(-1) for axis in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1)))
-    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).reshape(-1)
-    lower = np.stack([corner, corner + 1, corner + n + 2], axis=1)
-    upper = np.stack([corner, corner + n + 2, corner + n + 1], axis=1)
-    points = np.stack([x, y, 0.02 * np.sin(7 * x) * np.cos(5 * y)], axis=1)
-    return points, np.concatenate([lower, upper]).astype(np.int32)
-
-
 SOLIDS = {
-    "box": (box((0.1, 0.2, 0.3)), 0.006, (0.1, 0.2, 0.3)),
-    "ball": (ellipsoid((0.1, 0.1, 0.1)), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
-    "ellipsoid": (ellipsoid((0.1, 0.2, 0.3)), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
+    "box": (box(0.1, 0.2, 0.3), 0.006, (0.1, 0.2, 0.3)),
+    "ball": (ellipsoid(0.1, 0.1, 0.1), 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.2)),
+    "ellipsoid": (ellipsoid(0.1, 0.2, 0.3), 4 / 3 * np.pi * 6e-3, (0.2, 0.4, 0.6)),
     "cylinder": (cylinder(0.1, 0.3), np.pi * 3e-3, (0.2, 0.2, 0.3)),
     "capsule": (capsule(0.1, 0.3), np.pi * 3e-3 + 4 / 3 * np.pi * 1e-3, (0.2, 0.2, 0.5)),
 }
@@ -55,14 +38,17 @@ def test_solids_are_closed_and_have_their_size(name):
     assert all((b, a) in edges for a, b in edges)
     np.testing.assert_allclose(np.ptp(points, axis=0), size, atol=1e-12)
     np.testing.assert_allclose(points.max(axis=0), -points.min(axis=0), atol=1e-12)
-    assert 0.975 * exact < signed_volume(points, triangles) < (1 + 1e-9) * exact
+    assert 0.975 * exact < volume(Surface(0, points, triangles)) < (1 + 1e-9) * exact
 
 
 @given(most=st.integers(1, 400), noise=st.floats(0, 0.02), seed=st.integers(0, 99))
 def test_reducing_keeps_to_the_number_and_the_box(most, noise, seed):
     """Never more triangles than allowed, no point beyond the box around the mesh or not finite, no unused point."""
-    points, triangles = ripples(15)
-    points = points + noise * np.random.default_rng(seed).normal(size=points.shape)
+    x, y = (axis.reshape(-1) for axis in np.meshgrid(*(np.linspace(0, 1, 16),) * 2))
+    points = np.stack([x, y, 0.02 * np.sin(7 * x) * np.cos(5 * y)], axis=1)
+    points += noise * np.random.default_rng(seed).normal(size=points.shape)
+    corner = (np.arange(15)[:, None] * 16 + np.arange(15)).reshape(-1, 1)
+    triangles = np.concatenate([np.add(corner, row) for row in ((0, 1, 17), (0, 17, 16))]).astype(np.int32)
     new_points, new_triangles = reduced((points, triangles), most)
     assert len(new_triangles) <= most
     assert np.all(np.isfinite(new_points))
@@ -156,21 +142,13 @@ def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
         assert len(allowed.surfaces()) == 1
 
 
-def test_folders_are_allowed_on_the_command_line(tmp_path, monkeypatch):
+def test_folders_are_allowed_on_the_command_line(tmp_path):
     """``--mesh-folders`` allows folders as the argument does."""
-    (tmp_path / "a" / "b" / "c").mkdir(parents=True)
     (tmp_path / "secret.stl").write_bytes(stl())
-    folder = tmp_path / "a" / "b" / "c"
-    arm = one_link(folder, '<mesh filename="../../../secret.stl"/>')
+    arm = one_link(tmp_path / "a" / "b" / "c", '<mesh filename="../../../secret.stl"/>')
     words = ["info", arm.chain.source, "--mesh-folders"]
     assert CliRunner().invoke(app, [*words, str(tmp_path), "--json"]).exit_code == 0
     assert CliRunner().invoke(app, [*words, str(tmp_path / "gone")]).exit_code != 0
-
-
-@pytest.fixture
-def digger(tmp_path) -> Path:
-    """The file of the digger."""
-    return write_digger(tmp_path)
 
 
 NAMES = {
@@ -214,8 +192,9 @@ def test_missing_meshes_are_named_only_when_they_are_drawn(tmp_path):
 ROD = '<collision name="rod"><origin xyz="0.1 0 0" rpy="0 1 0"/><geometry>{}</geometry></collision>'
 
 
-def test_collision_shapes_stand_in_for_missing_meshes(digger):
+def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
     """A link whose mesh is missing looks as what it collides with, and only that link; it is told which."""
+    digger = write_digger(tmp_path)
     whole = load_arm(digger, frame="bucket")
     volumes = [volume(surface) for surface in whole.surfaces(None)]
     rod = ROD.format('<cylinder radius="0.05" length="0.3"/>')
@@ -251,8 +230,9 @@ def test_senseless_shapes_are_named(tmp_path, geometry):
         one_link(tmp_path, geometry).surfaces()
 
 
-def test_surfaces_are_where_pinocchio_has_them(digger):
+def test_surfaces_are_where_pinocchio_has_them(tmp_path):
     """At random poses, the corners of box, mesh, cylinder and lamp are those of Pinocchio's own placements."""
+    digger = write_digger(tmp_path)
     arm = load_arm(digger, frame="bucket")
     assert [surface.joint for surface in arm.surfaces()] == [0, 1, 2]
     q = np.array([0.7, -0.3])

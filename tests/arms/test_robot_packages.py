@@ -16,31 +16,19 @@ GOLDEN = {
         "ur3": (None, "tool0", 6), "ur5": (None, "tool0", 6), "ur10": (None, "tool0", 6),
         "xarm7": (None, "link_eef", 7), "kinova": (None, "j2s6s200_end_effector", 6), "z1": (None, "gripperStator", 6),
         "so100": (None, "gripper", 5), "so101": (None, "gripper_link", 5), "tiago": (None, "hand_palm_link", 8),
-        "tiago_no_hand": (None, "wrist_ft_tool_link", 8),
-        "talos_left_arm": ("torso_2_link", "gripper_left_base_link", 7),
-        "talos_right_arm": ("torso_2_link", "gripper_right_base_link", 7),
-        "g1_left_arm": ("torso_link", "left_rubber_hand", 7), "g1_right_arm": ("torso_link", "right_rubber_hand", 7),
-        "g1_with_hands_left_arm": ("torso_link", "left_hand_palm_link", 7),
-        "g1_with_hands_right_arm": ("torso_link", "right_hand_palm_link", 7), "alex_left_arm": ("Torso", "leftNub", 7),
-        "alex_right_arm": ("Torso", "rightNub", 7), "baxter_left_arm": (None, "left_gripper_base_link", 7),
-        "baxter_right_arm": (None, "right_gripper_base_link", 7), "human_left_arm": ("middle_thorax", "left_hand", 8),
-        "human_right_arm": ("middle_thorax", "right_hand", 8), "icub_left_arm": ("chest", "l_hand", 7),
-        "icub_right_arm": ("chest", "r_hand", 7), "pr2_left_arm": ("torso_lift_link", "l_gripper_palm_link", 7),
-        "pr2_right_arm": ("torso_lift_link", "r_gripper_palm_link", 7), "romeo_left_arm": ("torso", "l_wrist", 7),
-        "romeo_right_arm": ("torso", "r_wrist", 7), "simple_humanoid_left_arm": ("torso", "l_wrist", 7),
-        "simple_humanoid_right_arm": ("torso", "r_wrist", 7),
-        "tiago_dual_left_arm": ("torso_lift_link", "hand_left_palm_link", 7),
-        "tiago_dual_right_arm": ("torso_lift_link", "hand_right_palm_link", 7),
-        "tiago_pro_left_arm": ("torso_lift_link", "gripper_left_base_link", 7),
-        "tiago_pro_right_arm": ("torso_lift_link", "gripper_right_base_link", 7),
+        "tiago_no_hand": (None, "wrist_ft_tool_link", 8), "talos": ("torso_2_link", "gripper_SIDE_base_link", 7),
+        "g1": ("torso_link", "SIDE_rubber_hand", 7), "g1_with_hands": ("torso_link", "SIDE_hand_palm_link", 7),
+        "alex": ("Torso", "SIDENub", 7), "baxter": (None, "SIDE_gripper_base_link", 7),
+        "human": ("middle_thorax", "SIDE_hand", 8), "icub": ("chest", "S_hand", 7),
+        "pr2": ("torso_lift_link", "S_gripper_palm_link", 7), "romeo": ("torso", "S_wrist", 7),
+        "simple_humanoid": ("torso", "S_wrist", 7), "tiago_dual": ("torso_lift_link", "hand_SIDE_palm_link", 7),
+        "tiago_pro": ("torso_lift_link", "gripper_SIDE_base_link", 7),
     },
     "airo-models": {"ur3e": (None, "tool0", 6), "ur5e": (None, "tool0", 6)},
     "robosuite": {
         **dict.fromkeys(("iiwa", "jaco", "kinova3", "panda", "sawyer", "xarm7"), (None, "right_hand", 7)),
-        "ur5e": (None, "right_hand", 6), "spot_arm": (None, "right_hand", 6), "baxter_left_arm": (None, "left_hand", 7),
-        "baxter_right_arm": (None, "right_hand", 7), "gr1_left_arm": ("torso_waist_roll", "left_eef", 7),
-        "gr1_right_arm": ("torso_waist_roll", "right_eef", 7), "tiago_left_arm": ("torso_lift_link", "left_hand", 6),
-        "tiago_right_arm": ("torso_lift_link", "right_hand", 6),
+        "ur5e": (None, "right_hand", 6), "spot_arm": (None, "right_hand", 6), "baxter": (None, "SIDE_hand", 7),
+        "gr1": ("torso_waist_roll", "SIDE_eef", 7), "tiago": ("torso_lift_link", "SIDE_hand", 6),
     },
 }  # fmt: skip
 """Base, tip and degrees of freedom of every arm, each looked at: what carries the gripper or the hand."""
@@ -57,8 +45,13 @@ def test_every_arm_is_taken_at_its_hand_and_equals_mujoco(package):
     """Base, tip and number of joints are the golden ones; poses and Jacobians are MuJoCo's to 1e-9."""
     mujoco = pytest.importorskip("mujoco")
     require(package)
-    assert set(GOLDEN[package]) == set(PACKAGES[package].names)
-    for name, expected in GOLDEN[package].items():
+    golden = {}
+    for name, (base, tip, dof) in GOLDEN[package].items():
+        for side in ("left", "right") if name in PACKAGES[package].pairs else ("",):
+            arm = f"{name}_{side}_arm" if side else name
+            golden[arm] = base, tip.replace("SIDE", side).replace("S_", f"{side[:1]}_"), dof
+    assert set(golden) == set(PACKAGES[package].names)
+    for name, expected in golden.items():
         arm = load_arm(f"{package}/{name}")
         assert (arm.chain.base, arm.frame, arm.dof) == expected, name
         assert np.all(np.isfinite(arm.manipulability(arm.sample(8, random_state=0)))), name

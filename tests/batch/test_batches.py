@@ -21,7 +21,7 @@ from maniport import batch
 from maniport.batch.content import digest
 from maniport.batch.executors import completed, dask_executor, executor_for
 from maniport.batch.inputs import Source, find_recordings, find_robots
-from maniport.batch.pair import Order, Task, work
+from maniport.batch.pair import Pair, work
 from maniport.batch.table import failed_row, write_tables
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, ManiportWarning, OutputError, UnknownNameError
@@ -193,6 +193,33 @@ def test_a_killed_batch_continues(whole, recordings, tmp_path):
     assert tree(folder) == tree(whole.folder)
 
 
+def test_run_yaml_of_a_pair_repeats_it(whole, tmp_path):
+    """By `maniport batch`, byte for byte."""
+    pair = whole.folder / "panda" / "anna" / "1.c3d"
+    words = ["batch", "--config", str(pair / "run.yaml"), "-o", str(tmp_path / "again"), "--processes", "1"]
+    ended = CliRunner().invoke(app, words)
+    assert ended.exit_code == 0, ended.stderr
+    again = tmp_path / "again" / "panda" / "1.c3d"
+    for name in ("joints.csv", "target_profile.npz", "adapter.npz", "summary.json", "run.yaml"):
+        assert (again / name).exists() == (pair / name).exists()
+        assert not (pair / name).exists() or (again / name).read_bytes() == (pair / name).read_bytes()
+
+
+def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
+    """As by `transfer`: a folder for each arm, a row with the larger of their numbers; a second call keeps it."""
+    robot = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    part = {"start": 5.1, "stop": 5.4, "collisions": False, "processes": 1}
+    options = {**SMALL, **part, "move": True}
+    table = mp.transfer_batch(["both-arms"], [robot, "rhuman"], tmp_path, **options).table
+    assert [row["state"] for row in table] == ["done", "done"]
+    folder = tmp_path / table[0]["folder"]
+    assert {"left", "right", "joints.csv", "run.yaml"} <= {file.name for file in folder.iterdir()}
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    medians = [summary[f"{side}_motion"]["distance"]["median"] for side in ("left", "right")]
+    assert table[0]["motion.distance.median"] == max(medians)
+    assert mp.transfer_batch(["both-arms"], [robot, "rhuman"], tmp_path, **options).kept == 2
+
+
 class Interrupting:
     """A progress callback that acts when so many pairs are done."""
 
@@ -298,9 +325,8 @@ def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
     """What was read is what stands in the key, or nothing is written."""
     source = Source("1.c3d", recordings / "anna" / "1.c3d")
     config = BATCH.changed(method="identity", collisions=False, **PART)
-    order = Order(tmp_path, config.human, 10.0, {}, False, False)
-    robots = tuple(find_robots(["panda"], config, ()))
-    assert "changed" in work(Task(order, source, "another", robots, ("key",)))[0]["reason"]
+    (robot,) = find_robots(["panda"], config, ())
+    assert "changed" in work([Pair(tmp_path, source, "another", robot)])[0]["reason"]
     assert not list(tmp_path.iterdir())
 
 

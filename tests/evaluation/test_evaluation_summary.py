@@ -65,8 +65,8 @@ def test_a_lookup_is_never_recommended_for_its_gaps():
     ("metrics", "codes"),
     [
         ({}, []),
-        ({"smoothness": Smoothness(1.6, 1.0, 1.0, 1.0)}, ["large_step"]),
-        ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.1)}, ["plateau"]),
+        ({"smoothness": Smoothness(1.6, 1.0, 1.6, 1.0)}, ["large_step"]),
+        ({"smoothness": Smoothness(1.0, 0.0, 1.0, 0.0)}, ["plateau"]),
         ({"preservation": DistancePreservation(0.77, 9.0)}, ["rank_correlation"]),
         ({"preservation": DistancePreservation(0.97, 30.0)}, ["rotated_axes"]),
         ({"identity": 0.8}, ["identity_test"]),

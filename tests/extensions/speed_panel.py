@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from maniport.report import report_of
-from maniport.report.page import Line, Panel, write_page
+from maniport.report.page import write_page
 from maniport.report.page.animation import animation_of
+from maniport.report.page.content import Line, Panel
 
 
 def write_page_with_speed(path, result):

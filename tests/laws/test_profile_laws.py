@@ -63,6 +63,7 @@ def test_a_mixture_sees_numbers(case, form, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "model.npz"
     found.save(path)
     for model in (found, ProfileGMM.load(path)):
+        assert model.get_params() == found.get_params()
         for one, other in zip(model.predict(asked, True), wanted.predict(np.arange(3.0, 20.0), True), strict=True):
             assert_array_equal(one, other, strict=True)
         assert_array_equal(model.score_samples(*given_to), wanted.score_samples(*plain), strict=True)

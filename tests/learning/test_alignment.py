@@ -69,16 +69,3 @@ def test_medoid_is_the_reference(truth, demonstrate):
     demos = demonstrate(rng, 4, time, 0.1)
     demos = np.concatenate([demos[:2], truth(time)[None], 2.0 * demos[2:]])
     assert align(demos).reference == 2
-
-
-def test_congruence_changes_nothing(demonstrate):
-    """A congruence of all ellipsoids leaves paths and distances, and moves the warped ellipsoids along."""
-    rng = np.random.default_rng(2)
-    demos = demonstrate(rng, 3, np.linspace(0, 1, 25), 0.3)
-    change = rng.standard_normal((3, 3))
-    plain, moved = align(demos), align(change @ demos @ change.T)
-    assert plain.reference == moved.reference
-    for path, other in zip(plain.paths, moved.paths, strict=True):
-        assert_array_equal(path, other)
-    assert_allclose(moved.distances, plain.distances, rtol=1e-9)
-    assert_allclose(moved.ellipsoids, change @ plain.ellipsoids @ change.T, rtol=1e-7, atol=1e-9)

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from sklearn.base import clone
 from sklearn.mixture import GaussianMixture
 
 from maniport import spd
 from maniport.learning import ProfileGMM
+from maniport.learning.mixture import log_density, regress
+
+TIME = np.linspace(0.0, 1.0, 40)
 
 
 @pytest.fixture(scope="module")
@@ -84,14 +88,66 @@ def test_likelihood_rises_in_em(demonstrate):
     assert model.score(inputs, points) == pytest.approx(model.log_likelihood_, abs=1e-9)
 
 
-@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("count", [1, 4])
 def test_bic_finds_the_number_of_separate_components(count, scatter):
     """BIC chooses the true number of well separated Gaussians."""
     rng = np.random.default_rng(count)
     centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
     which = np.arange(160) % count
     points = scatter(centers[which], 0.1 * rng.standard_normal((160, 6)))
-    model = ProfileGMM(max_components=4, random_state=0, n_init=2).fit(which + 0.1 * rng.standard_normal(160), points)
+    model = ProfileGMM(random_state=0, n_init=2).fit(which + 0.1 * rng.standard_normal(160), points)
     assert model.n_components_ == count
-    assert model.bic_curve_.argmin() == count - 1
+    assert len(model.bic_curve_) == (2 if count == 1 else 4)
     assert_allclose(np.sort(model.weights_), 1 / count, atol=0.05)
+
+
+@pytest.fixture(scope="module")
+def demos(demonstrate):
+    """Times and ellipsoids of three demonstrations together."""
+    return np.tile(TIME, 3), demonstrate(np.random.default_rng(0), 3, TIME, 0.2).reshape(-1, 3, 3)
+
+
+@pytest.fixture(scope="module")
+def model(demos):
+    """A model of three components."""
+    return ProfileGMM(3, random_state=0).fit(*demos, groups=np.repeat([0, 1, 2], 40))
+
+
+def covariance_tensor(ellipsoids, covariance):
+    """E[L_ij L_kl] of tangents L = P^½ V P^½ at ellipsoids P, shape (n, 3, 3, 3, 3)."""
+    root = spd.sqrtm(ellipsoids)[:, None]
+    basis = root @ spd.from_vector(np.eye(6)) @ root
+    return np.einsum("nab,naij,nbkl->nijkl", covariance, basis, basis, optimize=True)
+
+
+def test_congruence_of_the_data_is_congruence_of_the_prediction(demos, model):
+    """C X Cᵀ for all data gives C P Cᵀ, the covariance tensor turned by C, and the same likelihood."""
+    time, points = demos
+    change = np.array([[1.2, 0.3, -0.5], [0.0, 0.7, 0.4], [0.8, -0.2, 1.5]])
+    moved = clone(model).fit(time, change @ points @ change.T, np.repeat([0, 1, 2], 40))
+    mean, covariance = model.predict(TIME, return_covariance=True)
+    mean_moved, covariance_moved = moved.predict(TIME, return_covariance=True)
+    assert_allclose(mean_moved, change @ mean @ change.T, rtol=1e-6, atol=1e-8)
+    tensor = np.einsum(
+        "ia,jb,kc,ld,nabcd->nijkl", change, change, change, change, covariance_tensor(mean, covariance), optimize=True
+    )
+    found = covariance_tensor(mean_moved, covariance_moved)
+    assert_allclose(found, tensor, atol=1e-6 * np.abs(tensor).max())
+    assert moved.log_likelihood_ == pytest.approx(model.log_likelihood_, abs=1e-8)
+
+
+def test_prediction_is_the_fixed_point_of_the_regression(model):
+    """At the prediction the weighted tangents toward the components' own predictions cancel."""
+    mixture = model._mixture()
+    centers, _ = regress(mixture, TIME[:, None])
+    for center, time in zip(centers, TIME, strict=True):
+        total = np.zeros((3, 3))
+        away = time - mixture.inputs[:, 0]
+        density = log_density(away[:, None, None], mixture.covariances[:, :1, :1])[0]
+        shares = mixture.weights * np.exp(density) / np.sum(mixture.weights * np.exp(density))
+        for k, share in enumerate(shares):
+            base, sigma = mixture.ellipsoids[k], mixture.covariances[k]
+            whitened = spd.from_vector(sigma[1:, 0] / sigma[0, 0] * away[k])
+            ahead = spd.transport(spd.sqrtm(base) @ whitened @ spd.sqrtm(base), base, center)
+            total += share * (spd.log(center, base) + ahead)
+        assert np.abs(total).max() < 1e-7

@@ -11,37 +11,42 @@ import maniport as mp
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
 from maniport.mocap import shipped_recording
+from sizes import SMALL
 
 
 @pytest.fixture(scope="module")
 def frames(small_result):
-    """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz."""
+    """Two seconds of the recording of which one calibrated the person, three times as slow, at 50 Hz, and times."""
     recording = mp.read_recording(shipped_recording("ladder")).crop(9.5, 11.5)
     points = np.stack([recording.point(name) for name in mp.Live.of(small_result, clock=None).points], axis=1)
     time, slow = np.arange(0.0, 5.7, 0.02), 3.0 * (recording.time - recording.time[0])
     return make_interp_spline(slow, points)(time), time
 
 
+@pytest.fixture
+def live(small_result):
+    """A robot in simulated time."""
+    return mp.Live.of(small_result, clock=None)
+
+
 def played(live, points, time):
-    """Every moment of a run."""
+    """Every state of a run."""
     return [live.step(point, t) for point, t in zip(points, time, strict=True)]
 
 
-def require_safe(result, time, moments):
+def require_safe(motion, collisions, time, states):
     """Commands are finite and within limits, nothing collides, and states are those of the list."""
-    q = np.array([moment.joint_positions for moment in moments])
+    q = np.array([state.joint_positions for state in states])
     assert np.isfinite(q).all()
-    require_limits(result.arm.motion.limits, time, q, velocity_tolerance=1e-9, acceleration_tolerance=1e-6)
-    assert not result.arm.collisions.collides(q).any()
-    assert {moment.state for moment in moments} <= set(STATES)
+    require_limits(motion.limits, time, q, velocity_tolerance=1e-9, acceleration_tolerance=1e-6)
+    assert not collisions.collides(q).any()
+    assert {state.state for state in states} <= set(STATES)
 
 
 def test_limits_are_kept_whatever_comes(small_result, frames):
     """Drop-outs, jumps, nonsense and pauses at random times: no limit is passed, nothing collides, nothing is nan."""
     points, _ = frames
-    draw = np.random.default_rng(0)
-    live = mp.Live.of(small_result, clock=None)
-    count = 250
+    draw, count = np.random.default_rng(0), 250
     time = np.cumsum(draw.choice([0.002, 0.005, 0.01, 0.03, 0.3], count, p=[0.2, 0.3, 0.3, 0.18, 0.02]))
     at, shown = 0, []
     for kind in draw.choice(6, count, p=[0.7, 0.06, 0.06, 0.06, 0.06, 0.06]):
@@ -58,41 +63,68 @@ def test_limits_are_kept_whatever_comes(small_result, frames):
         elif kind == 5:
             frame[:] = 0.0
         shown.append(frame)
-    moments = played(live, shown, time)
-    require_safe(small_result, time, moments)
-    again = played(mp.Live.of(small_result, clock=None), shown, time)
-    assert_array_equal([one.joint_positions for one in moments], [one.joint_positions for one in again])
+    first, second = (played(mp.Live.of(small_result, clock=None), shown, time) for _ in range(2))
+    require_safe(small_result.arm.motion, small_result.arm.collisions, time, first)
+    assert_array_equal([state.joint_positions for state in first], [state.joint_positions for state in second])
 
 
-def test_a_person_is_followed_as_offline(small_result, frames):
+def test_a_person_is_followed_as_offline(small_result, live, frames):
     """Joint angles are those that `fit_arm` finds of all frames together; the end effector is on its path.
 
     Within the cost of causality: over whole recordings the largest median of a joint is 0.24° (freeform) and, of
     joints that the points determine, 0.41° (ladder).
     """
     points, time = frames
-    live = mp.Live.of(small_result, clock=None)
-    moments = played(live, points, time)
+    states = played(live, points, time)
     fit = mp.fit_arm(mp.Recording(live.points, points, time))
-    found = np.array([one.person for one in moments])
+    angles = np.array([state.arm.person for state in states])
     seen = fit.observable_share > 0.9
-    assert np.median(np.abs(np.degrees(found - fit.joint_angles)), axis=0)[seen].max() < 1.0
+    assert np.median(np.abs(np.degrees(angles - fit.joint_angles)), axis=0)[seen].max() < 1.0
     offline = small_result.arm.placement.turned(
         small_result.arm.adapter.transform(fit.arm.ellipsoids(fit.joint_angles))
     )
-    differences = np.linalg.norm(np.array([one.target for one in moments]) - offline, axis=(1, 2))
+    differences = np.linalg.norm(np.array([state.arm.target for state in states]) - offline, axis=(1, 2))
     assert np.median(differences / np.linalg.norm(offline, axis=(1, 2))) < 0.1
-    errors = np.array([one.tip_error for one in moments])
-    assert np.median(errors) < 1e-3
-    assert moments[0].state == REACHING
-    assert moments[-1].state == FOLLOWING
-    require_safe(small_result, time, moments)
+    assert np.median([state.position_error for state in states]) < 1e-3
+    assert (states[0].state, states[-1].state) == (REACHING, FOLLOWING)
+    require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
-def test_who_is_not_seen_is_waited_for(small_result, frames):
+def test_both_arms_lead_two_robots():
+    """Both end effectors come to their paths; while a single arm is hidden, the whole robot rests."""
+    recording = mp.read_recording("both-arms").crop(5.1, 5.6)
+    arms = mp.load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
+    result = mp.transfer_recording(
+        recording, robot=arms, method="parallel-transport", planning_effort="quick", speed_scale=0.5, **SMALL
+    )
+    live = mp.Live.of(result, clock=None)
+    slow, time = np.arange(0.0, 0.5, 0.005), recording.time - recording.time[0]
+    columns = [
+        np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)]) for name in live.points for x in recording.point(name).T
+    ]
+    points = np.reshape(np.transpose(columns), (len(slow), -1, 3))
+    hidden = points[-1].copy()
+    hidden[live.points.index(result.arms[1].fit.roles["elbow"][0])] = np.nan
+    times = 0.02 * np.arange(260)
+    states = played(live, [*points, *[points[-1]] * 60, *[hidden] * 40, *[points[-1]] * 60], times)
+    followed, held, last = states[159], states[199], states[-1]
+    for state in (followed, last):
+        assert (state.state, len(state.arms)) == (FOLLOWING, 2)
+        assert state.position_error == max(arm.position_error for arm in state.arms) < 0.01
+        for arm, own, columns in zip(state.arms, result.arms, arms.columns, strict=True):
+            pose = own.robot.forward(state.joint_positions[columns])
+            assert_allclose(arm.position, pose[:3, 3], atol=1e-9)
+            assert_allclose(arm.achieved, own.robot.manipulability(state.joint_positions[columns]), atol=1e-9)
+    assert held.state == HOLDING
+    assert not held.joint_velocities.any()
+    require_safe(result.motion, mp.Collisions.of(arms), times, states)
+    with pytest.raises(InvalidInputError, match="arms"):
+        _ = last.arm
+
+
+def test_who_is_not_seen_is_waited_for(live, frames):
     """Without frames the arm brakes and rests, to the last bit; seen again, the person is followed again."""
     points, time = frames
-    live = mp.Live.of(small_result, clock=None)
     played(live, points[:100], time[:100])
     gone = [live.step(None, time[99] + 0.02 * (i + 1)) for i in range(60)]
     assert (gone[0].state, gone[-1].state) == (FOLLOWING, HOLDING)
@@ -101,49 +133,47 @@ def test_who_is_not_seen_is_waited_for(small_result, frames):
     assert np.isfinite(gone[-1].distance)
     back = [live.step(points[200], gone[-1].time + 0.02 * (i + 1)) for i in range(150)]
     assert (back[0].state, back[-1].state) == (RECOVERING, FOLLOWING)
-    assert back[-1].tip_error < 0.01
+    assert back[-1].position_error < 0.01
 
 
-def test_points_that_leap_are_not_followed(small_result, frames):
+def test_points_that_leap_are_not_followed(live, frames):
     """A hand that is elsewhere for a frame, half a metre away, changes nothing of what is believed of the person."""
     points, time = frames
-    live = mp.Live.of(small_result, clock=None)
     before = played(live, points[:20], time[:20])[-1]
     leaping = points[20].copy()
     leaping[live.points.index("RightHand")] += [0.0, 0.0, 0.5]
     after = live.step(leaping, time[19] + 0.01)
-    assert_array_equal(after.person, before.person)
-    assert live.step(points[20], time[19] + 0.02).person is not before.person
+    assert_array_equal(after.arm.person, before.arm.person)
+    assert live.step(points[20], time[19] + 0.02).arm.person is not before.arm.person
 
 
 def test_the_robot_comes_from_where_it_is(small_result, frames):
     """From another start the arm gets to the person's within its limits; names may be given, in any order."""
-    points, _ = frames
     start = 0.5 * (small_result.arm.robot.lower + small_result.arm.robot.upper)
     live = mp.Live.of(small_result, start=start, clock=None)
-    clock = 0.02 * np.arange(1, 300)
-    named = dict(zip(live.points[::-1], points[0][::-1], strict=True))
-    moments = [live.step(named, t) for t in clock]
-    assert_allclose(moments[0].joint_positions, start)
-    assert moments[1].state == REACHING
-    assert moments[-1].tip_error < 0.02
-    require_safe(small_result, clock, moments)
+    time = 0.02 * np.arange(1, 300)
+    named = dict(zip(live.points[::-1], frames[0][0][::-1], strict=True))
+    states = [live.step(named, t) for t in time]
+    assert_allclose(states[0].joint_positions, start)
+    assert states[1].state == REACHING
+    assert states[-1].position_error < 0.02
+    require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
-    """Made of its parts, without a path and with a start that is found, the arm comes nearer to its targets."""
+    """Made of its parts, without a path and with a planned start, the arm is near its targets."""
     points, time = frames
-    result = small_result
-    live = mp.Live(result.arm.fit, result.arm.adapter, result.arm.robot, clock=None)
-    assert not result.arm.collisions.collides(live._robot.q)
-    moments = played(live, points[:40], time[:40])
-    assert moments[-1].tip_error is None
-    assert moments[-1].distance < 2.0
+    arm = small_result.arm
+    live = mp.Live(arm.fit, arm.adapter, arm.robot, clock=None)
+    assert not arm.collisions.collides(live.joint_positions)
+    states = played(live, points[:40], time[:40])
+    assert states[-1].position_error is None
+    assert states[-1].distance < 2.0
 
 
-def test_wrong_frames_are_refused_and_change_nothing(small_result, frames):
+def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames):
     """The error names what is wrong; the next good frame is processed as if nothing had happened."""
-    live, other = mp.Live.of(small_result, clock=None), mp.Live.of(small_result, clock=None)
+    other = mp.Live.of(small_result, clock=None)
     live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
     for points, time, words in (
         (np.zeros((3, 3)), 1.0, "points must have shape"),
@@ -165,7 +195,7 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, frames):
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "word"),
     [
         ({"start": np.zeros(3)}, "start"),
         ({"start": [0.0, 1.6, 0.0, -2.9, 0.0, 0.1, 0.0]}, "start: "),
@@ -174,37 +204,48 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, frames):
         ({"spec": "velocity"}, "spec"),
         ({"random_state": -1}, "random_state"),
         ({"path": np.zeros((3, 3))}, "Placement"),
+        ({"path": [None, None]}, "path"),
         ({"reference": np.zeros(7)}, "reference"),
         ({"spec": mp.EllipsoidSpec(part="full")}, "6×6"),
     ],
 )
-def test_wrong_arguments_are_errors(small_result, options, words):
+def test_wrong_arguments_are_errors(small_result, options, word):
     """Before anything moves."""
-    with pytest.raises(InvalidInputError, match=words):
+    with pytest.raises(InvalidInputError, match=word):
         mp.Live.of(small_result, **options)
-    with pytest.raises(InvalidInputError, match="person"):
-        mp.Live(small_result.recording, small_result.arm.adapter, small_result.arm.robot)
+
+
+def test_wrong_types_are_errors(small_result):
+    """A recording is no fitted person, and two arms need two adapters."""
+    arm = small_result.arm
+    pair = mp.ArmGroup(arm.robot, mp.load_arm("ur5"))
+    for arguments, name in (
+        ((small_result.recording, arm.adapter, arm.robot), "person"),
+        ((arm.fit, arm.adapter, "panda"), "robot"),
+        ((arm.fit, arm.adapter, pair), "person .* 2"),
+        ((mp.mocap.HumanMotion((arm.fit,) * 2, np.zeros((2, 3))), arm.adapter, pair), "adapter .* 2"),
+    ):
+        with pytest.raises(InvalidInputError, match=name):
+            mp.Live(*arguments)
     with pytest.raises(InvalidInputError, match="result"):
         mp.Live.of(small_result.arm)
 
 
-def test_a_robot_whose_tip_is_far_away_is_said_to_lag(small_result, frames):
+def test_a_robot_whose_tip_is_far_away_is_said_to_lag(live, frames):
     """A person three times as fast leaves it behind: then it lags, and follows once its tip is near; never else."""
     points, time = frames
-    live = mp.Live.of(small_result, clock=None)
-    moments = played(live, points, time / 6.0)
-    moments += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
-    errors = {state: [one.tip_error for one in moments if one.state == state] for state in (FOLLOWING, LAGGING)}
+    states = played(live, points, time / 6.0)
+    states += [live.step(points[-1], time[-1] / 6.0 + 0.01 * i) for i in range(1, 150)]
+    errors = {name: [state.position_error for state in states if state.state == name] for name in (FOLLOWING, LAGGING)}
     assert max(errors[FOLLOWING]) <= FAR
     assert max(errors[LAGGING]) > FAR
     assert min(errors[LAGGING]) > NEAR
-    assert moments[-1].state == FOLLOWING
+    assert states[-1].state == FOLLOWING
 
 
-def test_neither_unit_nor_axes_of_frames_matter(small_result, frames):
+def test_neither_unit_nor_axes_of_frames_matter(small_result, live, frames):
     """Turned about any axis, moved, and in millimeters, the same frames give the same joint positions."""
-    turn = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix()
-    one, other = mp.Live.of(small_result, clock=None), mp.Live.of(small_result, clock=None)
+    turn, other = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(), mp.Live.of(small_result, clock=None)
     for points, t in zip(frames[0][:15], frames[1][:15], strict=True):
         there = 1e3 * points @ turn.T + [50.0, -7.0, 300.0]
-        assert_allclose(one.step(points, t).joint_positions, other.step(there, t).joint_positions, atol=1e-6, rtol=0.0)
+        assert_allclose(live.step(points, t).joint_positions, other.step(there, t).joint_positions, atol=1e-6, rtol=0.0)

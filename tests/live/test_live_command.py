@@ -14,10 +14,13 @@ from maniport import cli
 from maniport.live import Live
 
 
-@pytest.fixture(scope="module")
-def frames(small_result, second):
-    """Frames of the person, and their times."""
-    return second.select(Live.of(small_result).points).positions, second.time
+@pytest.fixture
+def recorded(small_result, second, tmp_path):
+    """File of a recording, its frames as lines, and their times."""
+    second.save(tmp_path / "person.npz")
+    positions = second.select(Live.of(small_result).points).positions
+    rows = zip(second.time.tolist(), positions.tolist(), strict=True)
+    return tmp_path / "person.npz", [json.dumps({"t": t, "points": points}) for t, points in rows], second.time
 
 
 @pytest.fixture
@@ -25,9 +28,9 @@ def run(monkeypatch, capfdbinary, small_result):
     """Call the command with a finished transfer; return exit code, lines of output and standard error."""
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
 
-    def call(*words, given=b""):
+    def call(*words, lines=()):
         reading, writing = os.pipe()
-        os.write(writing, given)
+        os.write(writing, "".join(f"{line}\n" for line in lines).encode())
         os.close(writing)
         with open(reading) as source, monkeypatch.context() as patch:
             patch.setattr(sys, "stdin", source)
@@ -40,65 +43,57 @@ def run(monkeypatch, capfdbinary, small_result):
     return call
 
 
-def lines(positions, time):
-    """Frames as a sender writes them."""
-    rows = [{"t": t, "points": rows.tolist()} for t, rows in zip(time.tolist(), positions, strict=True)]
-    return "".join(json.dumps(row) + "\n" for row in rows).encode()
-
-
-def test_every_line_is_answered(run, frames, second, tmp_path, small_result):
+def test_every_line_is_answered(run, recorded, small_result):
     """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
-    second.save(tmp_path / "person.npz")
-    positions, time = frames
-    given = lines(positions, time).replace(b"\n", b"\nnonsense\n", 1)
-    code, (first, start, error, *rest), err = run(tmp_path / "person.npz", "--no-drop", given=given)
-    assert code == 0
+    path, lines, time = recorded
+    code, (first, start, error, *rest), err = run(path, "--no-drop", lines=[lines[0], "nonsense", *lines[1:]])
     arm = small_result.arm.robot
+    assert code == 0
     assert first["points"] == list(Live.of(small_result).points)
     assert first["start"] == start["joints"]
     assert (start["state"], error["line"]) == ("reaching", 2)
-    q = np.array([list(one["joints"].values()) for one in rest])
+    q = np.array([list(answer["joints"].values()) for answer in rest])
     assert np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
-    assert [one["frame"] for one in rest if one["frame"] is not None] == time[1:].tolist()
+    assert [answer["frame"] for answer in rest if answer["frame"] is not None] == time[1:].tolist()
     assert rest[-1]["state"] == "holding"
     assert f"{len(time)} frames answered, 0 skipped since newer ones waited, 1 refused" in err
     assert "99.9 %" in err
-    code, (_, answer, *_), err = run(tmp_path / "person.npz", given=lines(*frames))
+    code, (_, answer, *_), err = run(path, lines=lines)
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
     assert "--no-drop" in err
 
 
-def test_ctrl_c_brings_the_robot_to_rest(run, frames, second, tmp_path):
+def test_ctrl_c_brings_the_robot_to_rest(run, recorded):
     """While frames come by UDP; then it ends with exit code 0."""
-    second.save(tmp_path / "person.npz")
+    path, lines, _ = recorded
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    found = []
+    answers = []
 
     def send():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as guest:
             guest.settimeout(0.2)
-            while not found:
+            while not answers:
                 guest.sendto(b"{}", ("127.0.0.1", port))
                 try:
-                    found.append(json.loads(guest.recv(9999)))
+                    answers.append(json.loads(guest.recv(9999)))
                 except OSError:
                     continue
             guest.settimeout(60.0)
-            for line in lines(*frames).splitlines()[:20]:
-                guest.sendto(line, ("127.0.0.1", port))
-                found.append(json.loads(guest.recv(9999)))
+            for line in lines[:20]:
+                guest.sendto(line.encode(), ("127.0.0.1", port))
+                answers.append(json.loads(guest.recv(9999)))
             os.kill(os.getpid(), signal.SIGINT)
-            while found[-1].get("state") != "holding":  # a slow start answers several greetings
-                found.append(json.loads(guest.recv(9999)))
+            while answers[-1].get("state") != "holding":  # a slow start answers several greetings
+                answers.append(json.loads(guest.recv(9999)))
 
     sender = threading.Thread(target=send)
     sender.start()
-    code, (first,), err = run(tmp_path / "person.npz", "--udp", port)
+    code, (first,), err = run(path, "--udp", port)
     sender.join(60.0)
     assert not sender.is_alive()
-    assert found[-1]["state"] == "holding"
+    assert answers[-1]["state"] == "holding"
     assert (code, first["udp"]) == (0, port)
     assert "frames answered" in err
     assert "open to other machines" not in err
@@ -122,21 +117,20 @@ def test_wrong_options_are_refused(run, words, word):
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize("stream", ["stdin", "stdout"])
-def test_closed_streams_are_refused(monkeypatch, capsys, stream):
-    """As where a shell was given `<&-` or `>&-`."""
-    monkeypatch.setattr(sys, stream, None)
-    monkeypatch.setattr(sys, "argv", ["maniport", "live", "freeform"])
+@pytest.mark.parametrize(
+    ("closed", "words", "text"),
+    [
+        ("stdin", ("freeform",), "is closed"),
+        ("stdout", ("freeform",), "is closed"),
+        (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
+    ],
+)
+def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, capsys, closed, words, text):
+    """Streams as where a shell was given `<&-` or `>&-`; robots before the recording is transferred."""
+    if closed is not None:
+        monkeypatch.setattr(sys, closed, None)
+    monkeypatch.setattr(sys, "argv", ["maniport", "live", *words])
     with pytest.raises(SystemExit) as stop:
         cli.main()
     assert stop.value.code == 2
-    assert "is closed" in capsys.readouterr().err
-
-
-def test_unknown_robots_are_refused(monkeypatch, capsys):
-    """With exit code 2, before the recording is transferred."""
-    monkeypatch.setattr(sys, "argv", ["maniport", "live", "ladder", "--robot", "nothing", "--udp", "0"])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert stop.value.code == 2
-    assert "unknown robot 'nothing'" in capsys.readouterr().err
+    assert text in capsys.readouterr().err

@@ -12,11 +12,11 @@ import time
 
 import numpy as np
 import pytest
-from toy import NAMES, Ends, FakeClock, Toy, require_limits, serving, wait
+from toy import NAMES, FakeClock, Toy, require_limits, serving
 
 import maniport as mp
 from maniport.errors import InvalidInputError, OutputError
-from maniport.live.serving import serve
+from maniport.live.serving import Server
 from maniport.live.transport import Datagrams, Line, Pipe
 from maniport.util.input_limits import FRAME_BYTES
 
@@ -25,6 +25,39 @@ def frame(t, x=0.0):
     """A line with the wrist at x, or with all points."""
     points = [[0, 0, 0], [0, 0, 0], [x, 0, 0]] if np.isscalar(x) else np.asarray(x).tolist()
     return json.dumps({"t": t, "points": points})
+
+
+def wait(condition, seconds=60.0):
+    """Wait until a condition is met."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it was not met"
+        time.sleep(1e-3)
+
+
+class Ends(contextlib.ExitStack):
+    """Both ends of a pair of pipes: `transport` for the server, `write` and `lines` for its user."""
+
+    def __enter__(self):
+        source, self._to = os.pipe()
+        back, sink = os.pipe()
+        self.callback(os.close, source)
+        self.callback(os.close, sink)
+        self.lines = self.enter_context(os.fdopen(back, "rb"))
+        self.transport = Pipe(source, sink)
+        return super().__enter__()
+
+    def write(self, *lines):
+        """Write lines, at once."""
+        os.write(self._to, b"".join(line if isinstance(line, bytes) else line.encode() + b"\n" for line in lines))
+
+    def read(self):
+        """The next answer."""
+        return json.loads(self.lines.readline())
+
+    def end(self):
+        """Write no more."""
+        os.close(self._to)
 
 
 @pytest.fixture
@@ -36,65 +69,50 @@ def ends():
 
 @pytest.fixture
 def guest():
-    """Somebody's UDP socket."""
+    """A UDP socket of a user."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("127.0.0.1", 0))
         link.settimeout(60.0)
         yield link
 
 
-def next_frame(ends):
-    """The next answer to a frame; those with which the robot braked before are skipped."""
-    found = ends.read()
-    while found["state"] == "holding":
-        found = ends.read()
-    return found
-
-
-class Gated(Toy):
-    """A stand-in whose steps wait until the gate is open."""
-
-    def __init__(self):
-        super().__init__()
-        self.begun, self.gate = threading.Event(), threading.Event()
-
-    def step(self, *given, **more):
-        """Take a frame."""
-        self.begun.set()
-        assert self.gate.wait(60.0)
-        return super().step(*given, **more)
-
-
 def test_every_frame_is_answered_on_request(ends):
     """However many wait, none before its time; at the end of the input the robot is brought to rest."""
-    with serving(Toy(), ends.transport, every=True) as found:
+    with serving(Toy(), ends.transport, every=True) as summaries:
         assert ends.read()["points"] == [*NAMES]
         began = time.monotonic()
         ends.write(*(frame(0.01 * i, 0.1 * i) for i in range(20)))
-        answers = [ends.read() for _ in range(20)]
-        assert [one["joints"]["lift"] for one in answers] == [0.1 * i for i in range(20)]
+        assert [ends.read()["joints"]["lift"] for _ in range(20)] == [0.1 * i for i in range(20)]
         assert time.monotonic() - began >= 0.19
         ends.write(frame(0.3).rstrip("\n"))
         ends.end()
         while ends.read()["state"] != "holding":
             pass
-    assert (found[0].answered, found[0].skipped, found[0].refused) == (21, 0, 0)
-    assert "21 frames answered" in str(found[0])
+    assert (summaries[0].answered, summaries[0].skipped, summaries[0].refused) == (21, 0, 0)
+    assert "21 frames answered" in str(summaries[0])
 
 
 def test_the_newest_of_waiting_frames_is_answered(ends):
-    """While one is processed others come; the next answer is that of the last, with the number of skipped ones."""
-    toy = Gated()
-    with serving(toy, ends.transport) as found:
+    """While a frame is processed others come; the next answer is that of the last, with the number of skipped ones."""
+    toy, begun, gate = Toy(), threading.Event(), threading.Event()
+    step = toy.step
+
+    def gated(*frame):
+        begun.set()
+        assert gate.wait(60.0)
+        return step(*frame)
+
+    toy.step = gated
+    with serving(toy, ends.transport) as summaries:
         ends.read()
         ends.write(frame(0.0))
-        assert toy.begun.wait(60.0)
+        assert begun.wait(60.0)
         ends.write(*(frame(0.01 * i, i) for i in range(1, 6)))
-        toy.gate.set()
+        gate.set()
         assert ends.read()["skipped"] == 0
         answer = ends.read()
         assert (answer["frame"], answer["joints"]["lift"], answer["skipped"]) == (0.05, 5.0, 4)
-    assert found[0].skipped == 4
+    assert summaries[0].skipped == 4
 
 
 def test_a_robot_without_frames_brakes_until_it_rests(ends):
@@ -104,37 +122,39 @@ def test_a_robot_without_frames_brakes_until_it_rests(ends):
         ends.read()
         ends.write(frame(0.0, 0.0), frame(0.01, 1.0))
         assert [ends.read()["state"] for _ in range(8)] == ["following"] + ["holding"] * 7
-        wait(lambda: toy._change == 0.0)  # it rests
+        wait(lambda: toy.change == 0.0)  # it rests
         count = toy.steps
         time.sleep(0.05)
         assert toy.steps == count
         for t in (0.02, 0.025, 0.0):
             ends.write(frame(t, 3.0))
-            answer = next_frame(ends)
+            while (answer := ends.read())["state"] == "holding":
+                pass
             assert (answer["joints"]["lift"], answer["frame"]) == (3.0, t)
-            wait(lambda: toy._change == 0.0)
-    assert np.all(np.diff(toy.asked) > 0.0)
+            wait(lambda: toy.change == 0.0)
+    assert np.all(np.diff(toy.times) > 0.0)
 
 
 def test_junk_is_answered_and_the_loop_continues(ends):
     """Other lines, too long ones, and times that go back: each is answered with its number."""
-    with serving(Toy(), ends.transport, every=True) as found:
+    bad = {
+        "must be JSON": "nonsense",
+        "at most": b"x" * (3 * FRAME_BYTES) + b"\n",
+        "too far away": frame(2.1, 2e11),
+        "t must increase": frame(0.0),
+    }
+    with serving(Toy(), ends.transport, every=True) as summaries:
         ends.read()
-        for i, (bad, word) in enumerate([
-            ("nonsense", "must be JSON"),
-            (b"x" * (3 * FRAME_BYTES) + b"\n", "at most"),
-            (frame(2.1, 2e11), "too far away"),
-            (frame(0.0), "t must increase"),
-        ]):  # fmt: skip
+        for i, (word, line) in enumerate(bad.items()):
             ends.write(frame(float(i)))
             assert ends.read()["state"] == "following"
-            ends.write(bad)
+            ends.write(line)
             refused = ends.read()
             assert word in refused["error"]
             assert refused["line"] == 2 * i + 2
         ends.write("{}", "", "  ")
         assert ends.read()["points"] == [*NAMES]
-    assert (found[0].answered, found[0].refused) == (4, 4)
+    assert (summaries[0].answered, summaries[0].refused) == (4, 4)
 
 
 def test_a_full_disk_is_an_error():
@@ -144,54 +164,54 @@ def test_a_full_disk_is_an_error():
         def flush(self):
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    with open("/dev/full", "wb") as full, pytest.raises(OutputError, match="No space left"):
-        Pipe(0, full.fileno()).send(b"{}")
-    with contextlib.closing(Datagrams(0, sink=Full())) as transport, pytest.raises(OutputError, match="No space left"):
-        transport.send(b"{}")
+    with open("/dev/full", "wb") as full, contextlib.closing(Datagrams(0, sink=Full())) as datagrams:
+        for transport in (Pipe(0, full.fileno()), datagrams):
+            with pytest.raises(OutputError, match="No space left"):
+                transport.send(b"{}")
 
 
-def test_a_line_without_end_takes_no_memory(ends):
-    """No more is kept than a frame may have, of lines and of datagrams."""
+def test_a_line_without_end_takes_no_memory(ends, guest):
+    """No more is kept than a frame may have, of lines and of datagrams; of a flood some are received at a time."""
     for _ in range(20):
         ends.write(b"x" * 60_000)
         assert ends.transport.receive() == []
         assert len(ends.transport._rest) <= FRAME_BYTES
     ends.write("", frame(0.0))
     assert [line.text for line in ends.transport.receive()] == [None, frame(0.0).encode()]
-    with contextlib.closing(Datagrams(0)) as transport, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as guest:
-        for text in (b"[" * 60_000, b"x" * (FRAME_BYTES + 1), b"y" * FRAME_BYTES):
+    with contextlib.closing(Datagrams(0)) as transport:
+        for text in (b"[" * 60_000, b"x" * (FRAME_BYTES + 1), b"y" * FRAME_BYTES, *[b"z"] * 20):
             guest.sendto(text, ("127.0.0.1", transport.about["udp"]))
-        assert [line.text for line in transport.receive()] == [None, None, b"y" * FRAME_BYTES]
+        assert [line.text for line in transport.receive(most=4)] == [None, None, b"y" * FRAME_BYTES, b"z"]
 
 
 def test_a_reader_that_leaves_ends_it(ends):
     """With nobody to answer, the robot is left at its last answer."""
-    with serving(Toy(), ends.transport) as found:
+    with serving(Toy(), ends.transport) as summaries:
         ends.read()
         ends.lines.close()
         ends.write(frame(0.0))
-        wait(lambda: found)
-        assert found[0].answered == 1
+        wait(lambda: summaries)
+        assert summaries[0].answered == 1
 
 
 def test_a_reader_that_does_not_read_is_not_waited_for(ends):
     """The robot goes on; lost answers are counted, those that come are whole, and it ends."""
     fcntl.fcntl(ends.lines, fcntl.F_SETPIPE_SZ, 8192)
     toy = Toy()
-    with serving(toy, ends.transport) as found:
+    with serving(toy, ends.transport) as summaries:
         for i in range(60):
             ends.write(frame(0.01 * i))
-            wait(lambda: len(toy.asked) > i)  # noqa: B023 - it is called before the next `i`
+            wait(lambda: len(toy.times) > i)  # noqa: B023 - it is called before the next `i`
         assert [ends.read().get("frame", -0.01) for _ in range(20)] == [0.01 * i for i in range(-1, 19)]
-    assert 0 < found[0].lost < 60
-    assert f"{found[0].lost} answers lost" in str(found[0])
+    assert 0 < summaries[0].lost < 60
+    assert f"{summaries[0].lost} answers lost" in str(summaries[0])
 
 
-def test_datagrams_are_answered_to_their_sender(guest):
-    """Junk too."""
+def test_datagrams_are_answered_to_their_sender_or_one_port(guest):
+    """Junk too; with a port for answers, the first line goes there, and senders get none."""
     transport = Datagrams(0)
     address = ("127.0.0.1", transport.about["udp"])
-    with serving(Toy(), transport) as found:
+    with serving(Toy(), transport) as summaries:
         guest.sendto(b"{}", address)
         assert json.loads(guest.recv(9999))["udp"] == address[1]
         guest.sendto(frame(0.0, 2.0).encode(), address)
@@ -199,20 +219,13 @@ def test_datagrams_are_answered_to_their_sender(guest):
         guest.sendto(b"", address)
         assert "must be JSON" in json.loads(guest.recv(9999))["error"]
     transport.close()
-    assert (found[0].answered, found[0].refused) == (1, 1)
-
-
-def test_answers_can_go_to_one_port(guest):
-    """The first line too; senders get none. Of a flood some datagrams are received at a time."""
+    assert (summaries[0].answered, summaries[0].refused) == (1, 1)
     transport = Datagrams(0, send=guest.getsockname()[1])
-    address = ("127.0.0.1", transport.about["udp"])
     with serving(Toy(), transport), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        assert json.loads(guest.recv(9999))["points"] == [*NAMES]
-        other.sendto(frame(0.0).encode(), address)
+        while json.loads(guest.recv(9999)).get("points") != [*NAMES]:  # states of the first server's robot that brakes
+            pass
+        other.sendto(frame(0.0).encode(), ("127.0.0.1", transport.about["udp"]))
         assert json.loads(guest.recv(9999))["state"] == "following"
-    for _ in range(20):
-        guest.sendto(b"x", address)
-    assert 0 < len(transport.receive(most=10)) <= 10
     transport.close()
 
 
@@ -224,10 +237,10 @@ def test_impossible_ports_are_refused(guest, port, send):
 
 
 class Script:
-    """Lines that come at times of a fake clock; answers, each with the time at which it was sent."""
+    """A transport with lines at times of a fake clock, `blocked` by nothing; keeps answers with their times."""
 
     def __init__(self, clock, events):
-        self.clock, self.about, self.lost, self.answers = clock, {}, 0, []
+        self.clock, self.about, self.lost, self.answers, self.blocked = clock, {}, 0, [], list
         self._events = iter(events)
         self._ready, end = os.pipe()
         os.close(end)
@@ -247,25 +260,13 @@ class Script:
         self.answers.append((self.clock.now, json.loads(text)))
         return True
 
-    def blocked(self):
-        """Nothing."""
-        return []
-
     def serve(self, live):
-        """Let a robot follow; return the summary."""
+        """Let a robot follow; return the summary, the times of answers, and the answers with a state of the robot."""
         stop, signal = socket.socketpair()
         with stop, signal:
-            return serve(live, self, stop, clock=self.clock)
-
-    def states(self):
-        """Answers with a state of the robot, and when they were sent."""
-        return [(at, one) for at, one in self.answers if "state" in one]
-
-
-@pytest.fixture(scope="module")
-def positions(small_result, second):
-    """Positions of the person's points, shape (n, p, 3)."""
-    return second.select(mp.Live.of(small_result).points).positions
+            summary = Server(live, self, stop, clock=self.clock).run()
+        times, states = zip(*(answer for answer in self.answers if "state" in answer[1]), strict=True)
+        return summary, np.array(times), states
 
 
 def test_junk_does_not_delay_braking():
@@ -274,33 +275,30 @@ def test_junk_does_not_delay_braking():
     clock.delays = [1e-3] * 100_000
     junk = ["[" + "0," * (FRAME_BYTES // 2 - 2) + "0]"] * 64
     script = Script(clock, [(1000.0, [frame(0.0)]), (1000.05, [frame(0.05, 0.1)]), *[(0.0, junk)] * 2])
-    script.serve(Toy())
-    _, (moved, answer), *later = script.states()
-    assert (answer["frame"], later[0][1]["state"]) == (0.05, "holding")
-    braking = np.array([moved, *(at for at, _ in later)])
-    assert braking[1] - braking[0] <= 0.1 + 5e-3
-    assert np.diff(braking[1:8]).max() <= 0.02
+    _, times, states = script.serve(Toy())
+    assert (states[1]["frame"], states[2]["state"]) == (0.05, "holding")
+    assert times[2] - times[1] <= 0.1 + 5e-3
+    assert np.diff(times[2:9]).max() <= 0.02
 
 
-def test_answers_are_consistent_under_overload(small_result, positions):
+def test_answers_are_consistent_under_overload(small_result, second):
     """Late frames, bursts, pauses, clocks that jump, go back and begin again: limits are kept over `t`; lag is told."""
     draw, clock = np.random.default_rng(0), FakeClock()
     live, sent, events = mp.Live.of(small_result, clock=clock), 0.0, []
+    positions = second.select(live.points).positions
     for i in range(250):
         sent += draw.choice([0.01, 0.09, -0.5, 30.0], p=[0.9, 0.06, 0.02, 0.02])
         pause, size = draw.choice([0.0, 4e-4, 0.01, 0.2], p=[0.1, 0.2, 0.6, 0.1]), draw.integers(0, 4)
         lines = [frame(sent + 1e-3 * k, positions[i % len(positions)]) for k in range(size)]
         events.append((1000.0 + 0.007 * i + pause, [*lines, *["junk"] * draw.integers(0, 3)]))
     clock.delays = draw.uniform(0.0, 1e-3, 100_000).tolist()
-    script = Script(clock, sorted(events, key=lambda event: event[0]))
-    summary = script.serve(live)
-    states = [one for _, one in script.states()]
+    summary, _, states = Script(clock, sorted(events, key=lambda event: event[0])).serve(live)
     assert summary.answered > 50
-    assert len([one for one in states if one["frame"] is None]) == summary.unprompted > 10
-    times, q = [one["t"] for one in states], np.array([list(one["joints"].values()) for one in states])
+    assert len([state for state in states if state["frame"] is None]) == summary.unprompted > 10
+    times, q = [state["t"] for state in states], np.array([list(state["joints"].values()) for state in states])
     assert (np.diff(times) > 0.0).all()
     assert times[-1] - times[0] <= clock.now - 1000.0
     require_limits(small_result.arm.motion.limits, times, q)
-    lags = [(one["tip_error"], one["t"]) for one in states if one["state"] not in ("reaching", "holding")]
+    lags = [(one["position_error"], one["t"]) for one in states if one["state"] not in ("reaching", "holding")]
     assert sorted(summary.lags) == sorted(lag for lag in lags if lag[0] is not None)
     assert len(summary.times) == summary.answered

@@ -80,16 +80,3 @@ def test_outliers_are_missing(swinging):
     assert any("wrist: outlier in 3 frames" in note for note in clean.notes)
     away = changed(swinging, "wrist", slice(150, 300), swinging.point("wrist")[150:] + np.array([0.3, 0.0, 0.0]))
     assert without_outliers(away) is away
-
-
-def test_noise_is_smoothed(swinging):
-    """Noise of 10 mm falls to less than half, outliers have no effect, and points without noise stay."""
-    generator = np.random.default_rng(1)
-    track = swinging.point("wrist") + generator.normal(0.0, 0.01, (300, 3))
-    track[generator.random(300) < 0.03] += [0.0, 0.2, 0.0]
-    clean = smoothed(changed(swinging, "wrist", slice(None), track))
-    error = np.linalg.norm(clean.point("wrist") - swinging.point("wrist"), axis=-1)
-    assert np.sqrt(np.mean(error**2)) < 0.5 * 0.01 * np.sqrt(3)
-    np.testing.assert_array_equal(clean.point("elbow"), swinging.point("elbow"))
-    assert "wrist: noise of" in clean.quality_warnings[0]
-    assert "smooth='off'" in clean.quality_warnings[0]

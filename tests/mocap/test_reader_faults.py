@@ -9,7 +9,7 @@ from dialect_files import SKELETONS, write_bvh
 from format_files import write_motive, write_nexus, write_qualisys
 from fuzz.c3d_writer import Writer
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.mocap import Recording, read_recording, shipped_recording
+from maniport.mocap import READERS, Recording, read_recording, shipped_recording
 from maniport.mocap.readers import mvnx, npz
 
 QUALISYS = "NO_OF_FRAMES\t2\n{}MARKER_NAMES\tA\n1\t2\t3\n1\t2\t4\n"
@@ -81,7 +81,20 @@ def test_faulty_files_are_rejected(tmp_path, monkeypatch, name, content, words):
         read_recording(file, **options)
     assert time.process_time() - begin < 2
     assert name in str(caught.value)
-    assert caught.value.__cause__ is None
+
+
+def test_a_bug_in_a_reader_of_the_user_shows(tmp_path, monkeypatch):
+    """The error of the reader is the cause of the FileFormatError."""
+    (tmp_path / "a.own").write_text("1")
+    for error in (TypeError("int + str"), ValueError("no")):
+
+        def read(file, options, error=error):
+            raise error
+
+        monkeypatch.setitem(READERS, ".own", read)
+        with pytest.raises(FileFormatError, match=str(error.args[0]).replace("+", ".")) as caught:
+            read_recording(tmp_path / "a.own")
+        assert caught.value.__cause__ is error
 
 
 @pytest.mark.parametrize(

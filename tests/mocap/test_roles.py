@@ -10,6 +10,7 @@ from maniport.errors import InvalidInputError, RecordingError, UnknownNameError
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.roles import assign_roles, find_side, role_position, trunk_rotation
 
+WITHOUT_HAND = ("Unreal", "MediaPipe")  # marker sets of which the point of the hand is not used
 SETS = POINTS | {name: skeleton.names for name, skeleton in SKELETONS.items()}
 
 
@@ -27,7 +28,8 @@ def test_every_marker_set_is_recognized(made, marker_set, side):
     """The joints of either arm, the markers of its axes and the trunk frame are those of the motion."""
     recording = made.recording(mirrored(SETS[marker_set]))
     roles = assign_roles(recording, side=side)
-    for role in ("shoulder", "elbow", "wrist"):
+    assert not {"hand_r"} & set(SETS[marker_set].values()) or ("hand" in roles) == (marker_set not in WITHOUT_HAND)
+    for role in ("shoulder", "elbow", "wrist", *({"hand"} & roles.keys())):
         np.testing.assert_allclose(role_position(recording, roles[role]), made.parts[f"{role}_{side[0]}"], atol=1e-12)
     for axis, ends in {"elbow_axis": ("medial", "lateral"), "wrist_axis": ("ulnar", "radial")}.items():
         for group, end in zip(roles.get(axis, ()), ends, strict=axis in roles):

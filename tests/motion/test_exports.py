@@ -27,11 +27,11 @@ def motion():
     """A motion at 1000 Hz that begins at 2 s."""
     limits, time = MotionLimits.of(PLANAR), np.linspace(0.0, 1.0, 21)
     timed = retime(limits, time, 0.5 * np.sin(np.outer(time, [1.0, 2.0, 3.0])))
-    q = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
+    q = timed.joint_positions
     return ArmMotion.of_motion(
-        PLANAR, 2.0 + timed.at, PLANAR.manipulability(q), 2.0 + timed.time, timed.positions,
-        path=PLANAR.forward(q)[:, :3, 3], control_velocities=timed.velocities,
-        control_accelerations=timed.accelerations,
+        PLANAR, 2.0 + timed.time, PLANAR.manipulability(q), 2.0 + timed.control_time, timed.control_positions,
+        path=PLANAR.forward(q)[:, :3, 3], control_velocities=timed.control_velocities,
+        control_accelerations=timed.control_accelerations,
     )  # fmt: skip
 
 

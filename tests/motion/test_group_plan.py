@@ -12,11 +12,18 @@ import maniport as mp
 from maniport.arms.chain import pose
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
-from maniport.motion import Objective, Planner, ReachabilityMap, SeedBank, plan_motion
+from maniport.motion import (
+    MotionProblem,
+    Objective,
+    Planner,
+    ReachabilityMap,
+    RelativePositionCost,
+    SeedBank,
+    plan_motion,
+)
 from maniport.motion.exports import export_motion
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.arm_planner import ArmPlanner
-from maniport.motion.problem import MotionProblem, RelativePositionCost
 
 TIME = np.linspace(0.0, 3.0, 10)
 MIDDLE = np.array([0.2, -0.4, 0.3, -1.9, 0.4, 1.8, 0.5])
@@ -28,26 +35,25 @@ def swung(phase=0.0, size=0.4):
 
 
 def task(arms, *joints):
-    """What is asked for where each arm shall do as in these postures: ellipsoids somewhat larger, and paths."""
-    profiles = [1.2 * arm.manipulability(q) for arm, q in zip(arms.arms, joints, strict=True)]
-    return {
-        "profiles": profiles,
-        "paths": [arm.forward(q)[:, :3, 3] for arm, q in zip(arms.arms, joints, strict=True)],
-        "time": TIME,
-    }
+    """Ellipsoids that are a little larger than at these configurations of each arm, and their paths."""
+    parts = list(zip(arms.arms, joints, strict=True))
+    profiles, paths = [1.2 * arm.manipulability(q) for arm, q in parts], [arm.forward(q)[:, :3, 3] for arm, q in parts]
+    return {"profiles": profiles, "paths": paths, "time": TIME}
 
 
-def known(arms, collisions=False):
-    """What is known of two arms, with few samples."""
+def planner_of(arms, collisions=False):
+    """A planner with few samples."""
     limits, spec = MotionLimits.of(arms), mp.EllipsoidSpec()
-    apart = mp.Collisions.of(limits.arm) if collisions else None
-    planners = []
-    for arm, columns, alone in zip(
-        limits.arm.arms, limits.arm.columns, apart.of_arms if apart else (None, None), strict=True
-    ):
-        reachability_map = ReachabilityMap(arm, spec, 8_000, collisions=alone)
-        planners.append(ArmPlanner(limits.of_joints(arm, columns), reachability_map, SeedBank.build(arm, 2048), alone))
-    return Planner(limits, spec, tuple(planners), apart)
+    group, model = limits.arm, mp.Collisions.of(limits.arm) if collisions else None
+    alone = model.of_arms if collisions else (None,) * len(group)
+    planners = tuple(
+        ArmPlanner(
+            limits.of_joints(arm, columns), ReachabilityMap(arm, spec, 8_000, collisions=own),
+            SeedBank.build(arm, 2048), own,
+        )
+        for arm, columns, own in zip(group.arms, group.columns, alone, strict=True)
+    )  # fmt: skip
+    return Planner(limits, spec, planners, model)
 
 
 def single(planner, i):
@@ -60,14 +66,14 @@ def single(planner, i):
 def apart():
     """Two Pandas that cannot meet, and what is known of them."""
     arms = mp.load_arms("panda", bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0, 0.3)])
-    return arms, known(arms)
+    return arms, planner_of(arms)
 
 
 @pytest.fixture(scope="module")
 def beside():
     """Two Pandas side by side, kept apart, and what is known of them."""
     arms = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
-    return arms, known(arms, True)
+    return arms, planner_of(arms, True)
 
 
 @pytest.fixture(scope="module")
@@ -102,9 +108,9 @@ def test_a_pair_is_one_motion(apart, separate):
         assert_array_equal(motion.time, separate.trajectory.time)
     assert separate.limit_use.within
     assert_array_equal(separate.trajectory.control_velocities[[0, -1]], 0.0)
-    squares = [np.sum([np.square(getattr(one, name)).sum() for one in separate.arms]) for name in
-               ("distance", "pointwise_best")]  # fmt: skip
-    assert_allclose(separate.pointwise_ratio, np.sqrt(squares[0] / squares[1]))
+    distance, best = (np.concatenate([getattr(arm, name) for arm in separate.arms])
+                      for name in ("distance", "pointwise_best"))  # fmt: skip
+    assert_allclose(separate.pointwise_ratio, np.linalg.norm(distance) / np.linalg.norm(best))
 
 
 def test_arms_that_would_meet_are_kept_apart(beside):
@@ -196,7 +202,7 @@ def test_three_arms_keep_clear_of_one_another():
     arms = mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
     asked = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
     asked["paths"] = [path - 0.12 * path.mean(axis=0) * [1, 1, 0] for path in asked["paths"]]
-    found = plan_motion(arms, **asked, planner=known(arms, True), position_tolerance=0.02, planning_effort="quick")
+    found = plan_motion(arms, **asked, planner=planner_of(arms, True), position_tolerance=0.02, planning_effort="quick")
     assert found.trajectory.control_positions.shape[1] == 21
     assert found.clearance.known
     assert found.clearance.share == 0.0
@@ -267,26 +273,25 @@ def test_files_name_the_joints_of_both(separate, apart, tmp_path):
         export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
 
 
-def test_what_is_wrong_is_told_before_long_work(apart, panda):
-    """One arm, things that are not two, rows that are missing, a home that is none: each is named."""
+def test_wrong_arguments_are_named(apart, panda):
+    """One arm, sequences that are too short, missing rows, a wrong home: each is named before anything is planned."""
     arms, planner = apart
-    asked = task(arms, swung(), swung())
+    options = task(arms, swung(), swung()) | {"planner": planner}
+    (profile, _), (path, other) = options["profiles"], options["paths"]
+    for change, message in (
+        ({"profiles": [profile]}, "profiles must be a sequence of 2"),
+        ({"paths": [path, other[:-1]]}, "path"),
+        ({"paths": [path, None]}, "paths must be of all arms or of none"),
+        ({"tips": "absolute"}, "unknown tips 'absolute'"),
+        ({"paths": None, "tips": "relative"}, "tips='relative'"),
+        ({"home": np.zeros(7)}, r"home must have shape \(\.\.\., 14\)"),
+    ):
+        with pytest.raises(InvalidInputError, match=message):
+            plan_motion(arms, **options | change)
     with pytest.raises(InvalidInputError, match="arms must be an Arm"):
-        plan_motion("panda", **asked)
+        plan_motion("panda", **options)
     with pytest.raises(InvalidInputError, match="tips='relative'"):
-        plan_motion(panda, asked["profiles"][0], paths=asked["paths"][0], time=TIME, tips="relative")
-    with pytest.raises(InvalidInputError, match="profiles must be a sequence of 2"):
-        plan_motion(arms, planner=planner, **{**asked, "profiles": asked["profiles"][:1]})
-    with pytest.raises(InvalidInputError, match="path"):
-        plan_motion(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], asked["paths"][1][:-1]]})
-    with pytest.raises(InvalidInputError, match="paths must be of all arms or of none"):
-        plan_motion(arms, planner=planner, **{**asked, "paths": [asked["paths"][0], None]})
-    with pytest.raises(InvalidInputError, match="unknown tips 'absolute'"):
-        plan_motion(arms, **asked, planner=planner, tips="absolute")
-    with pytest.raises(InvalidInputError, match="tips='relative'"):
-        plan_motion(arms, asked["profiles"], time=TIME, planner=planner, tips="relative")
-    with pytest.raises(InvalidInputError, match=r"home must have shape \(\.\.\., 14\)"):
-        plan_motion(arms, **asked, planner=planner, home=np.zeros(7))
+        plan_motion(panda, profile, paths=path, time=TIME, tips="relative")
     other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
     with pytest.raises(InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': tip"):
-        plan_motion(other, **asked, planner=planner)
+        plan_motion(other, **options)

@@ -7,6 +7,7 @@ from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState, track
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import Linearization
 
 
@@ -32,18 +33,14 @@ def test_braking_limits_never_contradict_one_another(panda, seed):
 
 
 @pytest.fixture(scope="module")
-def arm():
-    """The Panda with its hand."""
-    return load_arm("panda", frame="panda_hand_tcp")
+def hand():
+    """The Panda with its hand on a table, samples of it, and their clearance."""
+    arm = load_arm("panda", frame="panda_hand_tcp")
+    collisions, q = Collisions.of(arm, table=0.0), arm.sample(512, 0)
+    return arm, collisions, q, clearance_of(collisions, q)
 
 
-@pytest.fixture(scope="module")
-def collisions(arm):
-    """On a table."""
-    return Collisions.of(arm, table=0.0)
-
-
-def _clearance(collisions, q):
+def clearance_of(collisions, q):
     """Smallest distances at configurations (n, dof), of links with at most two coordinates between four times that."""
     rows, distance, _ = collisions.gradient(q, 1.0, scaled=True)
     clearance = np.full(len(q), np.inf)
@@ -51,77 +48,63 @@ def _clearance(collisions, q):
     return clearance
 
 
-def _moved(arm, limit, start, goal, acceleration=10.0):
+class NoTargets:
+    """Targets of an arm without a cost."""
+
+    def linearize(self, q):
+        """No cost."""
+        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None])
+
+
+def moved(arm, limit, start, goal, acceleration=10.0):
     """Configurations on the motion from one configuration towards another."""
-
-    class Posture:
-        def residual(self, q, time):
-            return q - goal
-
-        def jacobian(self, q, time):
-            return np.eye(7)[None]
-
     braking = BrakingLimit(arm.lower, arm.upper, 0.5 * arm.velocity_limits, np.full(7, acceleration))
-    controller = Controller(arm, braking, limit, costs=[Posture()])
-    state, path = ControlState.at_rest(start), []
-    no_targets = _NoTargets()
+    driver, state, path = Controller(arm, braking, limit), ControlState.at_rest(start), []
     for _ in range(150):
-        problem = ControlProblem((no_targets,), (None,), start, 1e-3)
-        state = controller.step(problem, state, 0.02)
+        state = driver.step(ControlProblem((NoTargets(),), (None,), PostureCost(goal, 1.0)), state, 0.02)
         path.append(state.q)
     return np.array(path)
 
 
-class _NoTargets:
-    """Targets of an arm without a cost."""
-
-    def linearize(self, q):
-        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), None)
-
-
-def test_configurations_that_collide_are_not_reached(arm, collisions):
+def test_configurations_that_collide_are_not_reached(hand):
     """On the way to configurations that collide the arm stops at the margin; without the limit it goes there."""
-    q = arm.sample(256, 0)
-    clearance = _clearance(collisions, q)
-    starts, goals = q[clearance > 0.03][:2], q[clearance < -0.02][:2]
-    for start, goal in zip(starts, goals, strict=True):
-        path = _moved(arm, CollisionLimit(collisions), start, goal)
-        assert _clearance(collisions, path).min() > 0.015
+    arm, collisions, q, clearance = hand
+    for start, goal in zip(q[clearance > 0.03][:2], q[clearance < -0.02][:2], strict=True):
+        path = moved(arm, CollisionLimit(collisions), start, goal)
+        assert clearance_of(collisions, path).min() > 0.015
         assert not collisions.collides(path).any()
-        assert _clearance(collisions, _moved(arm, None, start, goal)).min() < 0.0
+        assert clearance_of(collisions, moved(arm, None, start, goal)).min() < 0.0
 
 
-def test_pairs_within_the_margin_move_apart(arm, collisions):
+def test_pairs_within_the_margin_move_apart(hand):
     """From within the margin the clearance grows up to it, against the cost."""
-    q = arm.sample(512, 1)
-    clearance = _clearance(collisions, q)
+    arm, collisions, q, clearance = hand
     for start in q[(clearance > 0.002) & (clearance < 0.015)][:2]:
-        path = _clearance(collisions, _moved(arm, CollisionLimit(collisions), start, start, np.inf))
+        path = clearance_of(collisions, moved(arm, CollisionLimit(collisions), start, start, np.inf))
         assert path[-1] > 0.019
         assert np.all(np.diff(path) > -1e-4)
 
 
-def test_tracking_keeps_clear_of_collisions(arm, collisions):
+def test_tracking_keeps_clear_of_collisions(hand):
     """With a collision model the whole motion is free, where without it it collides."""
-    q = arm.sample(256, 0)
-    clearance = _clearance(collisions, q)
-    start, goal = q[clearance > 0.03][0], q[clearance < -0.02][0]
-    way = np.linspace(start, goal, 12)
-    options = {"time": np.linspace(0, 4, 12), "path": arm.forward(way)[:, :3, 3], "start": start, "rate": 50.0}
-    motions = [track(arm, arm.ellipsoids(way), collisions=model, **options) for model in (None, collisions)]
-    clearances = [_clearance(collisions, motion.trajectory.control_positions) for motion in motions]
-    assert clearances[0].min() < 0.0
-    assert clearances[1].min() > 0.01
+    arm, collisions, q, clearance = hand
+    line = np.linspace(q[clearance > 0.03][0], q[clearance < -0.02][0], 12)
+    options = {"time": np.linspace(0, 4, 12), "path": arm.forward(line)[:, :3, 3], "start": line[0], "rate": 50.0}
+    motions = [track(arm, arm.ellipsoids(line), collisions=model, **options) for model in (None, collisions)]
+    clearances = [clearance_of(collisions, motion.trajectory.control_positions).min() for motion in motions]
+    assert clearances[0] < 0.0 < 0.01 < clearances[1]
     assert motions[1].clearance.share == 0.0
 
 
-def test_wrong_arguments_are_errors(arm, collisions):
+def test_wrong_arguments_of_collision_limits_are_errors(hand):
     """Ranges are checked, and an arm without collision geometry has no such limit."""
-    assert "margin=0.02" in repr(CollisionLimit(collisions))
-    with pytest.raises(InvalidInputError, match="no collision geometry"):
-        CollisionLimit(Collisions.of(load_arm("myoarm")))
-    with pytest.raises(InvalidInputError, match="collisions must be"):
-        CollisionLimit(arm)
-    for wrong in ({"margin": 0.1}, {"time_constant": 0.0}, {"separation_share": 2.0}):
-        with pytest.raises(InvalidInputError):
-            CollisionLimit(collisions, **wrong)
+    arm, collisions, *_ = hand
+    for model, options, words in (
+        (Collisions.of(load_arm("myoarm")), {}, "no collision geometry"),
+        (arm, {}, "collisions must be"),
+        (collisions, {"margin": 0.1}, "reach"),
+        (collisions, {"time_constant": 0.0}, "time_constant"),
+        (collisions, {"separation_share": 2.0}, "separation_share"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            CollisionLimit(model, **options)

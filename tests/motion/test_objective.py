@@ -48,5 +48,5 @@ def test_axes_angles_are_those_between_directions(panda):
     q, wanted = panda.sample(5, 1), Rotation.random(5, np.random.default_rng(1)).as_matrix()
     targets = objective.targets(panda.manipulability(q), rotations=wanted)
     cosine = np.sum(panda.forward(q)[:, :3, 2] * wanted[:, :, 2], axis=1)
-    assert targets.axis_angles(q) == pytest.approx(np.arccos(cosine))
-    assert objective.targets(panda.manipulability(q)).axis_angles(q) is None
+    assert targets.orientation_cost.angles(q) == pytest.approx(np.arccos(cosine))
+    assert objective.targets(panda.manipulability(q)).orientation_cost is None

@@ -10,8 +10,8 @@ from scipy.linalg import solve
 
 from maniport.arms import Arm
 from maniport.motion.objective import Objective
+from maniport.motion.plan.arm_planner import relaxed
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, optimize, time_weights
-from maniport.motion.plan.refinement import relaxed
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path
 
 ARM = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]], -2, 2)

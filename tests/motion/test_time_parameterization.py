@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.plan.path_speed import fill_speeds
+from maniport.motion.plan.joint_path import fill_speeds
 from maniport.motion.plan.time_parameterization import retime, with_approach
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
@@ -27,18 +27,17 @@ def waves(limits, time, share=0.5, pace=0.7):
 
 def require_laws(limits, time, q, timed, rate=1000.0):
     """What holds for every motion that is retimed."""
-    assert limits.use(timed.time, timed.positions).within
-    assert_allclose(np.diff(timed.time), 1.0 / rate)
-    assert timed.time[0] == 0.0
-    assert_allclose(timed.positions[[0, -1]], q[[0, -1]], atol=1e-9)
-    for values in (timed.positions, timed.velocities, timed.accelerations):
-        assert values.shape == (len(timed.time), limits.arm.dof)
-    assert_array_equal(np.diff(timed.positions[:4], axis=0), 0.0)  # at rest
-    assert_array_equal(np.diff(timed.positions[-4:], axis=0), 0.0)
-    assert np.all(np.diff(timed.at) >= np.diff(time) * (1.0 - 1e-9))  # never faster than the person
-    assert 0.0 <= timed.at[0] < timed.at[-1] <= timed.time[-1]
-    there = np.stack([np.interp(timed.at, timed.time, column) for column in timed.positions.T], axis=1)
-    assert_allclose(np.abs(there - q).max(axis=0), timed.deviation, atol=1e-12)
+    positions = timed.control_positions
+    assert limits.use(timed.control_time, positions).within
+    assert_allclose(np.diff(timed.control_time), 1.0 / rate)
+    assert timed.control_time[0] == 0.0
+    assert_allclose(positions[[0, -1]], q[[0, -1]], atol=1e-9)
+    for values in (positions, timed.control_velocities, timed.control_accelerations):
+        assert values.shape == (len(timed.control_time), limits.arm.dof)
+    assert_array_equal(np.diff(positions[:4], axis=0), 0.0)  # at rest
+    assert_array_equal(np.diff(positions[-4:], axis=0), 0.0)
+    assert np.all(np.diff(timed.time) >= np.diff(time) * (1.0 - 1e-9))  # never faster than the person
+    assert 0.0 <= timed.time[0] < timed.time[-1] <= timed.control_time[-1]
 
 
 @pytest.mark.parametrize("arm", [CRANE, SIX], ids=lambda arm: arm.name)
@@ -64,8 +63,8 @@ def test_a_straight_line_takes_as_long_as_it_must():
     """One joint over 1 rad at 2 rad/s and 10 rad/s²: 0.2 s up to speed, 0.3 s at speed, 0.2 s to rest."""
     limits = MotionLimits.of(PLANAR, HARD)
     timed = retime(limits, [0.0, 1e-3], [[0, 0, 0], [1.0, 0, 0]])
-    assert timed.time[-1] == pytest.approx(0.7, abs=0.02)
-    use = limits.use(timed.time, timed.positions)
+    assert timed.control_time[-1] == pytest.approx(0.7, abs=0.02)
+    use = limits.use(timed.control_time, timed.control_positions)
     assert use.shares[1:3, 0].min() > 0.99
 
 
@@ -76,8 +75,8 @@ def test_little_jerk_takes_long_and_stays_on_the_path(jerk, rate):
     q = waves(limits, time)
     timed = retime(limits, time, q, rate=rate)
     require_laws(limits, time, q, timed, rate)
-    assert timed.deviation.max() <= 0.1 * jerk * 0.3**2 / 24
-    assert timed.time[-1] > 1.0 / np.sqrt(0.1 * jerk)
+    assert np.abs(timed.joint_positions - q).max() <= 0.1 * jerk * 0.3**2 / 24
+    assert timed.control_time[-1] > 1.0 / np.sqrt(0.1 * jerk)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +96,7 @@ def test_a_path_along_its_limits_stays_within():
     q = np.clip(waves(limits, time, share=1.3), limits.lower, limits.upper)
     timed = retime(limits, time, q)
     require_laws(limits, time, q, timed)
-    assert timed.deviation.max() < 1e-3
+    assert np.abs(timed.joint_positions - q).max() < 1e-3
 
 
 @pytest.mark.parametrize("name", ["still", "pause", "tiny", "one step", "hurried"])
@@ -140,19 +139,20 @@ def test_home_and_back():
     """Approach and return are calm straight lines from rest to rest, and shift what is between them unchanged."""
     limits, time = MotionLimits.of(PLANAR, HARD), np.linspace(0.0, 2.0, 41)
     timed, home = retime(limits, time, waves(limits, time)), np.array([0.5, -1.0, 1.5])
-    whole = with_approach(timed, limits, home)
-    assert limits.use(whole.time, whole.positions).within
-    assert_allclose(np.diff(whole.time), 1e-3)
-    assert_allclose(whole.positions[[0, -1]], [home, home], atol=1e-9)
-    first, last = round(1e3 * whole.begin), round(1e3 * whole.end)
-    assert_array_equal(whole.positions[first : last + 1], timed.positions)
-    assert_allclose(whole.at - whole.begin, timed.at)
-    ahead = whole.positions[:first] - home
-    way = timed.positions[0] - home
-    assert_allclose(ahead, np.outer(ahead @ way / (way @ way), way), atol=1e-9)
-    use = limits.use(whole.time[:first], whole.positions[:first])
+    longer = with_approach(timed, limits, home)
+    positions = longer.control_positions
+    assert limits.use(longer.control_time, positions).within
+    assert_allclose(np.diff(longer.control_time), 1e-3)
+    assert_allclose(positions[[0, -1]], [home, home], atol=1e-9)
+    shift = longer.time - timed.time
+    assert_allclose(shift, shift[0])
+    first, own = round(1e3 * shift[0]), timed.control_positions
+    assert_array_equal(positions[first : first + len(own)], own)
+    assert_allclose(longer.joint_positions, timed.joint_positions, atol=1e-9)
+    ahead, line = positions[:first] - home, own[0] - home
+    assert_allclose(ahead, np.outer(ahead @ line / (line @ line), line), atol=1e-9)
+    use = limits.use(longer.control_time[:first], positions[:first])
     assert 0.25 < use.shares[1:].max() <= 0.3 + 1e-6
-    assert_array_equal(with_approach(timed, limits, home, back=False).positions[-1], timed.positions[-1])
     for jerk in (1e-9, 1e-12):
         with pytest.raises(InvalidInputError, match=r"samples|jerk"):
             with_approach(timed, MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), home)

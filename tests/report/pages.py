@@ -1,17 +1,17 @@
-"""A page with one section, for tests of how things are shown."""
+"""Pages with one section, and a parser that checks them."""
 
 from html.parser import HTMLParser
 
-from maniport.report.metrics import warnings_of
-from maniport.report.page import Cloud, DomainMap, as_html, write_page
-from maniport.report.values import Metric, Report, Section, Table
+from maniport.report.page import as_html
+from maniport.report.page.content import Cloud, DomainMap
+from maniport.report.values import Metric, Report, Section, Table, warnings_of
 from maniport.spd.diffusion_map import map_of
 
 VOID = {"meta", "link", "img", "br", "input", "hr"}
 
 
 class Page(HTMLParser):
-    """Elements of a page, the texts of its scripts, and whether every element is closed."""
+    """Elements of a page, the texts of its scripts and styles, and whether every element is closed."""
 
     def __init__(self, text):
         super().__init__()
@@ -26,7 +26,7 @@ class Page(HTMLParser):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
-        """Require that it closes what was opened last."""
+        """Require that it closes the last open element."""
         assert self.open.pop() == tag
 
     def handle_data(self, data):
@@ -38,24 +38,12 @@ class Page(HTMLParser):
             self.styles.append(data)
 
 
-def told(*parts, warnings=("mind",), title="a title"):
-    """A report with one section of metrics and tables, and what is shown in it."""
-    metrics = tuple(part for part in parts if isinstance(part, Metric))
-    tables = tuple(part for part in parts if isinstance(part, Table))
-    shown = [part for part in parts if not isinstance(part, Metric | Table)]
-    section = Section("a section", (*warnings_of("some", warnings), *metrics), tables, text="one\ntwo")
-    return Report(title, "a lead", (section,)), {"a section": shown}
-
-
-def page_of(*parts, **options):
-    """The page of parts, as text."""
-    return as_html(*told(*parts, **options))
-
-
-def written(path, *parts, **options):
-    """Write the page of parts."""
-    write_page(path, *told(*parts, **options))
-    return path
+def page_of(*parts, warnings=("a warning",), title="a title"):
+    """The page of metrics, tables, animations and images, as text."""
+    metrics, tables = ([part for part in parts if isinstance(part, kind)] for kind in (Metric, Table))
+    contents = [part for part in parts if not isinstance(part, Metric | Table)]
+    section = Section("a section", (*warnings_of("some", warnings), *metrics), tuple(tables), text="one\ntwo")
+    return as_html(Report(title, "a lead", (section,)), {"a section": contents})
 
 
 def map_with(domains, profiles):

@@ -68,14 +68,14 @@ def test_arms_have_one_scale_and_share_a_panel(motion):
         lambda time, p: figures.save(Figure(), "a.jpg"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(motion, draw):
+def test_invalid_arguments_are_errors(motion, draw):
     """Wrong shapes, names, roles and endings."""
     with pytest.raises(InvalidInputError):
         draw(*motion())
 
 
-def test_figures_are_saved_whole_and_alike(tmp_path):
-    """PNG and SVG without an ending; the same bytes each time; nothing in a folder that is missing."""
+def test_figures_are_saved_whole_and_alike(tmp_path, monkeypatch):
+    """PNG and SVG without an ending; the same bytes each time; missing folders and a missing package are errors."""
     figure = Figure(figsize=(1.0, 1.0))
     figure.subplots().plot([0, 1], [0, 1])
     first, again = (figures.save(figure, tmp_path / name) for name in ("a", "b"))
@@ -83,6 +83,9 @@ def test_figures_are_saved_whole_and_alike(tmp_path):
     assert [file.read_bytes() for file in first] == [file.read_bytes() for file in again]
     with pytest.raises(OutputError):
         figures.save(figure, tmp_path / "missing" / "a.png")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingPackageError, match="figures"):
+        matplotlib()
 
 
 def test_the_figures_of_a_saved_result(small_result, tmp_path):
@@ -100,10 +103,3 @@ def test_the_figures_of_a_saved_result(small_result, tmp_path):
     with pytest.raises(OutputError):
         mp.write_results(small_result, tmp_path / "out")
     mp.write_results(small_result, tmp_path / "out", overwrite=True)
-
-
-def test_missing_matplotlib_is_named(monkeypatch):
-    """Where matplotlib is missing, the error says what to install."""
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingPackageError, match="figures"):
-        matplotlib()

@@ -7,27 +7,27 @@ import pytest
 
 from maniport.errors import InvalidInputError
 from maniport.report import as_markdown, report_of
-from maniport.studies import human_to_panda
-from maniport.studies.human_to_panda import EVALUATIONS, motions
-from maniport.studies.methods import compare_methods, in_short
+from maniport.studies import methods
+from maniport.studies.methods import EVALUATIONS, compare_methods, methods_report, methods_section, motions
 from maniport.studies.paper import known_truth, run
+from maniport.transfer import METHODS
 
 
 @pytest.fixture
 def small(monkeypatch):
     """Domains of a few samples."""
-    monkeypatch.setattr(human_to_panda, "TEACHER_SAMPLES", 64)
-    monkeypatch.setattr(human_to_panda, "STUDENT_SAMPLES", 128)
+    monkeypatch.setattr(methods, "TEACHER_SAMPLES", 64)
+    monkeypatch.setattr(methods, "STUDENT_SAMPLES", 128)
 
 
 def test_a_line_for_every_method_and_a_table_for_every_motion(small):
     """The line has the mean of the motions' gaps; other rows than those asked for are not there."""
     told = compare_methods(("identity", "icp"), names=["H-Eval-2"])
-    values = in_short(told).tables[0].value
+    values = methods_section(told).tables[0].value
     assert list(values) == ["parallel-transport", "identity", "icp"]
-    gaps = told.evaluations["H-Eval-2"].row("icp").feasibility_gap
+    gaps = told["H-Eval-2"].row("icp").feasibility_gap
     assert (values["icp"]["gap"], values["icp"]["gap_p95"]) == (gaps.mean, gaps.p95)
-    page = as_markdown(report_of(told))
+    page = as_markdown(methods_report(told))
     assert page.count("| icp |") == 2
     assert page.count("\n## ") == 2
     assert page.count("Comparison of methods") == 1
@@ -37,12 +37,20 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
     with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
         run.reproduce("toy", tmp_path / "out", methods=("identity",))
-    monkeypatch.setattr(run, "_run", lambda *given: known_truth.toy(0, draws=1))
-    monkeypatch.setattr(run, "_write_page", lambda *given: None)
+    toy = known_truth.toy(0, draws=1)
+    monkeypatch.setitem(run.EXPERIMENTS, "human-robot", lambda *given, **more: toy)
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
     found = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"methods.md", "methods.json"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"methods.md", "methods.json"}
     assert "| identity |" in as_markdown(report_of(found))
+
+
+def test_transport_between_gaussians_comes_last_of_all_methods(small):
+    """It maps the mean of the teacher to that of the student, and its images are positive-definite."""
+    pytest.importorskip("ot")
+    told = compare_methods(tuple(METHODS), names=["H-Eval-2"])["H-Eval-2"]
+    assert told.rows[-1].name == "GaussianTransport"
+    assert 0.0 < told.rows[-1].feasibility_gap.mean < told.row("identity").feasibility_gap.mean
 
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")

@@ -1,4 +1,4 @@
-"""A small live view that is made in a moment."""
+"""A small live view that is made quickly."""
 
 import contextlib
 import threading
@@ -23,26 +23,19 @@ def arms():
 
 @pytest.fixture(scope="session")
 def bank(arms):
-    """Starts of the robot."""
+    """Seed configurations of the robot."""
     return SeedBank.build(arms[1], 2048, 0)
 
 
 @pytest.fixture(scope="session")
-def make_maps(arms):
-    """Make maps on small domains, with the methods of those that are given fitted."""
-    domains = sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1)
-
-    def make(fitted=None, **options):
-        maps = Maps(*domains, **options)
-        maps._fitted |= fitted or {}
-        return maps
-
-    return make
+def domains(arms):
+    """Small domains of both arms."""
+    return sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1)
 
 
 @pytest.fixture(scope="session")
 def place():
-    """A placement in front of the robot, where half as large a path lies."""
+    """A placement in front of the robot, with half of the size."""
     point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "distance": np.zeros(1), "spec": VELOCITY}
     point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
     point |= {"scale": 0.5, "yaw": 0.0, "tilt": 0.0, "heading": 0.0, "mount": np.eye(3), "turn": np.eye(3)}
@@ -50,29 +43,31 @@ def place():
 
 
 @pytest.fixture(scope="session")
-def all_maps(make_maps):
-    """Maps of all methods at the identity, fitted once."""
-    maps = make_maps()
+def fitted(domains):
+    """Maps of all methods at the identity."""
+    maps = Maps(*domains)
     return {name: maps.fit(name, np.eye(3)) for name in maps.names}
 
 
 @pytest.fixture(scope="module")
-def make_state(arms, bank, make_maps, all_maps, place):
+def make_state(arms, bank, domains, fitted, place):
     """Make a state, with other maps or with a recording; its threads end with the module."""
-    made = []
+    with contextlib.ExitStack() as stack:
 
-    def make(maps=None, recorded=False):
-        playback = None
-        if recorded:
-            path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
-            playback = Playback(np.linspace(3.0, 5.0, 5), path)
-        side = Side(*arms, maps or make_maps(all_maps), bank, place)
-        made.append(ViewState(arms[1], [side], playback))
-        return made[-1]
+        def make(maps=None, recorded=False):
+            playback = None
+            if recorded:
+                path = np.linspace(arms[0].sample(1, 1)[0], arms[0].sample(1, 2)[0], 5)
+                playback = Playback(np.linspace(3.0, 5.0, 5), path)
+            if maps is None:
+                maps = Maps(*domains)
+                maps._fitted |= fitted
+            side = Side(*arms, maps, bank)
+            side.place = place
+            stack.callback(maps.close)
+            return ViewState(arms[1], [side], playback)
 
-    yield make
-    for state in made:
-        state.sides[0].maps.close()
+        yield make
 
 
 @pytest.fixture

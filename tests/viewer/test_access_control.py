@@ -1,7 +1,6 @@
 """Who can connect to the live view, and what they can do: attacks of a page that is open in the user's browser."""
 
 import contextlib
-import http.client
 import logging
 import socket
 import time
@@ -14,7 +13,8 @@ from receiver import CAMERA, connected, msgspec
 from maniport.viewer.access_control import LOGGED, MAX_PAGES, MESSAGE_BYTES, AccessControl
 from maniport.viewer.server import LiveView
 
-websockets_errors = pytest.importorskip("websockets.exceptions")
+errors = pytest.importorskip("websockets.exceptions")
+encode = msgspec.msgpack.encode
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +34,18 @@ def view(page, running):
 
 
 def wait(condition, seconds=60.0):
-    """Wait until something holds."""
+    """Wait until a condition holds."""
     end = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < end, "it did not happen"
+        assert time.monotonic() < end
         time.sleep(0.01)
+
+
+def serves(view):
+    """Wait until a new page gets frames."""
+    with connected(view.url) as guest:
+        guest.send(encode(CAMERA))
+        wait(lambda: view.rate > 0)
 
 
 def status(url, path, host=None):
@@ -51,36 +58,29 @@ def status(url, path, host=None):
 
 
 def test_only_the_whole_address_is_answered(page):
-    """Without the token, or with another, there is nothing; below it nothing but the page, whatever the path."""
-    parts = urlsplit(page.url)
-    line = http.client.HTTPConnection(parts.hostname, parts.port, timeout=60)
-    line.request("GET", parts.path)
-    assert line.getresponse().status == 200
-    token = page._access.token.encode()
-    for path in (b"/", b"/index.html", b"/x" * 20, parts.path[:-3].encode(), b"//", b"/?" + token):
+    """Without the token, or with another, there is nothing; below it nothing but the page; no other host's name."""
+    root, token = urlsplit(page.url).path.encode(), page._access.token.encode()
+    assert status(page.url, root) == 200
+    for path in (b"/", b"/index.html", b"/x" * 20, root[:-3], b"//", b"/?" + token):
         assert status(page.url, path) == 403
     for name in ("ä".encode(), b"\xff\xfe", b"%C3%A4", b"%00", b"x" * 300, b"%ff/../x"):
-        assert status(page.url, parts.path.encode() + name) == 404
+        assert status(page.url, root + name) == 404
         assert status(page.url, b"/" + name) == 403
-
-
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example:1", "", "[::2]:1"])
-def test_names_of_other_hosts_are_refused(page, host):
-    """A page whose name is bound to this machine's address afterwards requests its own name."""
-    assert status(page.url, urlsplit(page.url).path.encode(), host) == 403
+    for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example:1", "", "[::2]:1"):
+        assert status(page.url, root, host) == 403
 
 
 def test_pages_of_other_origins_cannot_connect(page):
     """Only the page that is served here can, and programs without an origin; all need the token."""
     here = urlsplit(page.url).netloc
     for origin in ("http://evil.example", "null", f"https://{here}", "http://localhost:1", "file://"):
-        with pytest.raises(websockets_errors.InvalidStatus) as refused, connected(page.url, origin):
+        with pytest.raises(errors.InvalidStatus) as refused, connected(page.url, origin):
             pass
         assert refused.value.response.status_code == 403
     for origin in (f"http://{here}", None):
         with connected(page.url, origin) as guest:
             assert guest.recv(timeout=60)
-    with pytest.raises(websockets_errors.InvalidStatus), connected(page.url.replace(page._access.token, "x" * 22)):
+    with pytest.raises(errors.InvalidStatus), connected(page.url.replace(page._access.token, "x" * 22)):
         pass
 
 
@@ -96,7 +96,7 @@ def test_an_open_page_is_open_to_its_own_origin_only():
 
 
 UPDATE = {"type": "GuiUpdateMessage", "uuid": "0"}
-JUNK = {
+INVALID = {
     "text instead of bytes": "hello",
     "no MessagePack": b"\xc1" * 40,
     "no mapping": [1, 2],
@@ -111,9 +111,9 @@ JUNK = {
     "a value that is a mapping": UPDATE | {"updates": {"value": {}}},
     "a camera at nan": CAMERA | {"position": (np.nan, 0.0, 0.0)},
     "a camera of two numbers": CAMERA | {"look_at": (0.0, 0.0)},
-    "up to nowhere": CAMERA | {"up_direction": (0.0, 0.0, 0.0)},
+    "no upward direction": CAMERA | {"up_direction": (0.0, 0.0, 0.0)},
     "a camera beyond all numbers": CAMERA | {"position": (1e308, 0.0, 0.0)},
-    "a camera turned by nothing": CAMERA | {"wxyz": (0.0, 0.0, 0.0, 0.0)},
+    "no rotation": CAMERA | {"wxyz": (0.0, 0.0, 0.0, 0.0)},
     "a camera that looks at itself": CAMERA | {"look_at": CAMERA["position"]},
     "a view of no angle": CAMERA | {"fov": 0.0},
     "a window of no height": CAMERA | {"image_height": 0},
@@ -121,15 +121,14 @@ JUNK = {
 }
 
 
-def test_junk_is_dropped_with_a_line(view, caplog):
+def test_invalid_messages_are_dropped_with_a_line(view, caplog):
     """The page goes on, the connection too, and the log has one line for each message."""
-    for name, junk in JUNK.items():
+    for name, content in INVALID.items():
         view._access._counts.clear()
         caplog.clear()
-        message = junk if isinstance(junk, (str, bytes)) else msgspec.msgpack.encode(junk)
         with caplog.at_level(logging.WARNING, "maniport.viewer"), connected(view.url) as guest:
-            guest.send(message)
-            guest.send(msgspec.msgpack.encode(CAMERA))
+            guest.send(content if isinstance(content, (str, bytes)) else encode(content))
+            guest.send(encode(CAMERA))
             wait(lambda: caplog.records and view.rate > 0)
         (line,) = [record.getMessage() for record in caplog.records]
         assert "a message was refused" in line, name
@@ -138,27 +137,25 @@ def test_junk_is_dropped_with_a_line(view, caplog):
 
 def test_invalid_values_of_controls_change_nothing(view, caplog):
     """They are taken back on the page; the loop that reads them goes on."""
+    panel, refused = view._panel, view._access._counts
     with caplog.at_level(logging.WARNING, "maniport.viewer"), connected(view.url) as guest:
-        guest.send(msgspec.msgpack.encode(CAMERA))
+        guest.send(encode(CAMERA))
         wait(lambda: view.rate > 0)
-        for name, value in [
-            ("_method", "no such method"), ("_preset", "upside down"), ("_sliders", 1e308), ("_sliders", "nan"),
-            ("_angles", -181.0),
-        ]:  # fmt: skip
-            found = getattr(view._panel, name)
-            control = found[0] if isinstance(found, list) else found
-            before, count = control.value, view._access._counts["a value was"]
-            update = {"type": "GuiUpdateMessage", "uuid": control.handle._impl.uuid, "updates": {"value": value}}
-            guest.send(msgspec.msgpack.encode(update))
-            wait(lambda: view._access._counts["a value was"] > count)  # noqa: B023 - it is called at once
+        for control, value in (
+            (panel._method, "no such method"), (panel._preset, "upside down"), (panel._sliders[0], 1e308),
+            (panel._sliders[0], "nan"), (panel._angles[0], -181.0),
+        ):  # fmt: skip
+            before, count = control.value, refused["a value was"]
+            guest.send(encode(UPDATE | {"uuid": control.handle._impl.uuid, "updates": {"value": value}}))
+            wait(lambda: refused["a value was"] > count)  # noqa: B023 - it is called at once
             wait(lambda: control.handle.value == before)  # noqa: B023
             assert control.value == before
     assert not any(record.exc_info for record in caplog.records)
 
 
 def test_a_flood_is_survived(view, caplog):
-    """Thousands of junk messages, and one too large: a few lines, and later pages are served."""
-    gone = contextlib.suppress(websockets_errors.ConnectionClosed)
+    """Thousands of invalid messages, and one too large: a few lines, and later pages are served."""
+    gone = contextlib.suppress(errors.ConnectionClosed)
     with caplog.at_level(logging.WARNING, "maniport.viewer"), gone, connected(view.url) as guest:
         for _ in range(5_000):
             guest.send(b"\xc1")
@@ -166,19 +163,16 @@ def test_a_flood_is_survived(view, caplog):
         guest.recv(timeout=60)
     wait(lambda: view._access._counts["a message was"] == 5_000)
     assert len(caplog.records) <= LOGGED + 2
-    with connected(view.url) as guest:
-        guest.send(msgspec.msgpack.encode(CAMERA))
-        wait(lambda: view.rate > 0)
+    serves(view)
 
 
-def test_the_number_of_pages_is_limited(page):
-    """One more is refused; afterwards there is room."""
-    wait(lambda: page._access._pages == 0)
+def test_the_number_of_pages_is_limited(view):
+    """One more is refused; afterwards pages are served again."""
+    wait(lambda: view._access._pages == 0)
     with contextlib.ExitStack() as stack:
         for _ in range(MAX_PAGES):
-            stack.enter_context(connected(page.url))
-        with pytest.raises(websockets_errors.InvalidStatus), connected(page.url):
+            stack.enter_context(connected(view.url))
+        with pytest.raises(errors.InvalidStatus), connected(view.url):
             pass
-    wait(lambda: page._access._pages == 0)
-    with connected(page.url) as guest:
-        assert guest.recv(timeout=60)
+    wait(lambda: view._access._pages == 0)
+    serves(view)

@@ -10,7 +10,7 @@ from maniport import ParallelTransport
 from maniport.arms import load_arm, load_arms
 from maniport.arms.human import human_arm
 from maniport.domain import sample_domain
-from maniport.errors import InvalidInputError, ManiportError
+from maniport.errors import ManiportError
 from maniport.motion import SeedBank
 from maniport.viewer import prepare
 from maniport.viewer.maps import GIVEN, Maps
@@ -19,24 +19,20 @@ from maniport.viewer.state import Command, Playback, Side, ViewState
 from real_robots import NEEDS_ROBOTS
 from sizes import few_places
 
-FRAME = 1.0 / 30.0
+STEP = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])
 METHOD = "parallel-transport"
 BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
 
 
-def command(method="icp", joints=POSE, base_rotation=None, tip_follows=False):
-    """A command, at the identity unless told otherwise."""
-    return Command(joints, method, np.eye(3) if base_rotation is None else base_rotation, tip_follows)
-
-
-def advance(state, *given, seconds=FRAME, **more):
+def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, tip_follows=False):
     """The frame of one arm after some time."""
-    return state.frames(command(*given, **more), seconds)[0]
+    base_rotation = np.eye(3) if base_rotation is None else base_rotation
+    return state.frames(Command(joints, method, base_rotation, tip_follows), seconds)[0]
 
 
 def test_every_method_can_be_chosen(make_state):
-    """Each has its own target, and the robot keeps its limits; a base_rotation turns them after new fits."""
+    """Each has its own target, and the robot keeps its limits; a base rotation changes targets after new fits."""
     state, targets = make_state(), {}
     for name in state.methods:
         frame = advance(state, name)
@@ -48,18 +44,18 @@ def test_every_method_can_be_chosen(make_state):
     names = ("identity", METHOD, "nearest-neighbor")
     for one, other in zip(names, names[1:] + names[:1], strict=True):
         assert np.abs(targets[one] - targets[other]).max() > 0.01
-    turn = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
-    advance(state, METHOD, base_rotation=turn)
+    rotation = Rotation.from_euler("xyz", [90, 0, 45], degrees=True).as_matrix()
+    advance(state, METHOD, base_rotation=rotation)
     assert state.sides[0].maps.settle()
-    assert np.abs(advance(state, METHOD, base_rotation=turn).target.ellipsoid - targets[METHOD]).max() > 1e-3
+    assert np.abs(advance(state, METHOD, base_rotation=rotation).target.ellipsoid - targets[METHOD]).max() > 1e-3
 
 
-def test_the_robot_comes_nearer_within_its_speed(make_state):
+def test_the_robot_approaches_within_its_speed(make_state):
     """Without jumps, even after a long stop; the best configuration found is no worse."""
     state = make_state()
     before = advance(state, "identity", seconds=0.0).student_joints
-    for seconds in (FRAME, 10.0):
-        after = advance(state, "identity", POSE + 0.4, seconds=seconds).student_joints
+    for seconds in (STEP, 10.0):
+        after = advance(state, "identity", POSE + 0.4, seconds).student_joints
         assert np.all(np.abs(after - before) <= state.robot.velocity_limits * min(seconds, 0.1) + 1e-9)
         before = after
     distances = [advance(state, joints=POSE + 0.4).distance for _ in range(30)]
@@ -69,7 +65,7 @@ def test_the_robot_comes_nearer_within_its_speed(make_state):
 
 
 def test_the_end_effector_follows_on_request(make_state, place):
-    """Within a millimeter or two, once a placement is found."""
+    """Within 2 mm, once a placement is found."""
     state = make_state()
     state.sides[0].place = None
     frame = advance(state, tip_follows=True)
@@ -82,22 +78,12 @@ def test_the_end_effector_follows_on_request(make_state, place):
     assert np.linalg.norm(frame.student_skeleton[-1] - frame.target.tip) == pytest.approx(frame.position_error)
 
 
-@pytest.mark.parametrize("more", [{"joints": np.full(7, np.nan)}, {"joints": np.zeros(3)}, {"method": "magic"}])
-def test_invalid_commands_are_refused(make_state, more):
-    """Nan, a wrong number of joints, and unknown methods."""
-    with pytest.raises(InvalidInputError, match=next(iter(more))):
-        make_state().frames(command(**more), FRAME)
-
-
-def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, arms):
+def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, domains):
     """An adapter without damping cannot map the flat ellipsoid of a stretched arm."""
-    domains = [sample_domain(arm, 256, i) for i, arm in enumerate(arms)]
-
     maps = Maps(*domains, given=ParallelTransport().fit(*domains), first=(GIVEN,))
     maps.names = maps._order = (GIVEN,)
     state = make_state(maps)
-    good = advance(state, GIVEN)
-    flat = advance(state, GIVEN, np.zeros(7))
+    good, flat = advance(state, GIVEN), advance(state, GIVEN, np.zeros(7))
     assert flat.target.note.startswith("no image")
     assert flat.target.ellipsoid == pytest.approx(good.target.ellipsoid)
     assert state.sides[0].gaps(flat.target.demonstrated) == {}
@@ -105,18 +91,18 @@ def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, arms):
 
 
 def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
-    """Until the length field is fitted parallel transport is shown, and a note says so."""
+    """Until the length field is fitted parallel transport is shown, with a note."""
     gate, fit = threading.Event(), Maps.fit
-    monkeypatch.setattr(Maps, "fit", lambda *given: (given[1] == METHOD or gate.wait(60.0)) and fit(*given))
+    monkeypatch.setattr(Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args))
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
         monkeypatch.setattr(prepare, name, size)
     with few_places():
-        state, method, turn = prepare.prepare("rhuman", "panda")
+        state, method, rotation = prepare.prepare("rhuman", "panda")
         maps = state.sides[0].maps
         try:
             assert method == "length-field"
             maps.begin()
-            frame = advance(state, method, base_rotation=turn, tip_follows=True)
+            frame = advance(state, method, base_rotation=rotation, tip_follows=True)
             assert "length-field is being fitted; the target is that of parallel-transport" in frame.target.note
         finally:
             gate.set()
@@ -126,7 +112,7 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
 
 def test_a_recording_plays_in_a_loop():
     """Seeking stays within the ends, and joints lie on straight lines."""
-    player = Playback([1.0, 2.0, 4.0], [[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]])
+    player = Playback(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]]))
     assert player.duration == 3.0
     player.advance(2.0)
     assert player.joints() == pytest.approx([2.0, 0.0])
@@ -134,9 +120,6 @@ def test_a_recording_plays_in_a_loop():
     assert player.position == pytest.approx(0.5)
     player.seek(99.0)
     assert player.joints() == pytest.approx([3.0, -1.0])
-    for times, path in (([0.0], [[0.0]]), ([0.0, 0.0], [[0.0], [1.0]]), ([0.0, 1.0], [[0.0]])):
-        with pytest.raises(InvalidInputError):
-            Playback(times, path)
 
 
 @pytest.fixture(scope="module")
@@ -158,19 +141,19 @@ def test_both_arms_move_as_each_alone(pandas):
     pair = ViewState(pandas, list(sides_of(pandas)))
     alone = [ViewState(side.student, [side]) for side in sides_of(pandas)]
     for joints in (POSE, POSE + 0.1):
-        both = pair.frames(command(METHOD, np.tile(joints, 2)), 1.0 / 60.0)
+        both = pair.frames(Command(np.tile(joints, 2), METHOD, np.eye(3)), 1.0 / 60.0)
         for frame, state in zip(both, alone, strict=True):
-            expected = advance(state, METHOD, joints, seconds=1.0 / 60.0)
+            expected = advance(state, METHOD, joints, 1.0 / 60.0)
             np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
             np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
     with few_places():
         pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
-    left, right = pair.frames(command(METHOD, np.tile(POSE, 2), tip_follows=True), FRAME)
+    left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
-    scale = pair.sides[0].place.scale
+    scales = [side.place.scale for side in pair.sides]
     distance = np.linalg.norm(right.target.tip - left.target.tip)
-    assert distance == pytest.approx(scale * np.linalg.norm(hands[1] - hands[0]))
-    assert pair.sides[1].place.scale == scale
+    assert distance == pytest.approx(scales[0] * np.linalg.norm(hands[1] - hands[0]))
+    assert scales[0] == scales[1]
 
 
 @NEEDS_ROBOTS
@@ -178,12 +161,11 @@ def test_a_shared_torso_is_in_one_place():
     """Frames agree on shared joints, which keep their limits; the surfaces of the trunk are the left arm's."""
     humanoid = load_arms("talos")
     pair = ViewState(humanoid, list(sides_of(humanoid)))
-    both = command(METHOD, np.tile(POSE, 2))
+    both = Command(np.tile(POSE, 2), METHOD, np.eye(3))
     first = pair.frames(both, 0.0)
     for _ in range(12):
         later = pair.frames(both, 0.1)
-    q = humanoid.joined(*(frame.student_joints for frame in later))
-    humanoid.require_within_limits(q, "q")
+    humanoid.require_within_limits(humanoid.joined(*(frame.student_joints for frame in later)), "q")
     assert sum(frame.distance for frame in later) < sum(frame.distance for frame in first)
     (left, right), reason = find_surfaces(humanoid)
     if not reason:
@@ -202,7 +184,7 @@ def test_a_shared_torso_is_in_one_place():
         ({"side": "both", "recording": "ladder"}, "both"),
     ],
 )
-def test_what_makes_no_pair_is_refused(options, word, pandas):
+def test_options_that_make_no_pair_are_errors(options, word, pandas):
     """Before anything is sampled."""
     with pytest.raises(ManiportError, match=word):
         prepare.prepare(**{"robot": pandas} | options)

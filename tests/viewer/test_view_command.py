@@ -1,4 +1,4 @@
-"""The command `maniport view`: it starts, prints where, and ends with Ctrl-C."""
+"""The command `maniport view`: it starts, prints its address, and ends with Ctrl-C."""
 
 import signal
 import subprocess
@@ -12,20 +12,14 @@ from maniport import cli
 
 pytest.importorskip("viser")
 
-
-QUICK = """
-from maniport import __main__ as entry_point
-from maniport.viewer import prepare
-prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE = 128, 256, 512
-entry_point.main()
-"""
-"""The command line in a process of its own, on a small scale."""
-
 ENDLESS = """
 import threading
+from maniport import __main__ as entry_point
+from maniport.viewer import prepare
 from maniport.viewer.maps import Maps
 from maniport.viewer.state import ViewState
-ViewState.find_place = lambda *given: None
+prepare.TEACHER_SAMPLES, prepare.STUDENT_SAMPLES, prepare.BANK_SIZE = 128, 256, 512
+ViewState.find_place = lambda *args: None
 fit = Maps.fit
 def endless(self, name, base_rotation):
     if name != prepare.AT_ONCE:
@@ -35,7 +29,7 @@ def endless(self, name, base_rotation):
 Maps.fit = endless
 entry_point.main()
 """
-"""The same, where a fit does not end."""
+"""The command line in a process of its own, on a small scale, with a fit that does not end."""
 
 
 @pytest.fixture
@@ -51,9 +45,8 @@ def run(monkeypatch, capsys):
     return call
 
 
-@pytest.fixture
-def bare_robot(tmp_path):
-    """A robot's file whose mesh is missing."""
+def test_it_starts_and_ends_with_ctrl_c(tmp_path):
+    """Ctrl-C ends it with exit code 0, without waiting for a fit; a robot without its mesh is drawn, with a warning."""
     links = "".join(f'<link name="l{i}"/>' for i in range(3))
     joints = "".join(
         f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0 0 0.3"/>'
@@ -61,19 +54,9 @@ def bare_robot(tmp_path):
         for i, axis in enumerate(("0 0 1", "0 1 0", "1 0 0"))
     )
     hand = '<link name="l3"><visual><geometry><mesh filename="hand.stl"/></geometry></visual></link>'
-    file = tmp_path / "robot.urdf"
-    file.write_text(f'<robot name="bare">{links}{hand}{joints}</robot>')
-    return file
-
-
-def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
-    """The printed page answers; Ctrl-C ends it with exit code 0, and does not wait for a fit that never ends.
-
-    A robot whose meshes are missing is shown all the same, and one line says which and why.
-    """
-    files = set(tmp_path.iterdir())
-    code = QUICK.replace("entry_point.main()", ENDLESS)
-    command = [sys.executable, "-c", code, "view", "--person", "rhuman", "--robot", str(bare_robot)]
+    robot = tmp_path / "robot.urdf"
+    robot.write_text(f'<robot name="bare">{links}{hand}{joints}</robot>')
+    command = [sys.executable, "-c", ENDLESS, "view", "--person", "rhuman", "--robot", str(robot)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as view:
         url = view.stdout.readline().split()[0]
         assert url.startswith("http://127.0.0.1:")
@@ -89,27 +72,20 @@ def test_it_starts_and_ends_with_ctrl_c(bare_robot, tmp_path):
     assert "Traceback" not in out + err
     (line,) = [line for line in err.splitlines() if "skeleton" in line]
     assert "hand.stl" in line
-    assert set(tmp_path.iterdir()) == files
+    assert list(tmp_path.iterdir()) == [robot]
 
 
-def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
-    """One line says who can come in; without --host there is none."""
-
-    class Page(SimpleNamespace):
-        def __init__(self, *_):
-            super().__init__(no_surface="", url="http://here", stop=lambda: None)
-
-        def run_until_interrupted(self, announce):
-            announce()
-
+def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
+    """With --host; without it there is none."""
+    page = SimpleNamespace(no_surface="", url="http://here", run=lambda stop: None, stop=lambda: None)
     monkeypatch.setattr("maniport.viewer.prepare.prepare", lambda *_, **__: (None, None, None))
-    monkeypatch.setattr("maniport.viewer.server.LiveView", Page)
+    monkeypatch.setattr("maniport.viewer.server.LiveView", lambda *_: page)
     assert "open to other machines" in run("--host", "0.0.0.0")[2]
     assert "open to" not in run()[2]
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--person", "nobody"], "unknown person"),
         (["--side", "both"], "--pose"),
@@ -122,9 +98,9 @@ def test_a_page_that_is_open_to_others_says_so(run, monkeypatch):
         (["--recording", "missing.bvh"], "missing.bvh"),
     ],
 )
-def test_bad_words_end_with_one_sentence(run, words, told):
-    """What cannot be used is told before anything is listened to, with exit code 2."""
+def test_invalid_options_end_with_one_sentence(run, words, message):
+    """Before anything is listened to, with exit code 2."""
     code, out, err = run(*words)
     assert (code, out) == (2, "")
-    assert told in err
+    assert message in err
     assert "Traceback" not in err

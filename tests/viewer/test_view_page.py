@@ -1,4 +1,4 @@
-"""The pages: what the controls say, what the server does, and how a browser shows it."""
+"""The pages: controls, server, and how a browser shows them."""
 
 import contextlib
 import socket
@@ -6,6 +6,7 @@ import sys
 import urllib.error
 import urllib.request
 from dataclasses import replace
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm
 from maniport.errors import FileFormatError, InvalidInputError, MissingPackageError
-from maniport.live import Moment
+from maniport.live import LiveArm, LiveState
 from maniport.viewer.panel import OWN, readable
 from maniport.viewer.scene import camera_for
 from maniport.viewer.server import LiveView, Onlooker, require_free
@@ -35,8 +36,8 @@ def make_view(make_state):
         yield make
 
 
-def test_the_page_is_served_on_this_machine_only(make_view, capsys):
-    """Each page at a port of its own, without anything printed, or shared with strangers."""
+def test_the_page_is_served_on_this_machine_only(make_view, make_state, capsys, monkeypatch):
+    """Each page at a port of its own, without output; taken ports, unknown hosts and a missing viser are errors."""
     view = make_view()
     assert view.url.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(view.url, timeout=60) as answer:
@@ -45,24 +46,17 @@ def test_the_page_is_served_on_this_machine_only(make_view, capsys):
     assert view._server.request_share_url() is None
     assert make_view().url != view.url
     assert capsys.readouterr().out == ""
-
-
-def test_impossible_addresses_and_missing_packages_are_reported(make_state, monkeypatch):
-    """A port that is taken, hosts and ports that there are not, no viser."""
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        taken = other.getsockname()[1]
-        for host, port in (("127.0.0.1", taken), ("127.0.0.1", -1), ("127.0.0.1", 70000), ("no.such.host.invalid", 0)):
-            with pytest.raises(InvalidInputError):
-                LiveView(make_state(), "icp", np.eye(3), host, port)
+    taken = urlsplit(view.url).port
+    for host, port in (("127.0.0.1", taken), ("127.0.0.1", -1), ("127.0.0.1", 70000), ("no.such.host.invalid", 0)):
+        with pytest.raises(InvalidInputError):
+            LiveView(make_state(), "icp", np.eye(3), host, port)
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(MissingPackageError, match=r"maniport\[view\]"):
         LiveView(make_state(), "icp", np.eye(3))
 
 
 def test_controls_become_commands(make_view):
-    """Method, switch and sliders, which are in degrees; all numbers are shown."""
+    """Method, switch and sliders, which are in degrees; sliders and list of the base orientation change each other."""
     view = make_view()
     panel = view._panel
     panel._method.value, panel._follows.value = "nearest-neighbor", True
@@ -70,21 +64,12 @@ def test_controls_become_commands(make_view):
     command = panel.read(0.02)
     assert (command.method, command.tip_follows) == ("nearest-neighbor", True)
     assert command.joints[3] == pytest.approx(np.pi / 4)
-    text = panel._head.content + panel._methods.content
+    text, rows = panel._head.content, panel._methods.content
     for word in ("distance", "person", "target", "achieved", *map(readable, view.state.methods)):
-        assert word in text
-    assert "nan" not in text
-    (lookup,) = [
-        line
-        for line in panel._methods.content.splitlines()
-        if line.startswith(("| nearest neighbor", "| **nearest neighbor"))
-    ]
+        assert word in text + rows
+    assert "nan" not in text + rows
+    (lookup,) = [line for line in rows.splitlines() if line.lstrip("| *").startswith("nearest neighbor")]
     assert "| — |" in lookup, "the gap of achieved samples would be zero"
-
-
-def test_sliders_and_list_have_one_base_orientation(make_view):
-    """Each changes the other."""
-    panel = make_view()._panel
     for slider, value in zip(panel._angles, (30.0, -20.0, 75.0), strict=True):
         slider.value = value
     rotation = Rotation.from_euler("xyz", [30, -20, 75], degrees=True).as_matrix()
@@ -99,24 +84,24 @@ def test_sliders_and_list_have_one_base_orientation(make_view):
     assert [slider.value for slider in panel._angles] == [0.0, 0.0, 0.0]
 
 
-def test_errors_before_the_page_is_complete(make_view, make_state, monkeypatch):
+@pytest.mark.parametrize("error", [FileFormatError("a mesh is missing: 'hand.dae'"), KeyboardInterrupt()])
+def test_errors_before_the_page_is_complete(make_state, monkeypatch, error):
     """A robot without a surface is a skeleton; Ctrl-C leaves no server behind."""
 
-    def fail(error):
-        def surfaces(self):
-            raise error
+    def surfaces(self):
+        raise error
 
-        monkeypatch.setattr(Arm, "surfaces", surfaces)
-
-    fail(FileFormatError("a mesh is missing: 'hand.dae'"))
-    view = make_view()
-    assert view.no_surface == "a mesh is missing: 'hand.dae'"
-    fail(KeyboardInterrupt())
+    monkeypatch.setattr(Arm, "surfaces", surfaces)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    with pytest.raises(KeyboardInterrupt):
-        LiveView(make_state(), "icp", np.eye(3), port=port)
+    if isinstance(error, KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt):
+            LiveView(make_state(), "icp", np.eye(3), port=port)
+    else:
+        view = LiveView(make_state(), "parallel-transport", np.eye(3), port=port)
+        view.stop()
+        assert view.no_surface == "a mesh is missing: 'hand.dae'"
     require_free("127.0.0.1", port)
 
 
@@ -157,8 +142,7 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.wait(f"{thumb}.x > 600")
         before = panel.read(0.0).joints
 
-        def moved():
-            """Drag once more: a drag while the page is being laid out takes hold of nothing."""
+        def moved():  # a drag while the page is being laid out has no effect
             x, y = browser.run(f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({thumb})")
             browser.drag((x, y), (x - 40, y))
             return panel.read(0.0).joints[0] < before[0] - 0.1
@@ -178,26 +162,27 @@ def test_a_browser_shows_the_page(make_view, running, browser):
         browser.wait(lambda: view.rate == 0)
 
 
-def test_moments_of_live_are_drawn(arms):
+def test_states_of_live_are_drawn(arms):
     """Nothing before the person is seen; then the robot is in the given configuration; the token is needed."""
     person, robot = (arm.sample(1, 0)[0] for arm in arms)
     own, other = (arm.manipulability(q) for arm, q in zip(arms, (person, robot), strict=True))
     tip = arms[1].forward(robot)[:3, 3]
-    moment = Moment(1.0, "following", robot, np.zeros(7), other, tip, person, own, own, 0.5, 0.01)
+    arm = LiveArm(other, tip, person, own, own, 0.5, 0.01)
+    state = LiveState(1.0, "following", robot, np.zeros(7), (arm,))
     page = Onlooker(*arms)
     try:
-        page.show(replace(moment, person=None, target=None, demonstrated=None, distance=None))
+        page.show(replace(state, arms=(LiveArm(other, tip),)))
         assert page._scene is None
-        moved = replace(moment, joint_positions=arms[1].sample(1, 1)[0])
-        for shown in (moment, moved):
+        moved = replace(state, joint_positions=arms[1].sample(1, 1)[0])
+        for shown in (state, moved):
             page.show(shown)
         assert "**following**" in page._text.content
         surface = arms[1].surfaces()[-1]
         pose = arms[1].link_poses(moved.joint_positions)[surface.joint]
-        np.testing.assert_allclose(page._scene.sides[0].student.meshes[-1].position, pose[:3, 3], atol=1e-6)
+        np.testing.assert_allclose(page._scene.sides[0].meshes[-1].position, pose[:3, 3], atol=1e-6)
         with pytest.raises(urllib.error.HTTPError):
             urllib.request.urlopen(page.url.rsplit("/", 2)[0], timeout=60)
         with pytest.raises(InvalidInputError, match="3×3"):
-            page.show(replace(moment, achieved=np.eye(6)))
+            page.show(replace(state, arms=(LiveArm(np.eye(6), tip),)))
     finally:
         page.stop()

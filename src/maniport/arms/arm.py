@@ -1,6 +1,7 @@
 """Arms: kinematic chains of humans and robots from a base to an end effector."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,7 +9,6 @@ from numpy.typing import ArrayLike
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
 from maniport.arms.joint_space import Manipulable
 from maniport.arms.kinematics import Kinematics, PointKinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
@@ -19,9 +19,9 @@ class Arm(Manipulable):
     """One kinematic chain from the base to the end effector.
 
     Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
-    Configurations `q` have shape (..., dof) with any leading shape, angles in radians, displacements in meters; limits
-    are not enforced. Results have the same leading shape. Positions and directions are in the base frame of the arm.
-    Every method raises `InvalidInputError` when `q` has a wrong shape, nan or infinity.
+    Configurations `q` have shape (..., dof), in radians and meters; limits are not enforced. Results have the same
+    leading shape and are in the base frame of the arm. Every method raises `InvalidInputError` when `q` has a wrong
+    shape, nan or infinity.
 
     Attributes
     ----------
@@ -53,6 +53,7 @@ class Arm(Manipulable):
         self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
+        self._parts = ((1.0, self._kinematics),)
         self.geometry = Geometry(chain)
 
     @classmethod
@@ -143,22 +144,17 @@ class Arm(Manipulable):
 
     def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "Arm":
         """Return the arm with narrower joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        arm = Arm(self.chain.narrow(lower, upper))
+        low, high = as_numbers(lower, "lower", self.dof), as_numbers(upper, "upper", self.dof)
+        wrong = (low < self.lower) | (high > self.upper) | (low > high)
+        if np.any(wrong):
+            i = int(wrong.argmax())
+            raise InvalidInputError(
+                f"joint {self.joint_names[i]!r} of {self.name!r} must have limits within {self.lower[i]:g} to "
+                f"{self.upper[i]:g}; found {low[i]:g} to {high[i]:g}"
+            )
+        arm = Arm(replace(self.chain, lower=low, upper=high))
         arm.geometry = self.geometry  # shares its cache of meshes
         return arm
-
-    def forward(self, q: ArrayLike) -> Array:
-        """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
-        positions, shape = self._positions(q)
-        return self._kinematics.forward(positions).reshape(*shape, 4, 4)
-
-    def jacobian(self, q: ArrayLike) -> Array:
-        """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
-
-        Rows 0 to 2: linear velocity of its origin; rows 3 to 5: angular velocity; both in the base frame.
-        """
-        positions, shape = self._positions(q)
-        return self._kinematics.coupled(self._kinematics.motion(positions)[1]).reshape(*shape, 6, self.dof)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
@@ -169,7 +165,10 @@ class Arm(Manipulable):
         return self._points(q, frames)[1]
 
     def _points(self, q: ArrayLike, frames: Sequence[str]) -> tuple[Array, Array]:
-        names, array = self.chain.known_frames(frames), self.configurations(q)
+        names, array = check_names(frames, "frames"), self.configurations(q)
+        for name in names:
+            if name not in self.frames:
+                raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
         points, slopes = PointKinematics(self.chain, names)(array.reshape(-1, self.dof))
         shape = (*array.shape[:-1], len(names), 3)
         return points.reshape(shape), slopes.reshape(*shape, self.dof)
@@ -182,61 +181,29 @@ class Arm(Manipulable):
         joints = {joint.name: joint for joint in self.chain.joints}
         if joint_name not in joints:
             raise unknown_name("joint", joint_name, joints, f"on the arm {self.name!r}")
-        positions, shape = self._positions(q)
-        rotations = self._kinematics.link_poses(positions)[0][:, 1 + [*joints].index(joint_name)]
-        return np.asarray(rotations @ joints[joint_name].axis).reshape(*shape, 3)
-
-    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """Return the results of `forward` and `differentials`."""
-        positions, shape = self._positions(q)
-        poses, of_joints = self._kinematics.motion(positions)
-        return poses.reshape(*shape, 4, 4), *self._differentials(of_joints, shape, spec)
-
-    def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian`."""
-        positions, shape = self._positions(q)
-        return self._differentials(self._kinematics.motion(positions)[1], shape, spec)
-
-    def _differentials(
-        self, of_joints: Array, shape: tuple[int, ...], spec: EllipsoidSpec
-    ) -> tuple[Array, Array, Array]:
-        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
-
-        jacobian = self._kinematics.coupled(of_joints)
-        ellipsoids, changes = with_derivatives(jacobian, [(1.0, of_joints, self.chain.coupling)], self.resolved(spec))
-        return (
-            jacobian.reshape(*shape, 6, self.dof),
-            ellipsoids.reshape(*shape, *ellipsoids.shape[1:]),
-            changes.reshape(*shape, *changes.shape[1:]),
-        )
-
-    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Compute poses (n, 4, 4) and Jacobians in the joints of the chain (n, 6, joints), for all n of `q`."""
-        return self._kinematics.motion(self._positions(q)[0])
+        return np.asarray(self.link_poses(q)[..., 1 + [*joints].index(joint_name), :3, :3] @ joints[joint_name].axis)
 
     def skeleton(self, q: ArrayLike) -> Array:
         """Compute the polyline from the base through the joints to the end effector, shape (..., k, 3) [m]."""
-        positions, shape = self._positions(q)
-        joints, tip = self.chain.joints, self.chain.frames[self.frame]
-        origins = self._kinematics.link_poses(positions)[1]
+        points, joints, tip = self.link_poses(q)[..., :3, 3], self.chain.joints, self.chain.frames[self.frame]
         if self.chain.stand is not None:
-            origins[:, 0] = self.chain.stand[:3, 3]
+            points[..., 0, :] = self.chain.stand[:3, 3]
         apart = [0, *(i for i, j in enumerate(joints, 1) if np.any(j.placement[:3, 3]) or j.kind == PRISMATIC)]
-        points = origins[:, apart]
+        points = points[..., apart, :]
         if np.any(tip.placement[:3, 3]) or len(apart) == 1:
-            points = np.concatenate([points, self._kinematics.forward(positions)[:, None, :3, 3]], axis=1)
-        return points.reshape(*shape, *points.shape[1:])
+            points = np.concatenate([points, self.forward(q)[..., None, :3, 3]], axis=-2)
+        return points
 
     def link_poses(self, q: ArrayLike) -> Array:
         """Compute poses of the base and of the frame after each joint [m], shape (..., joints + 1, 4, 4).
 
         `Surface.joint` is an index into them; all joints of the chain count, also locked and mimic joints.
         """
-        positions, shape = self._positions(q)
-        rotations, origins = self._kinematics.link_poses(positions)
+        array = self.configurations(q)
+        rotations, origins = self._kinematics.link_poses(array.reshape(-1, self.dof))
         poses = np.zeros((*origins.shape[:2], 4, 4))
         poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, origins, 1.0
-        return poses.reshape(*shape, *poses.shape[1:])
+        return poses.reshape(*array.shape[:-1], *poses.shape[1:])
 
     def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
         """Return the visual meshes of the arm by joint; files are read on the first call.
@@ -252,18 +219,8 @@ class Arm(Manipulable):
         Returns
         -------
         tuple of Surface
-            One for each joint index with shapes, ascending; empty if the description has no shapes.
-
-        Raises
-        ------
-        FileFormatError
-            When the robot's file or a mesh is missing or cannot be read.
+            One for each joint index with shapes, ascending; empty if the description has no shapes. `FileFormatError`
+            when the robot's file or a mesh is missing or cannot be read.
         """
         most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
         return self.geometry.surfaces(most)
-
-    def _positions(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
-        """Positions of the chain's joints, shape (n, joints), and the leading shape of `q`."""
-        array = self.configurations(q, "q")
-        flat = array.reshape(-1, self.dof) if array.size else np.empty((0, self.dof))
-        return self._kinematics.positions(flat), array.shape[:-1]

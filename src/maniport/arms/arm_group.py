@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import Chain, Joint
+from maniport.arms.chain import Chain
 from maniport.arms.joint_space import JointSpace, Manipulable
 from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
@@ -43,8 +43,8 @@ class ArmGroup(JointSpace):
     common : ndarray of int, shape (n_arms, n_arms)
         Number of joints, locked ones included, with which two chains begin in common.
     joint_names
-        Names of all joints; where joints of two robots have the same name, all have the name of their arm as a prefix.
-        The other attributes are those of `maniport.arms.Arm`.
+        As the other attributes those of `maniport.arms.Arm`, with the name of the arm as a prefix where joints of two
+        robots have the same name.
     """
 
     def __init__(self, *arms: Arm, names: Sequence[str] | None = None):
@@ -97,7 +97,7 @@ class ArmGroup(JointSpace):
     @cached_property
     def kinematics(self) -> Kinematics:
         """Links of all arms as one tree."""
-        return Kinematics(*(arm.chain for arm in self.arms), columns=self.columns, common=self.common)
+        return Kinematics(*(arm.chain for arm in self.arms), columns=self.columns, dof=self.dof, common=self.common)
 
     def split(self, q: ArrayLike) -> tuple[Array, ...]:
         """Return the configurations of each arm, shapes (..., arm.dof)."""
@@ -185,6 +185,8 @@ class CooperativeArm(Manipulable):
 
     (the cooperative task space: Uchiyama & Dauchez, ICRA 1988; Chiacchio, Chiaverini & Siciliano, J. Dyn. Syst. Meas.
     Control 118, 1996). Where no joint is shared, M_r = M_1 + M_2 and M_a = ¼ M_r. It has the methods of an arm.
+    Relative poses: the vector from the first end effector to the second, along the common axes, and the rotation of
+    the second in the frame of the first. Absolute poses: the midpoint, and the rotation halfway, undefined at 180°.
 
     Parameters
     ----------
@@ -202,14 +204,12 @@ class CooperativeArm(Manipulable):
         self.arms, self.kind, self.pair = group, as_choice(kind, "kind", FACTORS), pair or (0, 1)
         if len(set(self.pair)) != 2 or not set(self.pair) <= set(range(len(group))):
             raise InvalidInputError(f"pair must be two different indices below {len(group)}; found {self.pair}")
-        self._parts = [(group.arms[i], group.columns[i]) for i in self.pair]
-        self.frame = f"{kind}: {', '.join(arm.frame for arm, _ in self._parts)}"
+        self.frame = f"{kind}: {', '.join(group.arms[i].frame for i in self.pair)}"
         self.base, self.locked = group.arms[0].base, group.locked
-        self._couplings = []
-        for arm, columns in self._parts:
-            coupling = np.zeros((len(arm.chain.joints), group.dof))
-            coupling[:, columns] = arm.chain.coupling
-            self._couplings.append(coupling)
+        self._parts = [
+            (factor, Kinematics(group.arms[i].chain, columns=[group.columns[i]], dof=group.dof))
+            for factor, i in zip(FACTORS[kind], self.pair, strict=True)
+        ]
 
     def __repr__(self) -> str:
         return f"CooperativeArm({self.arms!r}, {self.kind!r}, {self.pair})"
@@ -217,58 +217,25 @@ class CooperativeArm(Manipulable):
     def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str, tuple[int, int]]]:
         return type(self), (self.arms, self.kind, self.pair)
 
-    def narrowed(self, lower: ArrayLike, upper: ArrayLike) -> "CooperativeArm":
-        """Return it with closer joint limits, shape (dof,); wider ones raise `InvalidInputError`."""
-        return CooperativeArm(self.arms.narrowed(lower, upper), self.kind, self.pair)
-
-    def forward(self, q: ArrayLike) -> Array:
-        """Compute relative or absolute poses [m], shape (..., 4, 4).
-
-        Relative: the vector from the first end effector to the second, along the common axes, and the rotation of the
-        second in the frame of the first. Absolute: the midpoint, and the rotation halfway, undefined at 180°.
-        """
-        return self._pose(self.arms.forward(q)[..., list(self.pair), :, :])
-
-    def jacobian(self, q: ArrayLike) -> Array:
-        """Compute J_r or J_a in all joints, shape (..., 6, dof), linear rows first, along the common axes."""
-        jacobians, (first, second) = self.arms.jacobian(q), FACTORS[self.kind]
-        i, j = self.pair
-        return np.asarray(first * jacobians[..., i, :, :] + second * jacobians[..., j, :, :])
-
-    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """Return the results of `forward` and `differentials`."""
-        from maniport.arms.manipulability_jacobian import with_derivatives  # here: Numba takes its time
-
-        array, resolved = self.configurations(q), self.resolved(spec)
-        shape = array.shape[:-1]
-        motions = [arm.motion(array[..., columns]) for arm, columns in self._parts]
-        chains = [
-            (factor, of_joints, coupling)
-            for factor, (_, of_joints), coupling in zip(FACTORS[self.kind], motions, self._couplings, strict=True)
-        ]
-        jacobian = np.asarray(sum(factor * (of_joints @ coupling) for factor, of_joints, coupling in chains))
-        ellipsoids, changes = with_derivatives(jacobian, chains, resolved)
-        poses = self._pose(np.stack([poses for poses, _ in motions], axis=-3))
-        results = (poses, jacobian, ellipsoids, changes)
-        return tuple(array.reshape(*shape, *array.shape[1:]) for array in results)  # type: ignore[return-value]
-
-    def _pose(self, poses: Array) -> Array:
-        """Relative or absolute poses, shape (..., 4, 4), of two poses, shape (..., 2, 4, 4)."""
-        first, second = poses[..., 0, :, :], poses[..., 1, :, :]
-        factors, rotation = FACTORS[self.kind], np.swapaxes(first[..., :3, :3], -1, -2) @ second[..., :3, :3]
+    def _pose(self, poses: Sequence[Array]) -> Array:
+        first, second = poses
+        factors, rotation = FACTORS[self.kind], np.swapaxes(first[:, :3, :3], -1, -2) @ second[:, :3, :3]
         result = np.zeros(first.shape)
-        result[..., :3, 3], result[..., 3, 3] = factors[0] * first[..., :3, 3] + factors[1] * second[..., :3, 3], 1.0
+        result[:, :3, 3], result[:, 3, 3] = factors[0] * first[:, :3, 3] + factors[1] * second[:, :3, 3], 1.0
         if self.kind == "absolute" and rotation.size:
-            half = Rotation.from_rotvec(0.5 * Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec())
-            rotation = first[..., :3, :3] @ half.as_matrix().reshape(rotation.shape)
-        result[..., :3, :3] = rotation
+            half = Rotation.from_rotvec(0.5 * Rotation.from_matrix(rotation).as_rotvec())
+            rotation = first[:, :3, :3] @ half.as_matrix()
+        result[:, :3, :3] = rotation
         return result
 
 
 def _shared_joints(
     chains: Sequence[Chain], names: Sequence[str]
 ) -> tuple[NDArray[np.intp], list[tuple[int, int, tuple[str, ...]]]]:
-    """Return numbers of common joints (n_arms, n_arms), and the coordinates that move them for each pair of arms."""
+    """Numbers of common joints (n_arms, n_arms), and the coordinates that move them for each pair of arms.
+
+    An error when chains do not share their base, end on one another, or differ in the limits of common joints.
+    """
     common = np.diag([len(chain.joints) for chain in chains]).astype(np.intp)
     shared = []
     for i, j in combinations(range(len(chains)), 2):
@@ -277,41 +244,36 @@ def _shared_joints(
             ends = " and ".join(repr(chain.base or "the robot's base") for chain in (first, second))
             raise InvalidInputError(f"all arms must have the same base frame; found {ends}")
         pairs = list(zip(first.joints, second.joints, strict=False))
-        count = next((k for k, (a, b) in enumerate(pairs) if not _equal(a, b)), len(pairs))
+        differences = (
+            k for k, (a, b) in enumerate(pairs)
+            if (a.name, a.kind) != (b.name, b.kind)
+            or not (np.array_equal(a.axis, b.axis) and np.array_equal(a.placement, b.placement))
+        )  # fmt: skip
+        count = next(differences, len(pairs))
         if count in (len(first.joints), len(second.joints)):
             where = "" if first.stand is None else f", which stand in one place; place them with {placing_options()}"
             raise InvalidInputError(
                 f"frames: {first.frame!r} and {second.frame!r} must end two limbs; found both on one chain of "
                 f"{first.name!r}{where}"
             )
+        moving: list[dict[str, Any]] = []
+        ranges = []
+        for chain in (first, second):
+            limits = zip(chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True)
+            own = {name: (low, high, column.tolist()) for name, low, high, column in limits if np.any(column)}
+            locked = {joint.name: f"locked at {at:g}" for joint, at in zip(chain.joints, chain.offset, strict=True)}
+            moving.append(own)
+            ranges.append({**locked, **{name: f"{low:g} to {high:g}" for name, (low, high, _) in own.items()}})
+        differ = [name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)]
+        differ += [first.joints[k].name for k in np.flatnonzero(first.offset[:count] != second.offset[:count])]
+        if differ:
+            raise InvalidInputError(
+                f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one "
+                f"position; found {ranges[0].get(differ[0])} for {names[i]}, {ranges[1].get(differ[0])} for {names[j]}"
+            )
         common[i, j] = common[j, i] = count
-        shared.append((i, j, _require_agreement((first, second), (names[i], names[j]), count)))
+        shared.append((i, j, tuple(moving[0])))
     return common, shared
-
-
-def _equal(a: Joint, b: Joint) -> bool:
-    same = (a.name, a.kind) == (b.name, b.kind) and np.array_equal(a.axis, b.axis)
-    return same and np.array_equal(a.placement, b.placement)
-
-
-def _require_agreement(chains: tuple[Chain, Chain], names: tuple[str, str], count: int) -> tuple[str, ...]:
-    """Names of the coordinates that move the common joints; raise unless both chains have the same limits for them."""
-    moving, ranges = [], []
-    for chain in chains:
-        limits = zip(chain.coordinates, chain.lower, chain.upper, chain.coupling[:count].T, strict=True)
-        own = {name: (low, high, column.tolist()) for name, low, high, column in limits if np.any(column)}
-        locked = {joint.name: f"locked at {at:g}" for joint, at in zip(chain.joints, chain.offset, strict=True)}
-        moving.append(own)
-        ranges.append({**locked, **{name: f"{low:g} to {high:g}" for name, (low, high, _) in own.items()}})
-    differ = [name for name in moving[0] | moving[1] if moving[0].get(name) != moving[1].get(name)]
-    offsets = (chain.offset[:count] for chain in chains)
-    differ += [chains[0].joints[i].name for i in np.flatnonzero(np.not_equal(*offsets))]
-    if differ:
-        raise InvalidInputError(
-            f"the joint {differ[0]!r} carries two arms and must have the same limits, or be locked at one position; "
-            f"found {ranges[0].get(differ[0])} for {names[0]}, {ranges[1].get(differ[0])} for {names[1]}"
-        )
-    return tuple(moving[0])
 
 
 def placing_options() -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import FileFormatError, InvalidInputError, unknown_name
+from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.validation import MAX_POSITION, Array, as_finite, as_numbers, as_rotation
 
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
@@ -119,15 +119,16 @@ class Chain:
         turns = np.array([joint.kind == REVOLUTE for joint in self.joints])
         return tuple("rad" if np.any(turns & (column != 0)) else "m" for column in self.coupling.T)
 
+    def ancestors(self, frame: str) -> list[str]:
+        """Return a frame and all frames that it is attached to, the nearest first."""
+        names: list[Any] = [frame]
+        while (above := self.frames[names[-1]].parent) in self.frames and above not in names:
+            names.append(above)
+        return names
+
     def holds(self, link: str) -> bool:
-        """Whether a link is on the chain and not attached beyond the end effector."""
-        name, seen = link, {self.frame}
-        while name in self.frames and self.frames[name].parent is not None:
-            name = str(self.frames[name].parent)
-            if name in seen:
-                return name != self.frame
-            seen.add(name)
-        return link in self.frames
+        """Return whether a link is on the chain and not attached beyond the end effector."""
+        return link in self.frames and self.frame not in self.ancestors(link)[1:]
 
     @property
     def attached(self) -> dict[str, Body]:
@@ -135,40 +136,7 @@ class Chain:
         if self.others is None:
             return {}
         beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
-        return {name: Body(place.joint, place.placement[None], name) for name, place in beyond.items()} | {
-            **self.others
-        }
-
-    def at_rest(self) -> Array:
-        """Poses of the base and of the frame after each joint, shape (joints + 1, 4, 4).
-
-        Coordinates are at zero, or at the limit next to zero where their limits exclude zero.
-        """
-        positions = self.coupling @ np.clip(0.0, self.lower, self.upper) + self.offset
-        poses = [np.eye(4)]
-        for joint, position in zip(self.joints, positions, strict=True):
-            poses.append(poses[-1] @ joint.placement @ joint.motion(position))
-        return np.array(poses)
-
-    def known_frames(self, frames: Sequence[str]) -> tuple[str, ...]:
-        """Require distinct names of frames on the chain."""
-        names = check_names(frames, "frames")
-        for name in names:
-            if name not in self.frames:
-                raise unknown_name("frame", name, self.frames, f"on the arm {self.name!r}")
-        return names
-
-    def narrow(self, lower: ArrayLike, upper: ArrayLike) -> "Chain":
-        """Set closer limits, shape (dof,)."""
-        low, high = as_numbers(lower, "lower", len(self.lower)), as_numbers(upper, "upper", len(self.upper))
-        wrong = (low < self.lower) | (high > self.upper) | (low > high)
-        if np.any(wrong):
-            i = int(wrong.argmax())
-            raise InvalidInputError(
-                f"joint {self.coordinates[i]!r} of {self.name!r} must have limits within {self.lower[i]:g} to "
-                f"{self.upper[i]:g}; found {low[i]:g} to {high[i]:g}"
-            )
-        return replace(self, lower=low, upper=high)
+        return {**{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()}, **self.others}
 
 
 def _require_rigid(placement: Array, what: str) -> None:
@@ -229,15 +197,9 @@ def as_pose(value: ArrayLike, name: str) -> Array:
 
 
 def read_embedded(name: str) -> Chain:
-    """Read a chain that ships with the package, ``arms/data/<name>.json``."""
-    data = Path(__file__).parent / "data"
-    chain = chain_from_json(json.loads((data / f"{name}.json").read_text(encoding="utf-8")))
-    shapes = data / f"{name}_surfaces.npz"
-    return replace(chain, shapes=partial(read_shapes, shapes)) if shapes.exists() else chain
-
-
-def chain_from_json(data: Mapping[str, Any]) -> Chain:
-    """Build a chain from the content of an embedded file (lengths in metres, angles in radians)."""
+    """Read a chain that ships with the package, ``arms/data/<name>.json`` (lengths in meters, angles in radians)."""
+    folder = Path(__file__).parent / "data"
+    data = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     coordinates = [entry["name"] for entry in data["coordinates"]]
     coupling = np.zeros((len(data["joints"]), len(coordinates)))
     joints: list[Joint] = []
@@ -246,10 +208,13 @@ def chain_from_json(data: Mapping[str, Any]) -> Chain:
             coupling[row, coordinates.index(coordinate)] = factor
         axis = np.array(entry["axis"], dtype=np.float64)
         placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
-        if not joints:
-            placement = pose(**data["base"]) @ placement
+        placement = placement if joints else pose(**data["base"]) @ placement
         joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement))
-    speeds = [entry.get("velocity", np.inf) for entry in data["coordinates"]]
+    lower, upper, speeds = (
+        np.array([entry.get(key, np.inf) for entry in data["coordinates"]], dtype=np.float64)
+        for key in ("lower", "upper", "velocity")
+    )
+    shapes = folder / f"{name}_surfaces.npz"
     return Chain(
         name=data["name"],
         joints=tuple(joints),
@@ -259,11 +224,12 @@ def chain_from_json(data: Mapping[str, Any]) -> Chain:
         },
         frame=data["tip"],
         coordinates=tuple(coordinates),
-        lower=np.array([entry["lower"] for entry in data["coordinates"]], dtype=np.float64),
-        upper=np.array([entry["upper"] for entry in data["coordinates"]], dtype=np.float64),
+        lower=lower,
+        upper=upper,
         coupling=coupling,
         offset=np.zeros(len(joints)),
-        velocity_limits=np.array(speeds) if np.any(np.isfinite(speeds)) else None,
+        velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+        shapes=partial(read_shapes, shapes) if shapes.exists() else None,
         others=None if "others" not in data else {
             body["name"]: Body(body["joint"], np.array([pose(**place) for place in body["placements"]]), body["name"])
             for body in data["others"]

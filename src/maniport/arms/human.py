@@ -17,23 +17,11 @@ joint              positive direction, from the hanging arm
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
 
-The body height alone gives the length of a person's segments:
-
-=========  ========  ==============================================================================================
-segment    fraction  from
-=========  ========  ==============================================================================================
-upper arm  0.1618    281.7 mm of 1741 mm, center of the shoulder to that of the elbow: de Leva (1996), men
-forearm    0.1545    268.9 mm of 1741 mm, center of the elbow to that of the wrist: de Leva (1996), men
-hand       0.0343    0.108, wrist to tip of the middle finger (Drillis and Contini 1966; in Winter, Biomechanics and
-                     Motor Control of Human Movement, figure 4.1), × 0.318: in MyoSim's hand the middle of the third
-                     metacarpal is 55.3 mm from the wrist, the tip of the middle finger 174.1 mm
-=========  ========  ==============================================================================================
-
-De Leva's lengths run between centers of joints, as those of the models do; Drillis and Contini's upper arm (0.186) and
-forearm (0.146) are measured otherwise.
-
-References: P. de Leva, Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29
-(1996); R. Drillis, R. Contini, Body segment parameters, technical report 1166.03, New York University (1966).
+The body height alone gives the length of a person's segments. Upper arm and forearm are those of men by P. de Leva
+(Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between centers of
+joints as in the models: 281.7 and 268.9 mm of 1741 mm. The hand is 0.108 of the height from the wrist to the tip of the
+middle finger (R. Drillis, R. Contini, Body segment parameters, New York University, 1966), times 55.3 / 174.1: the
+distances of the middle of the third metacarpal and of that tip from the wrist in MyoSim's hand [mm].
 """
 
 from collections.abc import Callable, Mapping
@@ -43,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.arm import Arm
-from maniport.arms.chain import LEFT, RIGHT, SIDES, Chain, Frame, pose, read_embedded
+from maniport.arms.chain import LEFT, RIGHT, SIDES, Frame, pose, read_embedded
 from maniport.arms.restriction import mirrored
 from maniport.util.validation import Array, as_choice, as_number
 
@@ -83,13 +71,18 @@ def myoarm(upper_arm: float | None = None, forearm: float | None = None, hand: f
     """
     lengths = _checked(upper_arm, forearm, hand)
     chain = replace(read_embedded("myoarm"), side=RIGHT)
-    ends = ("shoulder", "elbow", "wrist", "hand")
+    joints, frames, ends = list(chain.joints), dict(chain.frames), ("shoulder", "elbow", "wrist", "hand")
     points = Arm(chain).point_positions(np.zeros(len(chain.coordinates)), ends)
     for i, length in enumerate(lengths):
-        if length is not None:
-            factor = length / float(np.linalg.norm(points[i + 1] - points[i]))
-            chain = _scale_between(chain, ends[i], ends[i + 1], factor)
-    return Arm(chain)
+        if length is not None:  # scale the translations of joints and frames between the ends of the segment
+            factor = np.ones((4, 4))
+            factor[:3, 3] = length / float(np.linalg.norm(points[i + 1] - points[i]))
+            first, last = frames[ends[i]].joint, frames[ends[i + 1]].joint
+            for k in range(first, last):
+                joints[k] = replace(joints[k], placement=joints[k].placement * factor)
+            if first == last:
+                frames[ends[i + 1]] = Frame(last, frames[ends[i + 1]].placement * factor)
+    return Arm(replace(chain, joints=tuple(joints), frames=frames))
 
 
 def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: float | None = None) -> Arm:
@@ -206,22 +199,3 @@ def hand_rotations(arm: Arm, q: ArrayLike) -> Array:
 def _checked(upper_arm: float | None, forearm: float | None, hand: float | None) -> list[float | None]:
     lengths = {"upper_arm [m]": upper_arm, "forearm [m]": forearm, "hand [m]": hand}
     return [None if x is None else as_number(x, name, above=0.0, below=LONGEST_SEGMENT) for name, x in lengths.items()]
-
-
-def _scale_between(chain: Chain, start: str, end: str, factor: float) -> Chain:
-    """Scale the translations of joints and frames between two frames at the origins of their joints."""
-    first, last = chain.frames[start].joint, chain.frames[end].joint
-    scaled = tuple(
-        replace(joint, placement=_scaled(joint.placement, factor)) if first < i <= last else joint
-        for i, joint in enumerate(chain.joints, start=1)
-    )
-    frames = dict(chain.frames)
-    if first == last:
-        frames[end] = Frame(last, _scaled(chain.frames[end].placement, factor))
-    return replace(chain, joints=scaled, frames=frames)
-
-
-def _scaled(placement: np.ndarray, factor: float) -> np.ndarray:
-    result = placement.copy()
-    result[:3, 3] *= factor
-    return result

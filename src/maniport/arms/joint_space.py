@@ -1,14 +1,16 @@
 """The joint coordinates of an arm or a pair, with samples and limits, and the ellipsoids of what moves one frame."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes
+from maniport.arms.kinematics import Kinematics
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes, with_derivatives
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sobol import sobol
@@ -27,13 +29,12 @@ class JointSpace(NotebookDisplay):
         velocity_limits: Array | None,
         joint_units: tuple[str, ...],
     ):
-        self.name = name
-        self.dof = len(joint_names)
-        self.joint_names = joint_names
-        self.lower = _read_only(lower)
-        self.upper = _read_only(upper)
-        self.velocity_limits = None if velocity_limits is None else _read_only(velocity_limits)
-        self.joint_units = joint_units
+        self.name, self.dof, self.joint_names, self.joint_units = name, len(joint_names), joint_names, joint_units
+        self.lower, self.upper = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
+        self.velocity_limits = None if velocity_limits is None else np.array(velocity_limits, dtype=np.float64)
+        for array in (self.lower, self.upper, self.velocity_limits):
+            if array is not None:
+                array.setflags(write=False)
 
     def sample(self, n: int, random_state: Any = None, sequence: str = "sobol") -> Array:
         """Draw configurations that fill the joint limits.
@@ -41,8 +42,7 @@ class JointSpace(NotebookDisplay):
         Parameters
         ----------
         n : int
-            How many. Powers of two keep the balance of a Sobol sequence and are the best choice; other numbers take
-            the first n points of the sequence.
+            Number of configurations; powers of two keep the balance of a Sobol sequence.
         random_state : None, int or numpy.random.Generator
             Seed: the same seed gives the same bits, and the first points are the same for every n.
         sequence : {"sobol", "uniform"}
@@ -62,21 +62,17 @@ class JointSpace(NotebookDisplay):
         return np.clip(self.lower + unit * (self.upper - self.lower), self.lower, self.upper)
 
     def within_limits(self, q: ArrayLike) -> Any:
-        """Whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
-        return ~self._outside(self.configurations(q, "q")).any(axis=-1)
+        """Return whether configurations respect all joint limits (to 1e-6 rad or m), bool of shape (...)."""
+        return ~self._outside(self.configurations(q)).any(axis=-1)
 
-    def require_within_limits(self, q: ArrayLike, name: str = "q") -> Array:
-        """Return configurations as an array if they respect the joint limits (to 1e-6 rad or m).
-
-        Raises
-        ------
-        InvalidInputError
-            Naming the first joint outside, its index, value and limits.
-        """
+    def require_within_limits(self, q: ArrayLike, name: str = "q", *, single: bool = False) -> Array:
+        """Return configurations, or a single one, as an array; an error names the first joint outside its limits."""
         array = self.configurations(q, name)
         outside = self._outside(array)
+        if single and array.ndim != 1:
+            raise InvalidInputError(f"{name} must be one configuration, shape ({self.dof},); found shape {array.shape}")
         if np.any(outside):
-            index = tuple(int(i) for i in np.argwhere(outside)[0])
+            index = tuple(np.argwhere(outside)[0].tolist())
             j = index[-1]
             raise InvalidInputError(
                 f"{name}[{', '.join(map(str, index))}] = {array[index]:.6g} lies outside the limits "
@@ -99,7 +95,7 @@ class JointSpace(NotebookDisplay):
         return array
 
     def resolved(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """The same ellipsoids with numbers for joint weights, one for each joint, where it has words."""
+        """Return the specification with numbers instead of words for joint weights, one for each joint."""
         if not isinstance(spec, EllipsoidSpec):
             raise InvalidInputError(f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}")
         if isinstance(spec.joint_weights, str):
@@ -128,50 +124,47 @@ class JointSpace(NotebookDisplay):
         Parameters
         ----------
         q : array_like, shape (..., dof)
-            Configurations.
         kind, part, joint_weights
-            Which ellipsoids, as in `EllipsoidSpec`. Singular velocity ellipsoids are returned as they are.
+            As in `EllipsoidSpec`; `InvalidInputError` when velocity limits are not known.
 
         Returns
         -------
         ndarray, shape (..., d, d), of a group (..., n_arms, d, d)
-            Exactly symmetric matrices.
-
-        Raises
-        ------
-        InvalidInputError
-            When an argument has a wrong shape or value, or the velocity limits are not known.
-        NotSPDError
-            For the force ellipsoid of a singular configuration.
+            Exactly symmetric matrices. Singular velocity ellipsoids are returned as they are; the force ellipsoid of a
+            singular configuration raises `NotSPDError`.
         """
         return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
 
 class Manipulable(JointSpace):
-    """A joint space that moves one frame: an arm, or both arms of a pair as one."""
+    """A joint space that moves one frame: an arm, or two arms of a group as one."""
 
     frame: str
     base: str | None
     locked: Mapping[str, float]
+    _parts: Sequence[tuple[float, Kinematics]]  # chains with the factors of their motions
 
-    @abstractmethod
     def forward(self, q: ArrayLike) -> Array:
-        """Poses of the frame, shape (..., 4, 4) [m]."""
+        """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
+        return self._motions(q, with_jacobians=False)[0]
 
-    @abstractmethod
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Return the results of `forward` and `jacobian`."""
+        return self._motions(q)[:2]
+
     def jacobian(self, q: ArrayLike) -> Array:
-        """Geometric Jacobians of the frame, shape (..., 6, dof), linear rows first."""
+        """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
 
-    @abstractmethod
-    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """What `forward` gives, and then what `differentials` does."""
+        Rows 0 to 2: linear velocity of its origin; rows 3 to 5: angular velocity; both in the base frame.
+        """
+        return self._motions(q)[1]
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Manipulability matrices (..., d, d) of a specification; see `manipulability`."""
+        """Compute the manipulability matrices (..., d, d) of a specification; see `manipulability`."""
         return manipulability(self.jacobian(q), self.resolved(spec))
 
     def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
-        """Semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
+        """Compute semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
 
         They come from the singular values of the Jacobian and are more accurate than an eigendecomposition of the
         matrix.
@@ -179,18 +172,39 @@ class Manipulable(JointSpace):
         return principal_axes(self.jacobian(q), self.resolved(spec))
 
     def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), exactly symmetric.
+        """Compute the derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), symmetric.
 
-        In closed form, see `maniport.arms.manipulability_jacobian`; units are those of M for each radian or metre.
+        In closed form, see `maniport.arms.kernels.fill_derivatives`; units are those of M per radian or meter.
         """
         return self.differentials(q, spec)[2]
 
     def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian` at once."""
+        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian`."""
         return self.posed_differentials(q, spec)[1:]
 
+    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+        """Return the results of `forward` and `differentials`."""
+        poses, jacobians, of_joints = self._motions(q)
+        chains = [(factor, own, chain.coupling) for (factor, chain), own in zip(self._parts, of_joints, strict=True)]
+        flat = jacobians.reshape(-1, 6, self.dof)
+        results = (array.reshape(*poses.shape[:-2], *array.shape[1:])
+                   for array in with_derivatives(flat, chains, self.resolved(spec)))  # fmt: skip
+        return poses, jacobians, next(results), next(results)
 
-def _read_only(array: Array) -> Array:
-    copy = np.array(array, dtype=np.float64)
-    copy.flags.writeable = False
-    return copy
+    def _motions(self, q: ArrayLike, with_jacobians: bool = True) -> tuple[Array, Array, list[Array]]:
+        """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of each chain."""
+        array = self.configurations(q)
+        flat, shape = array.reshape(-1, self.dof), array.shape[:-1]
+        motions = [chain.motion(flat, with_jacobians) for _, chain in self._parts]
+        poses = self._pose([poses for poses, _ in motions])
+        coupled = [
+            chain.coupled(own) if factor == 1.0 else factor * chain.coupled(own)
+            for (factor, chain), (_, own) in zip(self._parts, motions, strict=True)
+        ]
+        jacobians = reduce(np.add, coupled)
+        jacobians = jacobians.reshape(*shape, 6, self.dof) if with_jacobians else jacobians
+        return poses.reshape(*shape, 4, 4), jacobians, [own for _, own in motions]
+
+    def _pose(self, poses: Sequence[Array]) -> Array:
+        """Poses of the frame, shape (n, 4, 4), from those of each chain."""
+        return poses[0]

@@ -1,4 +1,4 @@
-"""Compiled kinematics of trees of joints, for many configurations."""
+"""Compiled kinematics of trees of joints and derivatives of ellipsoids, for many configurations."""
 
 import numpy as np
 
@@ -111,3 +111,77 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
                 rotations[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
             if slides[k]:
                 origins[k + 1, i] += angle * (a * x + b * y + c * z)
+
+
+@kernel
+def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):  # type: ignore[no-untyped-def]
+    """Fill ellipsoids M (n, d, d) and derivatives (n, dof, d, d) from Jacobians (n, 6, joints).
+
+    `rows` (n, d, dof) of the Jacobian and `weighted`, the coupling (joints, dof), have joint weights.
+
+    Let v_i and w_i be the linear and the angular column of joint i, both along the axes of the base frame (w_i = 0 for
+    a prismatic joint). A joint k carries everything behind it along, so that
+
+        ∂v_i/∂q_k = w_min(i,k) × v_max(i,k),        ∂w_i/∂q_k = w_k × w_i for k < i, else 0
+
+    (Bruyninckx & De Schutter, "Symbolic differentiation of the velocity mapping for a serial kinematic chain",
+    Mechanism and Machine Theory 31 (1996)). With M = J C Jᵀ and B = C Jᵀ, the derivative of M is A_k + A_kᵀ with
+    A_k = (∂J/∂q_k) B, whose rows are
+
+        linear   w_k × Σ_{i≥k} v_i B_i  −  v_k × Σ_{i<k} w_i B_i,        angular   w_k × Σ_{i>k} w_i B_i
+
+    so that running sums give all joints in one pass over the chain.
+    """
+    joints, dof = coupling.shape
+    d = rows.shape[1]
+    angular = d == 6 or not linear
+    b, a, before, behind = np.empty((joints, d)), np.empty((joints, d, d)), np.empty((3, d)), np.empty((6, d))
+    for n in range(len(jacobians)):
+        for x in range(d):
+            for y in range(x, d):
+                total = 0.0
+                for k in range(dof):
+                    total += rows[n, x, k] * rows[n, y, k]
+                ellipsoids[n, x, y] = ellipsoids[n, y, x] = total
+        before[:] = 0.0  # Σ w_i B_i over i < k
+        for i in range(joints):
+            for y in range(d):
+                b[i, y] = 0.0
+            for k in range(dof):
+                if weighted[i, k] != 0.0:
+                    for y in range(d):
+                        b[i, y] += weighted[i, k] * rows[n, y, k]
+            for x in range(3 if linear else 0):
+                p, q = (x + 1) % 3, (x + 2) % 3
+                for y in range(d):
+                    a[i, x, y] = jacobians[n, p, i] * before[q, y] - jacobians[n, q, i] * before[p, y]
+            for x in range(3):
+                for y in range(d):
+                    before[x, y] += jacobians[n, 3 + x, i] * b[i, y]
+        behind[:] = 0.0  # Σ v_i B_i and Σ w_i B_i over i > k
+        for k in range(joints - 1, -1, -1):
+            for x in range(3):
+                p, q = (x + 1) % 3, (x + 2) % 3
+                for y in range(d):
+                    if angular:
+                        a[k, d - 3 + x, y] = (
+                            jacobians[n, 3 + p, k] * behind[3 + q, y] - jacobians[n, 3 + q, k] * behind[3 + p, y]
+                        )
+            for x in range(3):
+                for y in range(d):
+                    behind[x, y] += jacobians[n, x, k] * b[k, y]
+                    behind[3 + x, y] += jacobians[n, 3 + x, k] * b[k, y]
+            for x in range(3 if linear else 0):
+                p, q = (x + 1) % 3, (x + 2) % 3
+                for y in range(d):
+                    turned = jacobians[n, 3 + p, k] * behind[q, y] - jacobians[n, 3 + q, k] * behind[p, y]
+                    a[k, x, y] = turned - a[k, x, y]
+        for k in range(dof):
+            for x in range(d):
+                for y in range(d):
+                    results[n, k, x, y] = 0.0
+            for i in range(joints):
+                if coupling[i, k] != 0.0:
+                    for x in range(d):
+                        for y in range(d):
+                            results[n, k, x, y] += coupling[i, k] * (a[i, x, y] + a[i, y, x])

@@ -25,9 +25,10 @@ class Kinematics:
         self,
         *chains: Chain,
         columns: Sequence[NDArray[np.intp]] = (),  # indices of the coordinates of each chain
+        dof: int = 0,  # number of all coordinates
         common: NDArray[np.intp] | None = None,  # (chains, chains): number of joints with which two chains begin
     ):
-        columns = columns or [np.arange(len(chains[0].coordinates))]
+        columns, dof = columns or [np.arange(len(chains[0].coordinates))], dof or len(chains[0].coordinates)
         joints, parents, rows, offset = [], list[int](), [], list[float]()
         self.links: list[list[int]] = []  # of each chain
         for i, (chain, own) in enumerate(zip(chains, columns, strict=True)):
@@ -38,13 +39,13 @@ class Kinematics:
                 joints.append(chain.joints[k])
                 parents.append(links[-1])
                 links.append(len(joints))
-                rows.append(np.zeros(1 + max(int(own.max()) for own in columns)))
+                rows.append(np.zeros(dof))
                 rows[-1][own] = chain.coupling[k]
                 offset.append(chain.offset[k])
             self.links.append(links)
         count, frame = len(joints), chains[0].frames[chains[0].frame]
         self.parents = np.array(parents, dtype=np.int64)
-        self.coupling, self.offset = np.array(rows), np.array(offset)
+        self.coupling, self.offset = np.array(rows).reshape(count, dof), np.array(offset)
         self._trivial = np.array_equal(self.coupling, np.eye(count)) and not np.any(self.offset)
         self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(count, 4, 4)
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
@@ -67,39 +68,23 @@ class Kinematics:
         flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self.coupling
         return np.asarray(flat.reshape(*jacobians.shape[:-1], flat.shape[1]))
 
-    def forward(self, positions: Array) -> Array:
-        """Poses of the end effector, shape (n, 4, 4)."""
-        return self._motion(positions, 0)[0]
-
-    def motion(self, positions: Array) -> tuple[Array, Array]:
-        """Results of `forward`, and Jacobians in the joints, linear rows first, shape (n, 6, joints)."""
-        return self._motion(positions, len(positions))
-
-    def _motion(self, positions: Array, n_jacobians: int) -> tuple[Array, Array]:
+    def motion(self, q: Array, with_jacobians: bool = True) -> tuple[Array, Array]:
+        """Poses of the end effector (n, 4, 4), and Jacobians in the joints, linear rows first, (n, 6, joints)."""
         from maniport.arms.kernels import fill_motion
 
-        poses, jacobians = np.empty((len(positions), 4, 4)), np.empty((n_jacobians, 6, len(self.axes)))
+        n, positions = len(q), self.positions(q)
+        poses, jacobians = np.empty((n, 4, 4)), np.empty((n if with_jacobians else 0, 6, len(self.axes)))
         fill_motion(positions, self.placements, self.axes, self.slides, *self._frame, poses, jacobians)
         return poses, jacobians
 
-    def link_poses(self, positions: Array) -> tuple[Array, Array]:
-        """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links."""
+    def link_poses(self, q: Array) -> tuple[Array, Array]:
+        """Rotations (n, links, 3, 3) and origins (n, links, 3) of all links for degrees of freedom, shape (n, dof)."""
         from maniport.arms.kernels import fill_link_poses
 
-        rotations, origins = (np.empty((len(positions), len(self.moves), *size)) for size in ((3, 3), (3,)))
+        rotations, origins = (np.empty((len(q), len(self.moves), *size)) for size in ((3, 3), (3,)))
+        positions = self.positions(q)
         fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
         return rotations, origins
-
-    def distance_slopes(self, q: Array, points: Array, normals: Array, links: NDArray[np.intp]) -> Array:
-        """How quickly pairs of links (n, 2) part along normals (n, 3) at points (n, 3), shape (n, dof)."""
-        turns, origins = self.link_poses(self.positions(q))
-        axes = np.einsum("njab,jb->nja", turns[:, 1:], self.axes)
-        lever, velocities = points[:, None] - origins[:, 1:], np.empty(axes.shape)
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # NumPy's cross product takes twice the time for a few
-            velocities[..., i] = axes[..., j] * lever[..., k] - axes[..., k] * lever[..., j]
-        velocities = np.where(self.slides[:, None], axes, velocities)
-        carries = self.moves[links[:, 0]].astype(float) - self.moves[links[:, 1]]
-        return np.asarray((np.einsum("nja,na->nj", velocities, normals) * carries) @ self.coupling)
 
 
 class PointKinematics:

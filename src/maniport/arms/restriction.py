@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Joint, Shape, check_names
+from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Shape, check_names
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_number
 
@@ -19,7 +19,10 @@ def restrict(
     base: str | None = None,
     lock: Mapping[str, float] | None = None,
 ) -> Chain:
-    """Return a chain with another end effector or base, or with locked coordinates."""
+    """Return a chain with another end effector or base, or with locked coordinates.
+
+    Bodies on omitted joints are attached to the nearest remaining link, in their pose at zero.
+    """
     where = f"on the arm {chain.name!r}"
     wanted = None if joints is None else check_names(joints, "joints")
     held = check_lock(lock, wanted)
@@ -29,11 +32,16 @@ def restrict(
     tip = chain.frame if frame is None else frame
     if not isinstance(tip, str) or tip not in chain.frames:
         raise unknown_name("frame", tip, chain.frames, where)
-    part = _ending_at(chain, tip)
+    last = chain.frames[tip].joint
+    reached = [name for name, place in chain.frames.items() if place.joint <= last]
+    if base is not None and (not isinstance(base, str) or base not in reached):
+        raise unknown_name("base", base, reached, f"on the chain to the frame {tip!r} {where}")
+    first = 0 if base is None else chain.frames[base].joint
+    part = _segment(chain, first, last, tip)
     if base is not None:
-        if not isinstance(base, str) or base not in part.frames:
-            raise unknown_name("base", base, part.frames, f"on the chain to the frame {tip!r} {where}")
-        part = _starting_at(part, base)
+        placement, back = chain.frames[base].placement, np.eye(4)
+        back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
+        part = _expressed_in(part, back, base)
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for what, names in (("joints", wanted or ()), ("lock", held)):
         idle = [name for name in names if name not in part.coordinates]
@@ -43,7 +51,19 @@ def restrict(
     if not np.any(moving):
         held_all = "; lock contains all" if part.coordinates else ""
         raise InvalidInputError(f"no movable joint lies between the base and the frame {tip!r}{seen} {where}{held_all}")
-    return part if np.all(moving) else _locked(part, moving, held)
+    if np.all(moving):
+        return part
+    neutral = np.where(moving, 0.0, np.clip(0.0, part.lower, part.upper))
+    for i, (name, unit) in enumerate(zip(part.coordinates, part.units, strict=True)):
+        if name in held:
+            low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (part.lower, part.upper))
+            neutral[i] = as_number(held[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
+    positions = {name: float(neutral[i]) for i, name in enumerate(part.coordinates) if not moving[i]}
+    return replace(
+        _with_coordinates(part, moving),
+        offset=part.offset + part.coupling @ neutral,
+        locked={**part.locked, **positions},
+    )
 
 
 def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]:
@@ -57,33 +77,47 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
     return held
 
 
-def _ending_at(chain: Chain, tip: str) -> Chain:
-    """The joints of a chain up to an end effector, and the coordinates that move them."""
-    count = chain.frames[tip].joint
-    used = np.any(chain.coupling[:count] != 0, axis=0)
-    beyond = {name for name, place in chain.frames.items() if place.joint > count}
+def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
+    """Joints `first` to `last` of a chain, and the coordinates that move them."""
+    others = chain.others
+    if others is not None:
+        poses = [np.eye(4)]  # of the links with coordinates at zero, or at the limit next to zero
+        positions = chain.coupling @ np.clip(0.0, chain.lower, chain.upper) + chain.offset
+        for joint, position in zip(chain.joints, positions, strict=True):
+            poses.append(poses[-1] @ joint.placement @ joint.motion(position))
+        bodies = {
+            name: Body(place.joint, place.placement[None], name)
+            for name, place in chain.frames.items() if not first <= place.joint <= last
+        }  # fmt: skip
+        others = {}
+        for name, body in {**bodies, **(chain.others or {})}.items():
+            carrier = min(max(body.joint, first), last)
+            others[name] = body.moved(carrier - first, np.linalg.inv(poses[carrier]) @ poses[body.joint])
+    segment = replace(
+        chain,
+        others=others,
+        joints=chain.joints[first:last],
+        frames={
+            name: replace(place, joint=place.joint - first)
+            for name, place in chain.frames.items() if first <= place.joint <= last
+        },
+        frame=tip,
+        coupling=chain.coupling[first:last],
+        offset=chain.offset[first:last],
+    )  # fmt: skip
+    return _with_coordinates(segment, np.any(segment.coupling != 0, axis=0))
+
+
+def _with_coordinates(chain: Chain, kept: Array) -> Chain:
+    """The chain with the coordinates in `kept` (dof,) only."""
     return replace(
         chain,
-        others=_rigidly_attached(chain, beyond, lambda joint: min(joint, count)),
-        joints=chain.joints[:count],
-        frames={name: place for name, place in chain.frames.items() if place.joint <= count},
-        frame=tip,
-        coupling=chain.coupling[:count, used],
-        offset=chain.offset[:count],
-        **_coordinates(chain, used),
+        coupling=chain.coupling[:, kept],
+        coordinates=tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep),
+        lower=chain.lower[kept],
+        upper=chain.upper[kept],
+        velocity_limits=None if chain.velocity_limits is None else chain.velocity_limits[kept],
     )
-
-
-def _rigidly_attached(chain: Chain, frames: set[str], carrier: Callable[[int], int]) -> dict[str, Body] | None:
-    """Bodies off the chain and some frames, at rest, on the joint that `carrier` returns for their present one."""
-    if chain.others is None:
-        return None
-    poses = chain.at_rest()
-    bodies = {name: Body(chain.frames[name].joint, chain.frames[name].placement[None], name) for name in frames}
-    return {
-        name: body.moved(carrier(body.joint), np.linalg.inv(poses[carrier(body.joint)]) @ poses[body.joint])
-        for name, body in (bodies | {**chain.others}).items()
-    }
 
 
 def standing(chain: Chain, where: Array) -> Chain:
@@ -93,13 +127,11 @@ def standing(chain: Chain, where: Array) -> Chain:
 
 def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
     """The chain expressed in a frame in which its base has the pose `where`, shape (4, 4)."""
+    joints = [replace(joint, placement=where @ joint.placement) for joint in chain.joints[:1]]
     return replace(
         chain,
         base=base,
-        joints=tuple(
-            replace(joint, placement=where @ joint.placement) if i == 0 else joint
-            for i, joint in enumerate(chain.joints)
-        ),
+        joints=(*joints, *chain.joints[1:]),
         frames={
             name: place if place.joint else replace(place, placement=where @ place.placement)
             for name, place in chain.frames.items()
@@ -110,54 +142,7 @@ def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
     )  # fmt: skip
 
 
-def _starting_at(chain: Chain, base: str) -> Chain:
-    """The chain expressed in one of its frames, without the joints before it."""
-    first, placement = chain.frames[base].joint, chain.frames[base].placement
-    back = np.eye(4)
-    back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
-    others = _rigidly_attached(
-        chain, {name for name, place in chain.frames.items() if place.joint < first}, lambda joint: max(joint, first)
-    )
-    begun = replace(
-        chain,
-        others=others and {name: replace(body, joint=body.joint - first) for name, body in others.items()},
-        joints=chain.joints[first:],
-        frames={
-            name: replace(place, joint=place.joint - first)
-            for name, place in chain.frames.items()
-            if place.joint >= first
-        },
-        coupling=chain.coupling[first:],
-        offset=chain.offset[first:],
-    )
-    return _ending_at(_expressed_in(begun, back, base), chain.frame)
-
-
-def _locked(chain: Chain, moving: Array, lock: Mapping[str, float]) -> Chain:
-    """The chain with locked coordinates, at the positions in `lock` or nearest to zero."""
-    neutral = np.where(moving, 0.0, np.clip(0.0, chain.lower, chain.upper))
-    for i, (name, unit) in enumerate(zip(chain.coordinates, chain.units, strict=True)):
-        if name in lock:
-            low, high = (float(np.clip(limit[i], -MAX_POSITION, MAX_POSITION)) for limit in (chain.lower, chain.upper))
-            neutral[i] = as_number(lock[name], f"lock: {name!r} [{unit}]", minimum=low, maximum=high)
-    held = {name: float(neutral[i]) for i, name in enumerate(chain.coordinates) if not moving[i]}
-    return replace(
-        chain,
-        coupling=chain.coupling[:, moving],
-        offset=chain.offset + chain.coupling @ neutral,
-        locked={**chain.locked, **held},
-        **_coordinates(chain, moving),
-    )
-
-
-def _coordinates(chain: Chain, kept: Array) -> dict[str, Any]:
-    """Names and limits of the coordinates in `kept`."""
-    return {
-        "coordinates": tuple(name for name, keep in zip(chain.coordinates, kept, strict=True) if keep),
-        "lower": chain.lower[kept],
-        "upper": chain.upper[kept],
-        "velocity_limits": None if chain.velocity_limits is None else chain.velocity_limits[kept],
-    }
+_MIRROR = np.array([1.0, -1.0, 1.0, 1.0])
 
 
 def mirrored(chain: Chain) -> Chain:
@@ -167,36 +152,33 @@ def mirrored(chain: Chain) -> Chain:
     angle: equal joint angles of an arm and its mirror image are mirrored configurations, with ellipsoids M and S M S.
     """
     left = chain.side == LEFT
+
+    def moved(poses: Array) -> Array:
+        return np.asarray(_MIRROR[:, None] * poses * _MIRROR + 0.0)  # adding zero removes negative zeros
+
     return replace(
         chain,
         name=chain.name.removesuffix("_left") if left else f"{chain.name}_left",
         side=RIGHT if left else LEFT,
-        joints=tuple(_mirrored_joint(joint) for joint in chain.joints),
-        frames={name: replace(place, placement=_mirrored(place.placement)) for name, place in chain.frames.items()},
+        joints=tuple(
+            replace(
+                joint,
+                axis=(-1.0 if joint.kind == REVOLUTE else 1.0) * _MIRROR[:3] * joint.axis + 0.0,
+                placement=moved(joint.placement),
+            )
+            for joint in chain.joints
+        ),
+        frames={name: replace(place, placement=moved(place.placement)) for name, place in chain.frames.items()},
         others=chain.others and {
-            name: replace(body, placements=_mirrored(body.placements)) for name, body in chain.others.items()
+            name: replace(body, placements=moved(body.placements)) for name, body in chain.others.items()
         },
-        stand=None if chain.stand is None else _mirrored(chain.stand),
+        stand=None if chain.stand is None else moved(chain.stand),
         shapes=None if chain.shapes is None else partial(_mirrored_shapes, chain.shapes),
     )  # fmt: skip
-
-
-_MIRROR = np.array([1.0, -1.0, 1.0])
-
-
-def _mirrored_joint(joint: Joint) -> Joint:
-    turn = -1.0 if joint.kind == REVOLUTE else 1.0
-    return replace(joint, axis=turn * _MIRROR * joint.axis + 0.0, placement=_mirrored(joint.placement))
-
-
-def _mirrored(placements: Array) -> Array:
-    """Mirror poses (..., 4, 4); adding zero removes negative zeros."""
-    signs = np.append(_MIRROR, 1.0)
-    return np.asarray(signs[:, None] * placements * signs + 0.0)
 
 
 def _mirrored_shapes(shapes: Callable[..., Any], links: Collection[str], **options: Any) -> Iterator[Shape]:
     """Mirrored shapes of links; reversed triangles keep their outside."""
     for shape in shapes(links, **options):
         points, triangles = shape.mesh
-        yield replace(shape, mesh=(points * _MIRROR, triangles[:, ::-1]))
+        yield replace(shape, mesh=(points * _MIRROR[:3], triangles[:, ::-1]))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import Arm
+from maniport.arms import Arm, ArmGroup
 from maniport.mocap import Recording
 
 
@@ -61,6 +61,8 @@ def _state(thing: Any) -> Any:
     """What an object is made of; where it came from is no content, but for recordings."""
     if isinstance(thing, Arm):
         return thing.chain
+    if isinstance(thing, ArmGroup):
+        return thing.arms, thing.joint_names
     if is_dataclass(thing):
         names = {field.name for field in fields(thing)}
         if not isinstance(thing, Recording):

@@ -13,7 +13,6 @@ from maniport.arms import Arm
 from maniport.batch.content import as_setting, digest
 from maniport.errors import InvalidInputError, as_text
 from maniport.mocap import shipped_recording
-from maniport.mocap.arm_ik import require_person
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.transfer import settings_of
@@ -133,30 +132,18 @@ def find_robots(robots: Sequence[RobotInput], config: Config, taken: Collection[
     """Load robots and check their options; each once, with a name of its own that is none of those taken."""
     if isinstance(robots, str | Path | Arm) or not len(robots):
         raise InvalidInputError("robots must be a sequence of at least one robot")
-    require_person(config.human.person, config.human.side, config.human.height)
-    found, names = dict[str, Robot](), {name.casefold() for name in taken}
+    distinct, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
         name, own = robot if isinstance(robot, tuple) else (robot, {})
         job = settings_of(config.changed(**{"robot": name, **own}))
-        settings = _as_texts(job)
-        key = digest(settings)
-        if key not in found:
-            found[key] = Robot(_as_folder(job.robot.name, names), job, key, settings)
-    return list(found.values())
-
-
-def _as_texts(job: Settings) -> dict[str, str]:
-    """Return all options as text by name; contents stand for files."""
-    config = job.config
-    values: dict[str, Any] = {
-        name: getattr(getattr(config, section) if section else config, name)
-        for name, (section, described) in OPTIONS.items()
-        if not described.is_file
-    }
-    values |= {"maniport": __version__, "robot": job.robot, "markers": config.human.roles()}
-    if job.control is not None:
-        values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
-    return {name: as_setting(value) for name, value in values.items()}
+        values = {name: job.config.value(name) for name, (_, option) in OPTIONS.items() if not option.is_file}
+        values |= {"maniport": __version__, "robot": job.robot, "markers": job.config.human.roles()}
+        if job.control is not None:  # contents stand for files
+            values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
+        texts = {name: as_setting(value) for name, value in values.items()}
+        if (key := digest(texts)) not in distinct:
+            distinct[key] = Robot(_as_folder(job.robot.name, names), job, key, texts)
+    return list(distinct.values())
 
 
 def _as_folder(name: str, taken: set[str]) -> str:

@@ -2,7 +2,7 @@
 
 import json
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,61 +10,100 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm
-from maniport.batch.content import as_setting, digest
+from maniport.batch.content import digest
 from maniport.batch.inputs import Robot, Source
 from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
-from maniport.mocap import ArmFit
 from maniport.pipeline import stages
-from maniport.pipeline.options import HumanOptions
-from maniport.pipeline.transfer import recorded
+from maniport.pipeline.config import CONFIG
+from maniport.pipeline.transfer import follow_person, recorded
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import report_of
-from maniport.report.write import RUN_FILES, write_run
+from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole
 
-PAIR = "pair.json"  # The file with the settings of a pair, the sizes of its files, and its row of the table
-
-ADAPTERS = "adapters"  # The folder of the adapters, which recordings of one person share
+PAIR = "pair.json"  # file with the settings of a pair, the sizes of its files, and its row of the table
+ADAPTERS = "adapters"  # folder of the adapters, which recordings of one person share
 
 Warnings = tuple[str, ...]
 
-_alone = Lock()  # Workers of Dask may have several threads, and warnings are caught for a whole process
+_alone = Lock()  # workers of Dask may have several threads, and warnings are caught for a whole process
 _robots: dict[str, tuple[SampledRobot, Warnings]] = {}
 _maps: dict[Path, tuple[FittedMap, Warnings]] = {}
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
-    """What is the same for all pairs."""
+class Pair:
+    """A recording on a robot."""
 
-    output: Path
-    human: HumanOptions  # options of reading
-    profile_rate: float  # Ellipsoids a second, at most [Hz]
-    exports: Mapping[str, str]  # Files by formats
-    pages: bool
-    typed: bool  # Whether errors name options of the command line
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A recording with the digest of its content, and robots with the settings of each pair."""
-
-    order: Order
+    output: Path  # folder of the batch
     source: Source
-    content: str
-    robots: tuple[Robot, ...]
-    settings: tuple[Mapping[str, str], ...]
+    content: str  # digest of the recording when the batch began
+    robot: Robot
+    typed: bool = False  # whether errors name options of the command line
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of recording and robot."""
+        return self.source.name, self.robot.name
+
+    @property
+    def folder(self) -> Path:
+        """Where the results are."""
+        return self.output / self.robot.name / self.source.name
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """All that determines the result, as text by name: robot, recording, options and version."""
+        return {**self.robot.settings, "recording": self.content}
+
+    def kept_row(self) -> dict[str, Any] | None:
+        """Return the row of the pair, under its present names, if its result has these settings and is unchanged."""
+        saved = self._saved()
+        if saved is None or saved["settings"] != self.settings or saved["files"] != _sizes(self.folder):
+            return None
+        recording, robot = self.names
+        folder = self.folder.relative_to(self.output).as_posix()
+        return {**saved["row"], "recording": recording, "robot": robot, "folder": folder}
+
+    def difference(self, most: int = 3, width: int = 60) -> str:
+        """Return why the folder holds a result that must not be replaced: other settings, the first ones by name."""
+        if not (self.folder / PAIR).exists():
+            return ""
+        saved = self._saved()
+        if saved is None:
+            return f"{PAIR} was changed since"
+        texts = []
+        for name in {**self.settings, **saved["settings"]}:
+            earlier, now = (values.get(name, "not set") for values in (saved["settings"], self.settings))
+            if earlier != now:
+                earlier, now = (text if len(text) <= width else f"{text[:width]}…" for text in (earlier, now))
+                texts.append(f"{name} {earlier}, now {now}")
+        if texts:
+            return "made with " + "; ".join(texts[:most]) + (f"; and {len(texts) - most} more" if texts[most:] else "")
+        changed = [name for name, size in _sizes(self.folder).items() if saved["files"].get(name) != size]
+        return f"{', '.join(changed[:most])} changed since" if changed else ""
+
+    def _saved(self) -> dict[str, Any] | None:
+        """Read the file of the pair; None where it is missing or was changed."""
+        try:
+            saved: dict[str, Any] = json.loads((self.folder / PAIR).read_text(encoding="utf-8"))
+            texts = all(isinstance(value, str) for value in saved["settings"].values())
+            return saved if texts and isinstance(saved["files"], dict) and is_row(saved["row"]) else None
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
 
 
-def folder_of(order: Order, source: Source, robot: Robot) -> Path:
-    """Where the results of a pair are."""
-    return order.output / robot.name / source.name
+def _sizes(folder: Path) -> dict[str, int]:
+    """Files of a pair with their bytes."""
+    files = (file for file in sorted(folder.rglob("*")) if file.is_file() and file.name != PAIR)
+    return {file.relative_to(folder).as_posix(): file.stat().st_size for file in files}
 
 
 def content_of(source: Source) -> str:
@@ -75,143 +114,96 @@ def content_of(source: Source) -> str:
         return f"unreadable: {error}"
 
 
-def settings_of(order: Order, content: str, robot: Robot) -> dict[str, str]:
-    """Return all that determines the result of a pair, as text by name: robot, recording, all settings, version."""
-    own = {"profile_rate": as_setting(order.profile_rate), "pages": as_setting(order.pages), "recording": content}
-    return {**robot.settings, **own}
-
-
-def kept_row(order: Order, source: Source, robot: Robot, settings: Mapping[str, str]) -> dict[str, Any] | None:
-    """Return the row of a pair that is done with these settings and unchanged since, under its present names."""
-    folder = folder_of(order, source, robot)
-    found = _read_pair(folder)
-    if found is None or found["settings"] != settings or found["files"] != _sizes(folder):
-        return None
-    names = {"recording": source.name, "robot": robot.name, "folder": folder.relative_to(order.output).as_posix()}
-    return {**found["row"], **names}
-
-
-def difference(folder: Path, settings: Mapping[str, str], shown: int = 3, width: int = 60) -> str:
-    """Return why a folder holds a result that must not be replaced: other settings, the first ones by name."""
-
-    def short(values: Mapping[str, str], name: str) -> str:
-        text = values.get(name, "not set")
-        return text if len(text) <= width else f"{text[:width]}…"
-
-    if not (folder / PAIR).exists():
-        return ""
-    found = _read_pair(folder)
-    if found is None:
-        return f"{PAIR} was changed since"
-    earlier = found["settings"]
-    names = [name for name in {**settings, **earlier} if settings.get(name) != earlier.get(name)]
-    if names:
-        values = [f"{name} {short(earlier, name)}, now {short(settings, name)}" for name in names[:shown]]
-        return "made with " + "; ".join(values) + (f"; and {len(names) - shown} more" if names[shown:] else "")
-    changed = [name for name, size in _sizes(folder).items() if found["files"].get(name) != size]
-    return f"{', '.join(changed[:shown])} changed since" if changed else ""
-
-
-def _read_pair(folder: Path) -> dict[str, Any] | None:
-    """Read the file of a pair; None where it is missing or was changed."""
-    try:
-        found = json.loads((folder / PAIR).read_text(encoding="utf-8"))
-        texts = all(isinstance(value, str) for value in found["settings"].values())
-        whole = texts and isinstance(found["files"], dict) and is_row(found["row"])
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-    return found if whole else None
-
-
-def _sizes(folder: Path) -> dict[str, int]:
-    """Files of a pair with their bytes."""
-    return {file.name: file.stat().st_size for file in sorted(folder.iterdir()) if file.name != PAIR}
-
-
-def work(task: Task) -> list[dict[str, Any]]:
-    """Transfer the recording to each robot; return the rows of the table, those of failures too."""
-    with ExitStack() as stack:
-        stack.enter_context(_alone)
-        stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round alike
-        if task.order.typed:
-            stack.enter_context(on_the_command_line())
-        rows, human = list[dict[str, Any]](), list[tuple[Human, Warnings]]()
-        for robot, settings in zip(task.robots, task.settings, strict=True):
-            begun = clock.process_time()
-            try:
-                if not human:
-                    recording = task.order.human.read(task.source.path)
-                    if content_of(task.source) != task.content:
-                        raise ManiportError(f"{task.source.path}: it changed during the batch; start again")
-                    fitted, texts = recorded(partial(stages.fit_human, recording, robot.job))
-                    human.append((fitted.subsampled(task.order.profile_rate), texts))
-                rows.append(_pair(task, robot, settings, *human[0], begun))
-            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
-                rows.append(
-                    failed_row(task.source.name, robot.name, reason(error)) | {COMPUTING: clock.process_time() - begun}
-                )
-        return rows
-
-
 def reason(error: Exception) -> str:
     """Why there is no result, for the table."""
     return str(error) if isinstance(error, ManiportError) else f"unexpected {type(error).__name__}: {error}"
 
 
-def _pair(
-    task: Task, robot: Robot, settings: Mapping[str, str], human: Human, texts: Warnings, begun: float
-) -> dict[str, Any]:
-    """Transfer the recording to one robot, and write the results."""
-    order, selects = task.order, robot.job.adapter is None
-    sampled, of_robot = _sampled(robot)
+def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
+    """Transfer a recording to several robots; return the rows of the table, those of failures too."""
+    rows, humans = list[dict[str, Any]](), list[tuple[Any, Human, Warnings]]()
+    with ExitStack() as stack:
+        stack.enter_context(_alone)
+        stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round alike
+        if pairs[0].typed:
+            stack.enter_context(on_the_command_line())
+        for pair in pairs:
+            begun = clock.process_time()
+            try:
+                human, texts = _human(pair, humans)
+                rows.append(_transfer(pair, human, texts, begun))
+            except Exception as error:  # noqa: BLE001  one failure does not stop the rest
+                rows.append(failed_row(*pair.names, reason(error)) | {COMPUTING: clock.process_time() - begun})
+    return rows
+
+
+def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human, Warnings]:
+    """Fit the person, or take the fit with the same options for another robot from `humans`."""
+    job, rate = pair.robot.job, pair.robot.job.config.batch.profile_rate
+    options = job.config.human, job.spec, rate, np.array(job.stands).tolist() if len(job.arms) > 1 else None
+    for same, human, texts in humans:
+        if same == options:
+            return human, texts
+    recording = job.config.human.read(pair.source.path)
+    if content_of(pair.source) != pair.content:
+        raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
+    human, texts = recorded(partial(stages.fit_human, recording, job))
+    humans.append((options, human.subsampled(rate), texts))
+    return humans[-1][1:]
+
+
+def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robots: int = 4) -> dict[str, Any]:
+    """Transfer the recording to one robot, and write the results; return the row.
+
+    A robot is sampled once in each process; of `most_robots` the samples are kept, about 60 MB each.
+    """
+    robot, job, selects = pair.robot, pair.robot.job, pair.robot.job.adapter is None
+    if robot.key not in _robots:
+        while len(_robots) >= most_robots:
+            del _robots[next(iter(_robots))]
+        _robots[robot.key] = recorded(partial(stages.sample_robot, job))
+    sampled, of_robot = _robots[robot.key]
     if selects:
-        maps, of_map = recorded(partial(stages.fit_transfer, human, sampled, robot.job))
+        maps, of_map = recorded(partial(stages.fit_transfer, human, sampled, job))
     else:
-        fitted, of_map = _fitted(order, robot, sampled, human.fits[0])
-        maps = (fitted,)
-    result, own = recorded(partial(stages.transfer, human, sampled, maps, robot.job, baselines=selects))
-    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *own))))
-    facts, folder = report_of(result), folder_of(order, task.source, robot)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    row = row_of(facts, task.source.name, robot.name, folder.relative_to(order.output).as_posix())
-    with folder_written_whole(folder, (*RUN_FILES, PAIR), True) as staging:
-        write_run(result, facts, order.exports, staging, order.pages)
+        fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.fits))]
+        maps, of_map = tuple(own for own, _ in fitted), tuple(text for _, own in fitted for text in own)
+    result, of_motion = recorded(partial(follow_person, human, sampled, maps, job, baselines=selects))
+    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *of_motion))))
+    report, arms = report_of(result), [arm.name for arm in result.arms]
+    row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
+    pair.folder.parent.mkdir(parents=True, exist_ok=True)
+    with folder_written_whole(pair.folder, {*RUN_FILES, *result.data_files, PAIR}, True) as staging:
+        write_run(result, report, export_files(job.config.motion.export), staging, job.config.batch.pages)
+        replace(job.config, recording=(str(pair.source.path),), verb="batch").save(staging / CONFIG)
         row[COMPUTING] = clock.process_time() - begun
-        about = {"settings": settings, "files": _sizes(staging), "row": row}
+        about = {"settings": pair.settings, "files": _sizes(staging), "row": row}
         (staging / PAIR).write_text(json.dumps(about, ensure_ascii=False), encoding="utf-8")
     return row
 
 
-def _sampled(robot: Robot, most: int = 4) -> tuple[SampledRobot, Warnings]:
-    """Sample a robot once in each process; of so many robots the samples are kept, about 60 MB each."""
-    if robot.key not in _robots:
-        while len(_robots) >= most:
-            del _robots[next(iter(_robots))]
-        _robots[robot.key] = recorded(partial(stages.sample_robot, robot.job))
-    return _robots[robot.key]
-
-
-def _fitted(order: Order, robot: Robot, sampled: SampledRobot, fit: ArmFit) -> tuple[FittedMap, Warnings]:
-    """Return the map from a person to a robot, and the warnings of its fit, from the file or fitted.
+def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[FittedMap, Warnings]:
+    """Return the map from an arm of a person to one of a robot, and the warnings of its fit, from the file or fitted.
 
     Lengths are rounded to a centimeter, so that recordings of one person share it: markers give them with errors of
     some millimeters.
     """
+    robot, job, fit = pair.robot, pair.robot.job, human.fits[arm]
     lengths = {name: round(length, 2) for name, length in fit.segment_lengths.items()}
     side = fit.arm.side or RIGHT
-    person = human_arm(robot.job.config.human.person, side, lengths=lengths)
+    person = human_arm(job.config.human.person, side, lengths=lengths)
     sizes = "-".join(f"{100.0 * length:.0f}" for length in lengths.values())
-    file = order.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(robot.key, person)[:8]}.npz"
+    key: Mapping[str, Any] = {"robot": robot.key, "person": person, "arm": arm}
+    file = pair.output / ADAPTERS / f"{robot.name}-{side}-{sizes}-{digest(key)[:8]}.npz"
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
-        fitted, texts = recorded(partial(stages.fit_map, person, None, sampled, robot.job))
+        fitted, texts = recorded(partial(stages.fit_map, person, None, sampled, job, arm))
         with written_whole(about) as temporary:
             text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts})
             temporary.write_text(text, encoding="utf-8")
         fitted.adapter.save(file)
     if file not in _maps:
         texts = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
-        teacher = stages.sample_teacher(person, robot.job)
-        _maps[file] = FittedMap(load_adapter(file), teacher, 0.0), texts
+        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job), 0.0), texts
     return _maps[file]

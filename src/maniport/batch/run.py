@@ -4,38 +4,27 @@ import json
 import os
 import time as clock
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from maniport.batch.executors import completed, cores, executor_for
 from maniport.batch.inputs import ABOUT, Robot, RobotInput, Source, find_recordings, find_robots
-from maniport.batch.pair import (
-    ADAPTERS,
-    Order,
-    Task,
-    content_of,
-    difference,
-    folder_of,
-    kept_row,
-    reason,
-    settings_of,
-    work,
-)
+from maniport.batch.pair import ADAPTERS, Pair, content_of, reason, work
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
 from maniport.motion.exports import SCENE
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.write import export_files
 from maniport.util.atomic_io import written_whole
-from maniport.util.defaults import BATCH_PROFILE_RATE
 from maniport.util.input_limits import as_path
 from maniport.util.progress import ALMOST, Progress, Step, no_progress
-from maniport.util.validation import as_count, as_number
+from maniport.util.validation import as_count
 from maniport.version import __version__
 
-Pair = tuple[str, str]  # Names of a recording and a robot
+Rows = dict[tuple[str, str], Row]  # by the names of a recording and a robot
+Tasks = list[tuple[Pair, ...]]  # pairs of one recording, which a process works on
 
 
 @dataclass(frozen=True)
@@ -55,7 +44,6 @@ class Batch:
         How many of them were done before.
     seconds : float
         How long it took.
-
     """
 
     folder: Path
@@ -80,8 +68,6 @@ def transfer_batch(
     output: str | os.PathLike[str],
     config: Config | None = None,
     *,
-    profile_rate: float = BATCH_PROFILE_RATE,
-    pages: bool = False,
     processes: int | None = None,
     dask: str | None = None,
     ray: bool = False,
@@ -106,11 +92,8 @@ def transfer_batch(
         A new folder, or that of an earlier batch.
     config : Config, optional
         Options of all pairs. Default: planning effort "quick", a rate of 100 Hz and the length field, since
-        ``method="auto"`` selects a method for each recording, which takes longer.
-    profile_rate : float
-        At most so many ellipsoids a second of each recording are transferred and followed [Hz].
-    pages : bool
-        Whether each pair gets a report.
+        ``method="auto"`` selects a method for each recording, which takes longer. Of each recording at most
+        `profile_rate` ellipsoids a second are transferred, and with `pages` each pair gets a report.
     processes : int, optional
         Default: as many as there are cores.
     dask, ray : str, bool
@@ -133,49 +116,36 @@ def transfer_batch(
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
     count = cores() if processes is None else as_count(processes, "processes")
     folder = as_path(output, "output").resolve()
-    found = find_recordings(recordings, without=folder)
-    hertz = as_number(profile_rate, "profile_rate [Hz]", above=0.0)
+    sources = find_recordings(recordings, without=folder)
     config = (config or BATCH).changed(**options)
-    order = Order(folder, config.human, hertz, _exports(config.motion.export, pages), pages, typed())
+    pages = config.batch.pages
+    if SCENE in export_files(config.motion.export) and not pages:
+        raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     _claim(folder)
-    rows, step = dict[Pair, Row](), Step(tell, "Check earlier results")
-    tasks = list(_tasks(order, found, arms, overwrite, rows, count))
-    step.end(f"{len(rows)} of {len(found) * len(arms)} pairs")
-    kept, pairs = len(rows), [(source.name, robot.name) for source in found for robot in arms]
+    step = Step(tell, "Check earlier results")
+    names, (tasks, rows) = [(s.name, arm.name) for s in sources for arm in arms], _tasks(folder, sources, arms, count)
+    if not overwrite:
+        _require_equal(pair for task in tasks for pair in task)
+    kept = len(rows)
+    step.end(f"{kept} of {len(names)} pairs")
+
+    def write() -> tuple[Row, ...]:
+        table = tuple(rows[name] for name in names if name in rows)
+        write_overview(folder / PAGE, table, len(names), write_tables(folder, table), pages)
+        return table
+
     try:
         with executor_for(min(count, max(len(tasks), 1)), dask, ray) as executor:
-            rows |= _reported(completed(executor, work, tasks), len(pairs), kept, tell)
+            _collect(completed(executor, work, tasks), rows, len(names), tell)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(_interrupted(order, tasks, rows, pairs)) from None
-    table = _write(folder, [rows[pair] for pair in pairs], len(pairs), pages)
-    return Batch(folder, table, kept, clock.perf_counter() - begun)
-
-
-def _write(folder: Path, table: Sequence[Row], count: int, pages: bool) -> tuple[Row, ...]:
-    """Write table and overview, of all pairs or of those of the `count` that are done."""
-    write_overview(folder / PAGE, table, count, write_tables(folder, table), pages)
-    return tuple(table)
-
-
-def _interrupted(order: Order, tasks: Iterable[Task], rows: dict[Pair, Row], pairs: Sequence[Pair]) -> str:
-    """Write table and overview of the pairs that are done, or failed; return how many are done and how to continue."""
-    for task in tasks:  # results are written before the task of several pairs ends
-        for robot, settings in zip(task.robots, task.settings, strict=True):
-            if (row := kept_row(order, task.source, robot, settings)) is not None:
-                rows[task.source.name, robot.name] = row
-    table = _write(order.output, [rows[pair] for pair in pairs if pair in rows], len(pairs), order.pages)
-    done = sum(row["state"] != FAILED for row in table)
-    again = "run the same command" if typed() else "make the same call"
-    return f"{done} of {len(pairs)} pairs are done; {again} to continue"
-
-
-def _exports(formats: str | Iterable[str], pages: bool) -> dict[str, str]:
-    """Files by formats."""
-    exports = export_files(formats)
-    if SCENE in exports and not pages:
-        raise InvalidInputError(f"the format {SCENE!r} shows what a report shows: give {argument('pages')} as well")
-    return exports
+        for pair in (pair for task in tasks for pair in task):  # results are written before the task of several ends
+            if (row := pair.kept_row()) is not None:
+                rows[pair.names] = row
+        done = sum(row["state"] != FAILED for row in write())
+        again = "run the same command" if typed() else "make the same call"
+        raise KeyboardInterrupt(f"{done} of {len(names)} pairs are done; {again} to continue") from None
+    return Batch(folder, write(), kept, clock.perf_counter() - begun)
 
 
 def _claim(folder: Path) -> None:
@@ -195,61 +165,54 @@ def _claim(folder: Path) -> None:
         temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
 
 
-def _tasks(
-    order: Order, sources: Sequence[Source], robots: Sequence[Robot], overwrite: bool, rows: dict[Pair, Row], width: int
-) -> Iterator[Task]:
-    """Yield a task for each recording, or for each pair where there are fewer recordings than processes.
+def _tasks(folder: Path, sources: Sequence[Source], robots: Sequence[Robot], width: int) -> tuple[Tasks, Rows]:
+    """Return a task for each recording, or for each pair where there are fewer recordings than processes.
 
-    Pairs that are done go to `rows`.
+    The rows of pairs that are done come second.
     """
+    tasks, rows = Tasks(), Rows()
     for source in sources:
-        left, content = list[tuple[Robot, Mapping[str, str]]](), content_of(source)
-        for robot in robots:
-            settings = settings_of(order, content, robot)
-            if (row := kept_row(order, source, robot, settings)) is not None:
-                rows[source.name, robot.name] = row
-                continue
-            folder = folder_of(order, source, robot)
-            if not overwrite and (why := difference(folder, settings)):
-                raise OutputError(
-                    f"{str(folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
-                    "results, or a new folder"
-                )
-            left.append((robot, settings))
-        for part in [left] if len(sources) >= width else [[pair] for pair in left]:
-            if part:
-                yield Task(order, source, content, *(tuple(column) for column in zip(*part, strict=True)))
+        content, missing = content_of(source), list[Pair]()
+        for pair in (Pair(folder, source, content, robot, typed()) for robot in robots):
+            row = pair.kept_row()
+            if row is None:
+                missing.append(pair)
+            else:
+                rows[pair.names] = row
+        tasks += [(pair,) for pair in missing] if len(sources) < width else [tuple(missing)] if missing else []
+    return tasks, rows
 
 
-def _reported(ended: Iterator[tuple[Task, Any]], count: int, kept: int, tell: Progress) -> Iterator[tuple[Pair, Row]]:
-    """Yield the rows as they come; report each with the time left, and warn of failures."""
-    step, begun, done, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), 0, 0
+def _require_equal(pairs: Iterator[Pair]) -> None:
+    """Raise `OutputError` where a folder holds the result of other settings."""
+    for pair in pairs:
+        if why := pair.difference():
+            raise OutputError(
+                f"{str(pair.folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
+                "results, or a new folder"
+            )
+
+
+def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress) -> None:
+    """Add the rows to those of earlier results as they come; report each with the time left, and warn of failures."""
+    step, begun, kept, failed = f"work on {count} pair{'s'[: count != 1]}", clock.perf_counter(), len(rows), 0
     tell(step, kept / count)
-    for task, outcome in ended:
-        rows = outcome
+    for pairs, outcome in ended:
+        own = outcome
         if isinstance(outcome, Exception):
-            rows = [failed_row(task.source.name, robot.name, reason(outcome)) for robot in task.robots]
-        for failure in failures(rows):
+            own = [failed_row(*pair.names, reason(outcome)) for pair in pairs]
+        for failure in failures(own):
             where = f"{failure['recording']} → {', '.join(failure['robots'])}"
             warnings.warn(f"{where} failed: {failure['reason']}", ManiportWarning, stacklevel=3)
-        for row in rows:
-            pair = row["recording"], row["robot"]
-            if row["state"] == FAILED:
-                failed += 1
-            else:
-                done += 1
-                left = count - kept - done - failed
-                rest = f"; {_duration((clock.perf_counter() - begun) / done * left)} left" if left else ""
-                tell(" → ".join(pair), 1.0, f"{row['verdict']} ({kept + done + failed} of {count}{rest})")
-            tell(step, min((kept + done + failed) / count, ALMOST))
-            yield pair, row
+        for row in own:
+            names = row["recording"], row["robot"]
+            rows[names] = row
+            failed += row["state"] == FAILED
+            if row["state"] != FAILED:
+                left = (clock.perf_counter() - begun) / (len(rows) - kept - failed) * (count - len(rows))
+                minutes = f"{left / 60.0:.0f} min" if left < 5400.0 else f"{left / 3600.0:.1f} h"
+                rest = f"; {f'{left:.0f} s' if left < 90.0 else minutes} left" if len(rows) < count else ""
+                tell(" → ".join(names), 1.0, f"{row['verdict']} ({len(rows)} of {count}{rest})")
+            tell(step, min(len(rows) / count, ALMOST))
     before = f", {kept} of them before" if kept else ""
-    tell(step, 1.0, f"{kept + done} done{before}, {failed} failed")
-
-
-def _duration(seconds: float) -> str:
-    """A duration in the unit that suits it."""
-    if seconds < 90.0:
-        return f"{seconds:.0f} s"
-    minutes = seconds / 60.0
-    return f"{minutes:.0f} min" if minutes < 90.0 else f"{minutes / 60.0:.1f} h"
+    tell(step, 1.0, f"{len(rows) - failed} done{before}, {failed} failed")

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from maniport.errors import MissingPackageError, as_text
+from maniport.report.metrics import METRICS as MOTION_METRICS
 from maniport.report.renderings import PAGE as REPORT
 from maniport.report.renderings import as_numbers
-from maniport.report.values import Report
+from maniport.report.values import SUFFIXES, Report
 from maniport.report.write import SUMMARIES
 from maniport.util.atomic_io import written_whole
 from maniport.util.optional import parquet_writer, pyarrow
@@ -30,9 +31,8 @@ STATISTICS = ("median", "p95", "max")
 PARTS = ("upper arm", "forearm", "hand")
 
 METRICS = (
-    *(f"motion.{name}.{value}" for name in ("distance", "position_error_mm", "orientation_error_deg",
-                                            "major_axis_angle_deg", "feasibility_gap")
-      for value in STATISTICS),
+    *(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}" for key, metric in MOTION_METRICS.items()
+      if not metric.text and key != "relative_position_error" for value in STATISTICS),
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
@@ -59,19 +59,21 @@ TABLES = ("table.csv", "table.parquet")
 PAGE = "index.html"
 
 
-def row_of(facts: Report, recording: str, robot: str, folder: str) -> dict[str, Any]:
-    """Return the row of a pair that is done."""
-    numbers = as_numbers(facts)
-    summary = facts.summary
-    return {
+def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the row of a pair that is done; of several arms with names, the largest of each number."""
+    numbers, summary = as_numbers(report), report.summary
+    row = {
         **_empty_row(recording, robot, DONE),
-        "warnings": "\n".join(facts.warnings),
-        "warning_keys": " ".join(facts.warning_keys),
+        "warnings": "\n".join(report.warnings),
+        "warning_keys": " ".join(report.warning_keys),
         "folder": folder,
-        "status": "" if summary is None else summary.status,
+        "status": report.status,
         "verdict": "" if summary is None else summary.title,
-        **{name: _number(numbers, name) for name in METRICS},
     }
+    for name in METRICS:
+        values = [_number(numbers, key) for key in (name, *(f"{arm}_{name}" for arm in arms))]
+        row[name] = values[0] if values[0] is not None else max((v for v in values if v is not None), default=None)
+    return row
 
 
 def failed_row(recording: str, robot: str, reason: str) -> dict[str, Any]:
@@ -143,15 +145,14 @@ class Metric(NamedTuple):
 
 
 PAGE_METRICS = (
-    Metric("motion.distance.median", "distance, median"),
-    Metric("motion.distance.p95", "distance, 95th percentile"),
-    Metric("motion.distance.max", "distance, max"),
-    Metric("motion.position_error_mm.p95", "position error, 95th percentile [mm]", 1),
-    Metric("motion.position_error_mm.max", "position error, max [mm]", 1),
-    Metric("motion.feasibility_gap.median", "feasibility gap, median"),
-    Metric("motion.duration_s.robot", "duration [s]", 1),
-    Metric(COMPUTING, "computing time [s]", 1),
-)
+    *(Metric(f"motion.{key}{SUFFIXES.get(metric.unit, '')}.{value}",
+             f"{metric.label}, {name}{f' [{metric.unit}]' if metric.unit else ''}", 1 if metric.unit else 2)
+      for key, metric in MOTION_METRICS.items()
+      for value, name in (("median", "median"), ("p95", "95th percentile"), ("max", "max"))
+      if key in ("distance", "position_error") or (key, value) == ("feasibility_gap", "median")),
+    Metric("motion.duration_s.robot", f"{MOTION_METRICS['duration'].label} [s]", 1),
+    Metric(COMPUTING, "Computing time [s]", 1),
+)  # fmt: skip
 """The page sorts pairs by the first, and shows its distribution."""
 
 

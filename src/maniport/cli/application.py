@@ -13,17 +13,15 @@ from typer.core import TyperCommand
 
 from maniport.cli.positions import in_si_units
 from maniport.errors import InvalidInputError, ManiportError, on_the_command_line, printable
-from maniport.pipeline.config import OPTIONS, SECTIONS, Config
+from maniport.pipeline.config import OPTIONS, Config
+from maniport.pipeline.option import Option
 from maniport.pipeline.options import RobotOptions
 from maniport.report.console import Console
 from maniport.util.defaults import RECORDINGS
-from maniport.util.options import Option
 from maniport.version import __version__
 
 UsageError: Any = typer.BadParameter.__base__  # Typer has no public name for it
-PANELS = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}
 RECORDING = f"Recording: {', '.join(RECORDINGS)}, a folder of keypoints, or a bundled name."
-
 NO_ROBOT = Config(robot=RobotOptions(robot=()))  # defaults of commands that need no robot
 
 app = typer.Typer(
@@ -96,18 +94,15 @@ def _help_all(context: typer.Context, wanted: bool) -> None:
         raise typer.Exit
 
 
-HelpAll = Annotated[
-    bool, typer.Option("--help-all", callback=_help_all, is_eager=True, help="Show help with all options.")
-]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an earlier result in the output folder.")]
-ConfigFile = Annotated[
-    Path | None,
-    typer.Option("--config", help="YAML file of options, as run.yaml in a result folder.", metavar="FILE"),
-]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and the result table.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print the complete report.")]
+SHARED = {
+    "help_all": typer.Option("--help-all", callback=_help_all, is_eager=True, help="Show help with all options."),
+    "json": typer.Option("--json", help="Print the result as JSON."),
+    "quiet": typer.Option("--quiet", "-q", help="Print only errors and the result table."),
+    "verbose": typer.Option("--verbose", "-v", help="Print the complete report."),
+}
+"""Flags of all commands."""
 
 
 def command(
@@ -127,7 +122,6 @@ def command(
     common : iterable of str
         Further options that ``--help`` shows.
     """
-    defaults = defaults or Config()
     chosen = [
         replace(described, common=described.common or name in common)
         for name, (section, described) in OPTIONS.items()
@@ -135,23 +129,32 @@ def command(
     ]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
+        usual = replace(defaults or Config(), verb=verb.__name__)
+
         @wraps(verb)
         def run(**typed: Any) -> None:
-            typed.pop("help_all")
-            console = Console(typed.pop("json"), typed.pop("quiet"), typed.pop("verbose"))
-            values = {option.name: typed.pop(option.name) for option in chosen}
+            _, *flags = [typed.pop(name) for name in SHARED]
+            console = Console(*flags)
             file = typed.pop("config_file", None)
-            parameters = inspect.signature(verb).parameters
-            made: dict[str, Any] = {"config": _config(defaults, chosen, file, values), "console": console}
-            verb(**typed, **{name: value for name, value in made.items() if name in parameters})
+            inputs = {"recording", "profile", "path"}
+            config = usual if file is None else Config.load(file, usual, inputs.union(option.name for option in chosen))
+            values = {option.name: typed.pop(option.name) for option in chosen}
+            values = {o.name: o.parse(values[o.name]) for o in chosen if values[o.name] not in (None, [])}
+            made = {"config": in_si_units(config.changed(**values), values), "console": console}
+            verb(**typed, **{name: value for name, value in made.items() if name in own})
 
-        own = inspect.signature(verb, eval_str=True).parameters.values()
-        shared: dict[str, Any] = {"help_all": HelpAll, "json": Json, "quiet": Quiet, "verbose": Verbose}
-        parameters = [parameter for parameter in own if parameter.name not in ("config", "console")]
-        parameters += [_parameter(option, defaults) for option in chosen]
+        own = inspect.signature(verb, eval_str=True).parameters
+        kinds = {option.name: _annotation(option, usual) for option in chosen}
         if chosen:
-            parameters.append(_keyword("config_file", ConfigFile, None))
-        parameters += [_keyword(name, kind, False) for name, kind in shared.items()]
+            help = "YAML file of options, as run.yaml in a result folder."
+            kinds["config_file"] = Annotated[Path | None, typer.Option("--config", help=help, metavar="FILE")]
+        shared = {name: Annotated[bool, settings] for name, settings in SHARED.items()}
+        parameters = [parameter for name, parameter in own.items() if name not in ("config", "console")]
+        for group, default in ((kinds, None), (shared, False)):
+            parameters += [
+                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+                for name, kind in group.items()
+            ]
         parameters.sort(key=lambda parameter: parameter.default is not inspect.Parameter.empty)
         run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -161,61 +164,43 @@ def command(
     return decorate
 
 
-def _config(defaults: Config, chosen: list[Option], file: Path | None, typed: dict[str, Any]) -> Config:
-    """Return the defaults, changed by a file and by what was typed."""
-    names = {option.name for option in chosen}
-    config = defaults
-    if file is not None:
-        config = Config.load(file, defaults, {*names, "recording"})
-    values = {
-        option.name: option.parse(typed[option.name]) for option in chosen if typed[option.name] not in (None, [])
-    }
-    return in_si_units(config.changed(**values), values)
-
-
-def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-
-
-def _parameter(option: Option, defaults: Config) -> inspect.Parameter:
-    """Make the parameter of an option; None stands for a value that was not typed."""
-    section = OPTIONS[option.name][0]
-    default = getattr(getattr(defaults, section) if section else defaults, option.name)
+def _annotation(option: Option, usual: Config) -> Any:
+    """Make the annotation of an option's parameter; None stands for a value that was not typed."""
+    section, default = OPTIONS[option.name][0], usual.value(option.name)
+    panel = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}.get(section)
+    words = "|".join(option.choices)
+    metavar = option.metavar or (words if 0 < len(words) <= 24 else option.unit)
+    metavar = metavar or ("FILE" if option.is_file else {int: "N", float: "X"}.get(option.kind, "NAME"))
+    help = option.help + (f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else "")
+    if default not in (None, ()) and not isinstance(default, bool):
+        help += f" (default {option.text(default)})"
     plain = option.kind in (bool, int, float) and not option.choices
     several = option.repeated or (option.element is str and option.kind in (tuple, Mapping))
     kind = option.kind if plain else list[str] if several else str
     settings = typer.Option(
-        *([option.flag] if option.kind is not bool else [f"{option.flag}/--no-{option.flag[2:]}"]),
-        help=option.description(default),
+        option.flag if option.kind is not bool else f"{option.flag}/--no-{option.flag[2:]}",
+        help=help,
         hidden=not option.common,
-        metavar=option.placeholder,
-        rich_help_panel=PANELS.get(section),
+        metavar=metavar,
+        rich_help_panel=panel,
         autocompletion=(lambda: list(option.choices)) if option.choices else None,
     )
-    return _keyword(option.name, Annotated[kind | None, settings], None)
-
-
-def require_none(config: Config, section: str, why: str) -> None:
-    """Raise if an option of a section differs from its default."""
-    part, usual = getattr(config, section), SECTIONS[section]()
-    for name, (place, option) in OPTIONS.items():
-        if place == section and getattr(part, name) != getattr(usual, name):
-            raise InvalidInputError(f"{option.flag} cannot be used here: {why}")
+    return Annotated[kind | None, settings]
 
 
 def optional_robot(config: Config) -> Any:
     """Load the robot if it was named."""
     if config.robot.robot:
-        return config.robot.load()
+        return config.robot.load_arm()
     if config.robot != NO_ROBOT.robot:
         raise InvalidInputError("options of a robot need --robot")
     return None
 
 
-def require_npz(path: Path) -> None:
-    """Raise unless an .npz file can be written there."""
+def require_suffix(output: Path, *suffixes: str) -> None:
+    """Raise unless a file with one of these suffixes can be written there."""
     from maniport.util.atomic_io import require_room
 
-    if path.suffix != ".npz":
-        raise InvalidInputError(f"output must be an .npz file; found {str(path)!r}")
-    require_room(path)
+    if output.suffix not in suffixes:
+        raise InvalidInputError(f"output must end in {' or '.join(suffixes)}; found {str(output)!r}")
+    require_room(output)

@@ -1,18 +1,13 @@
 """The command that transfers many recordings to many robots."""
 
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from maniport.cli.application import Output, Overwrite, command
 from maniport.pipeline.config import BATCH, CONFIG, Config
 from maniport.report.console import Console
-from maniport.util.defaults import BATCH_PROFILE_RATE
-
-if TYPE_CHECKING:
-    from maniport.batch import Batch
 
 
 def _execution(help: str, *flags: str) -> Any:
@@ -20,7 +15,7 @@ def _execution(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", defaults=BATCH, without=("tips", "pose"),
+    "human", "robot", "transfer", "motion", "batch", "seed", defaults=BATCH,
     example="maniport batch 'recordings/**/*.bvh' --robot panda --robot ur5.urdf -o dataset",
 )  # fmt: skip
 def batch(
@@ -30,8 +25,6 @@ def batch(
     recordings: Annotated[
         list[str] | None, typer.Argument(help="Recordings, folders of them, and quoted patterns 'a/**/*.bvh'.")
     ] = None,
-    profile_rate: Annotated[float, typer.Option(help="Ellipsoids of a recording [Hz].")] = BATCH_PROFILE_RATE,
-    pages: Annotated[bool, typer.Option("--pages", help="Write a report for each pair.")] = False,
     processes: Annotated[int | None, _execution("Processes; default: number of cores.")] = None,
     dask: Annotated[str | None, _execution("HOST:PORT of a Dask scheduler.")] = None,
     ray: Annotated[bool, _execution("Use Ray.", "--ray")] = False,
@@ -39,32 +32,23 @@ def batch(
 ) -> None:
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
+    from maniport.batch.table import PAGE, failures
     from maniport.util.signals import raising
 
     config = config.changed(recording=recordings) if recordings else config
+    options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
     try:
         with console.progress() as progress, raising():
-            result = transfer_batch(
-                config.recording, config.robot.robot, output, config, profile_rate=profile_rate, pages=pages,
-                processes=processes, dask=dask, ray=ray, overwrite=overwrite, progress=progress,
-            )  # fmt: skip
+            result = transfer_batch(config.recording, config.robot.robot, output, config, progress=progress, **options)
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)
         raise typer.Exit(130) from None
     config.save(output / CONFIG)
-    _finish(console, result, output)
-
-
-def _finish(console: Console, result: "Batch", output: Path) -> None:
-    """Print the result; exit with 1 if a pair failed."""
-    from maniport.batch.table import failures
-
-    failed = failures(result.failed)
-    pairs = len(result.table)
+    failed, pairs = failures(result.failed), len(result.table)
     count = f"{pairs - len(result.failed)} of {pairs} pairs are done, {len(result.failed)} failed"
     lines = [f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}" for row in failed]
     values = {"pairs": pairs, "done_before": result.kept, "failed": failed, "seconds": result.seconds}
-    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"open {output / 'index.html'}"])
+    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"open {output / PAGE}"])
     console.finish({**values, "output": str(output)}, text)
     if failed:
         raise typer.Exit(1)

@@ -6,13 +6,13 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robot, require_npz
+from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robot, require_suffix
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.report.metrics import report_of
 from maniport.report.renderings import as_numbers, write_report
-from maniport.util.defaults import AUTO, FIT_METHOD
+from maniport.util.defaults import AUTO
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
 TeacherDomain = Annotated[Path, typer.Argument(help="Ellipsoids of the teacher's domain, .npz.")]
@@ -36,9 +36,9 @@ def domain(
     from maniport.domain import sample_domain
     from maniport.util.files import save_ellipsoids
 
-    require_npz(output)
+    require_suffix(output, ".npz")
     human, spec = config.human, config.transfer.spec
-    body: Any = replace(config.robot, robot=(arm,)).load(side=human.side, height=human.height)
+    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side, human.height)
     ellipsoids = sample_domain(body, n, config.seed, sequence, spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
@@ -49,7 +49,7 @@ def domain(
 
 @command(
     "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "kind", "part", "seed",
-    common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method=FIT_METHOD),
+    common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method="icp"),
     without=("tips", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
 )  # fmt: skip
@@ -68,7 +68,7 @@ def fit(
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 
-    require_npz(output)
+    require_suffix(output, ".npz")
     transfer, seed = config.transfer, config.seed
     if transfer.method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
@@ -98,7 +98,7 @@ def apply(
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids, save_ellipsoids
 
-    require_npz(output)
+    require_suffix(output, ".npz")
     fitted = load_adapter(adapter)
     points, time = load_ellipsoids(profile)
     with console.progress():  # prints warnings
@@ -130,7 +130,8 @@ def evaluate(
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 
-    _require_report(output)
+    if output is not None:
+        require_suffix(output, ".md", ".json")
     arm, fitted = optional_robot(config), load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as progress:
@@ -150,28 +151,18 @@ def reproduce(
     config: Config,
     console: Console,
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for tables and figures.")] = Path(
-        "maniport-paper"
-    ),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
     methods: Methods = None,
+    figures: Annotated[bool, typer.Option("--figures", help="Also draw the figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
-    """Repeat the paper's experiments and figures."""
+    """Repeat the paper's experiments."""
     from maniport.studies.paper.run import reproduce
 
     names = () if methods is None else _rows(methods)
     with console.progress() as progress:
-        result = reproduce(which, output, config.seed, progress, methods=names, overwrite=overwrite)
+        result = reproduce(which, output, config.seed, progress, methods=names, figures=figures, overwrite=overwrite)
     console.tell(report_of(result), output=str(output))
-
-
-def _require_report(output: Path | None) -> None:
-    from maniport.util.atomic_io import require_room
-
-    if output is not None and output.suffix not in (".md", ".json"):
-        raise InvalidInputError(f"output must end in .md or .json; found {str(output)!r}")
-    if output is not None:
-        require_room(output)
 
 
 def _rows(methods: str) -> tuple[str, ...]:

@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import command, require_none
+from maniport.cli.application import command
+from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import report_of, warning
+from maniport.report.metrics import report_of
 from maniport.report.renderings import PAGE, SUMMARY
-from maniport.report.values import Metric, Report, Section
+from maniport.report.values import Metric, Report, Section, warning
 from maniport.util.defaults import AUTO, RECORDINGS
 
 
@@ -53,24 +54,31 @@ def figures(
 def _description(what: str, config: Config) -> Report:
     """Describe what a name or a path stands for."""
     if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
-        require_none(config, "human", f"{what!r} is a folder of results")
-        require_none(config, "robot", f"{what!r} is a folder of results")
+        _require_none(config, "human", f"{what!r} is a folder of results")
+        _require_none(config, "robot", f"{what!r} is a folder of results")
         return _of_results(Path(what))
     if _is_recording(what):
-        require_none(config, "robot", f"{what!r} is a recording")
+        _require_none(config, "robot", f"{what!r} is a recording")
         from maniport.report.recording import recording_report
 
         human = config.human
-        words = " ".join(config.changed(markers=None, side=AUTO).words("human"))
+        changes = config.changed(markers=None, side=AUTO).changes("human")
+        words = " ".join(word for option in changes for word in option.words(config.value(option.name)))
         return recording_report(
             human.read(what), human.roles(), human.side, command=f"{shlex.quote(what)} {words}".strip()
         )
     recording = config.changed(side=AUTO, height=None)
-    require_none(recording, "human", f"{what!r} is no recording")
+    _require_none(recording, "human", f"{what!r} is no recording")
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, config)
-    require_none(config, "robot", f"{what!r} holds arrays")
+    _require_none(config, "robot", f"{what!r} holds arrays")
     return _of_arrays(what)
+
+
+def _require_none(config: Config, section: str, why: str) -> None:
+    """Raise if an option of a section differs from its default."""
+    for option in config.changes(section):
+        raise InvalidInputError(f"{option.flag} cannot be used here: {why}")
 
 
 def _is_recording(what: str) -> bool:
@@ -101,7 +109,7 @@ def _of_robot(what: str, config: Config) -> Report:
     robot = replace(config.robot, robot=(what,))
     if limbs and default is None and not robot.frame and not robot.joints:
         return robot_report(what, limbs, None)
-    arm: Any = robot.load(side=config.human.side, height=config.human.height)
+    arm: Any = robot.load_arm(config.human.side, config.human.height)
     return robot_report(what, limbs, arm)
 
 

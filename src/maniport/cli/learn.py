@@ -10,9 +10,7 @@ from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, com
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.values import Report
 from maniport.util.defaults import AUTO
-from maniport.util.progress import Progress
 
 
 @command(
@@ -30,26 +28,28 @@ def learn(
 
     With --robot the robot follows the profile; these results are in OUTPUT-robot.
     """
+    from maniport.pipeline import transfer_recording
     from maniport.report.renderings import as_numbers
-    from maniport.report.write import LEARNED_FILES
+    from maniport.report.write import LEARNED_FILES, write_results
     from maniport.util.atomic_io import require_free
 
     require_free(output, LEARNED_FILES, overwrite)
     config = config.changed(recording=recordings) if recordings else config
-    follows = Path(f"{output}-robot")
-    moves = _follows(config, follows, overwrite)
+    folder, exports, followed = Path(f"{output}-robot"), config.motion.export, None
+    moves = _is_followed(config, folder, overwrite)
     with console.progress() as progress:
-        learned, report = _learned(config, output, overwrite, progress)
-        followed = _followed(learned, config, follows, overwrite, progress) if moves else None
-    if followed is None:
-        console.tell(report, output=str(output))
-        return
-    console.tell(report, output=str(output), robot={**as_numbers(followed), "output": str(follows)})
-    if not console.as_json:
-        console.tell(followed, output=str(follows))
+        learned = _learned(config, progress)
+        report = write_results(learned, output, progress, overwrite=overwrite)
+        if moves:
+            result = transfer_recording(learned, config, progress=progress)
+            followed = write_results(result, folder, progress, exports, overwrite=overwrite)
+    robot = {} if followed is None else {"robot": {**as_numbers(followed), "output": str(folder)}}
+    console.tell(report, output=str(output), **robot)
+    if followed is not None and not console.as_json:
+        console.tell(followed, output=str(folder))
 
 
-def _follows(config: Config, folder: Path, overwrite: bool) -> bool:
+def _is_followed(config: Config, folder: Path, overwrite: bool) -> bool:
     """Return whether a robot follows the profile; its options are checked before the long work."""
     from maniport.pipeline.transfer import settings_of
     from maniport.report.write import RUN_FILES, export_files
@@ -65,36 +65,20 @@ def _follows(config: Config, folder: Path, overwrite: bool) -> bool:
     return True
 
 
-def _learned(config: Config, folder: Path, overwrite: bool, progress: Progress) -> tuple[Any, Report]:
-    """Learn the profile, and write the results."""
+def _learned(config: Config, progress: Any) -> Any:
+    """Learn the profile from the recordings and segments of a configuration."""
     from maniport.pipeline import learn
-    from maniport.report.write import write_results
 
-    parts = _segments(config.learning.segments, len(config.recording))
-    options = {**config.human.fit_options, "spec": config.transfer.spec, **config.transfer.regularization}
-    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
+    texts, count = config.learning.segments, len(config.recording)
+    texts = texts * count if texts == (AUTO,) else texts
+    if len(texts) not in (0, count):
+        raise InvalidInputError(f"--segments is needed for each of the {count} recordings; found {len(texts)}")
+    segments = [AUTO if text == AUTO else [_interval(part) for part in text.split(",")] for text in texts]
     data = [config.human.read(file) for file in config.recording]
-    learned = replace(learn(data, parts, random_state=config.seed, progress=progress, **options), config=config)
-    return learned, write_results(learned, folder, progress, overwrite=overwrite)
-
-
-def _followed(learned: Any, config: Config, folder: Path, overwrite: bool, progress: Progress) -> Report:
-    """Transfer the learned profile to a robot, and write the results."""
-    from maniport.pipeline import transfer_recording
-    from maniport.report.write import write_results
-
-    result = transfer_recording(learned, config, progress=progress)
-    return write_results(result, folder, progress, config.motion.export, overwrite=overwrite)
-
-
-def _segments(texts: tuple[str, ...], recordings: int) -> list[str | list[tuple[float, float]]] | None:
-    """Convert texts such as 2:4,4:5.6 to times of each recording; auto stays."""
-    if not texts:
-        return None
-    texts = texts * recordings if texts == (AUTO,) else texts
-    if len(texts) != recordings:
-        raise InvalidInputError(f"--segments is needed for each of the {recordings} recordings; found {len(texts)}")
-    return [AUTO if text == AUTO else [_interval(part) for part in text.split(",")] for text in texts]
+    options = {**config.human.fit_options, **config.transfer.regularization, "spec": config.transfer.spec}
+    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
+    learned = learn(data, segments or None, random_state=config.seed, progress=progress, **options)
+    return replace(learned, config=config)
 
 
 def _interval(text: str) -> tuple[float, float]:

@@ -15,10 +15,9 @@ from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.util.ports import LOOPBACK, is_loopback
+from maniport.util.signals import ending_in_order
 
 if TYPE_CHECKING:
-    from maniport.live import Live
-    from maniport.live.serving import Summary
     from maniport.live.transport import Datagrams, Pipe
 
 
@@ -52,7 +51,10 @@ def live(
     require_person(config.human.person, config.human.side, config.human.height)
     transport = _opened(udp, host, send)  # ports that cannot be opened are reported before any long work
     with console.progress() as progress:
+        from threadpoolctl import threadpool_limits
+
         from maniport.live import Live
+        from maniport.live.serving import Server
         from maniport.pipeline import transfer_recording
 
         motion = config.human.read(recording)
@@ -62,7 +64,14 @@ def live(
         follower = Live.of(result, progress=progress)
     if udp is not None and not is_loopback(host):
         console.warn("the port is open to other machines: whoever can reach it moves the robot")
-    summary = _served(follower, transport, no_drop)
+    stop, signal = socket.socketpair()
+    gc.collect()
+    gc.freeze()  # objects that exist now stay, and need not be scanned while frames wait
+    try:
+        with stop, signal, threadpool_limits(1), ending_in_order(lambda: signal.send(b"!")):
+            summary = Server(follower, transport, stop, no_drop).run()
+    finally:
+        gc.unfreeze()
     console.say(str(summary))
     if udp is None and summary.skipped > summary.answered:
         console.warn("most frames were skipped, since they arrived faster than recorded; --no-drop processes all")
@@ -84,20 +93,3 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
         raise InvalidInputError("standard output is closed; the description and answers go there") from None
     out = sys.stdout.buffer
     return Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
-
-
-def _served(follower: "Live", transport: "Pipe | Datagrams", no_drop: bool) -> "Summary":
-    """Answer frames until they end, or Ctrl-C."""
-    from threadpoolctl import threadpool_limits
-
-    from maniport.live.serving import serve
-    from maniport.util.signals import ending_in_order
-
-    stop, signal = socket.socketpair()
-    gc.collect()
-    gc.freeze()  # objects that exist now stay, and need not be scanned while frames wait
-    try:
-        with stop, signal, threadpool_limits(1), ending_in_order(lambda: signal.send(b"!")):
-            return serve(follower, transport, stop, no_drop)
-    finally:
-        gc.unfreeze()

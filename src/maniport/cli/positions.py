@@ -8,10 +8,6 @@ from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.util.defaults import BOTH
 
-Joint = tuple[str, float, float]  # unit, lower and upper limit
-
-ROUNDING = 5e-3  # half of the last printed digit of limits [deg or m]; a printed limit may be typed
-
 
 def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
     """Convert `lock` and `home`, where they were typed, to rad or m; this loads the robot."""
@@ -33,29 +29,30 @@ def in_si_units(config: Config, typed: dict[str, Any]) -> Config:
     return config
 
 
-def _joints(config: Config) -> dict[str, Joint]:
-    """Return unit and limits of all joints by name, also of those that do not move."""
-    options = config.robot
-    if config.human.side != BOTH:
+def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
+    """Return unit, lower and upper limit of all joints by name, also of those that do not move."""
+    options, both = config.robot, config.human.side == BOTH
+    if not (both or options.several):
         from maniport.arms.loaders import read_arm
 
-        chain = read_arm(
-            options.robot[0], options.frame[0] if options.frame else None, options.joints or None, options.base
-        )
+        frame = options.frame[0] if options.frame else None
+        chain = read_arm(options.robot[0], frame, options.joints or None, options.base)
         return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
-    both: Any = replace(options, lock=None).load(both=True)
+    group = replace(options, lock=None).load(both)
     return {
         name: (unit, low, high)
-        for arm in (*both.arms, both)  # a name that both robots have is that of both joints
+        for arm in (*group.arms, group)  # a name that several robots have is that of all these joints
         for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
     }
 
 
-def _position(option: str, name: str, value: float, unit: str, low: float, high: float) -> float:
-    """Convert a position from degrees if the unit is rad; a printed limit counts as the limit."""
+def _position(
+    option: str, name: str, value: float, unit: str, low: float, high: float, rounding: float = 5e-3
+) -> float:
+    """Convert a position from degrees if the unit is rad; a limit that was rounded as printed counts as the limit."""
     turns = unit == "rad"
     least, most = (degrees(low), degrees(high)) if turns else (low, high)
-    if isfinite(least) and not least - ROUNDING <= value <= most + ROUNDING:
+    if isfinite(least) and not least - rounding <= value <= most + rounding:
         sign = "°" if turns else " m"
         raise InvalidInputError(
             f"{option}: {name} is {value:g}{sign}; allowed are {least:.2f}{sign} to {most:.2f}{sign}, with the margin"

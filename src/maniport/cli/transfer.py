@@ -1,5 +1,6 @@
 """Commands that transfer a recording to a robot."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,9 +10,7 @@ from maniport.cli.application import RECORDING, Output, Overwrite, command
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.values import Report
 from maniport.util.defaults import BOTH
-from maniport.util.progress import Progress
 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
@@ -27,7 +26,7 @@ def demo(
     """Transfer a bundled recording to the Franka Panda."""
     if recording not in DEMOS:
         raise unknown_name("recording", recording, DEMOS)
-    transfer_to_folder(config.changed(recording=recording), console, output, overwrite)
+    transfer_to_folder(replace(config.changed(recording=recording), verb="transfer"), console, output, overwrite)
 
 
 @command(
@@ -50,26 +49,18 @@ def transfer(
 
 def transfer_to_folder(config: Config, console: Console, output: Path, overwrite: bool) -> None:
     """Transfer the recording of a configuration, write the results and print them."""
-    from maniport.report.write import RUN_FILES, require_free_for_both
-    from maniport.util.atomic_io import require_free
+    from maniport.pipeline import transfer_recording
+    from maniport.report.write import export_files, require_free_results, write_results
 
     both = config.human.side == BOTH
     with console.progress() as progress:
-        require_free_for_both(output, overwrite) if both else require_free(output, RUN_FILES, overwrite)
-        report = _transferred(config, console, output, overwrite, progress)
+        require_free_results(output, ("left", "right") if both else (), overwrite)
+        export_files(config.motion.export)  # raises where a package is missing
+        recording = config.human.read(config.recording[0])
+        arm = config.robot.load(both)
+        console.say(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
+        for text in recording.quality_warnings:  # before the long work, and in the result once more
+            console.warn(text)
+        result = transfer_recording(recording, config, progress=progress)
+        report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
     console.tell(report, output=str(output))
-
-
-def _transferred(config: Config, console: Console, output: Path, overwrite: bool, progress: Progress) -> Report:
-    """Transfer, and write the results."""
-    from maniport.pipeline import transfer_recording
-    from maniport.report.write import export_files, write_results
-
-    export_files(config.motion.export)  # raises where a package is missing
-    recording = config.human.read(config.recording[0])
-    arm = config.robot.load(config.human.side == BOTH)
-    console.say(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
-    for text in recording.quality_warnings:  # before the long work, and in the result once more
-        console.warn(text)
-    result = transfer_recording(recording, config, progress=progress)
-    return write_results(result, output, progress, config.motion.export, overwrite=overwrite)

@@ -1,8 +1,9 @@
 """The interactive 3D view."""
 
 import sys
+import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -10,9 +11,6 @@ from maniport.cli.application import RECORDING, command
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.util.defaults import BOTH
-
-if TYPE_CHECKING:
-    from maniport.viewer.server import LiveView
 
 
 @command(
@@ -30,6 +28,7 @@ def view(
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
     from maniport.util.optional import viser
     from maniport.util.ports import is_loopback
+    from maniport.util.signals import ending_in_order
     from maniport.viewer.prepare import prepare
     from maniport.viewer.server import LiveView, require_free
 
@@ -47,17 +46,11 @@ def view(
         console.warn("the page is open to other machines: whoever has its address can see and move the arms")
     if page.no_surface:
         console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
-    _run(page, console)
-
-
-def _run(page: "LiveView", console: Console) -> None:
-    """Print the address, and serve the page until Ctrl-C."""
-
-    def announce() -> None:
-        console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
-        sys.stdout.flush()  # a reader of a pipe waits for it
-
+    stop = threading.Event()
     try:
-        page.run_until_interrupted(announce)
+        with ending_in_order(stop.set):  # by Ctrl-C or a termination signal; a second one ends at once
+            console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
+            sys.stdout.flush()  # a reader of a pipe waits for it
+            page.run(stop)
     finally:
         page.stop()

@@ -1,8 +1,8 @@
 """Comparison of a fitted adapter with baselines by all metrics, on the same data."""
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import BASELINES, LOOKUP, baselines_for
-from maniport.evaluation.metrics import distance_preservation, identity_test, moves, rmse, smoothness
+from maniport.evaluation.metrics import STILL, distance_preservation, identity_test, rmse, smoothness
 from maniport.evaluation.summary import Evaluation, Gaps, Row
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank, nearest_feasible
@@ -41,14 +41,12 @@ def evaluate(
     truth: ArrayLike | None = None,
     spec: EllipsoidSpec = VELOCITY,
     name: str | None = None,
-    rows: Sequence[str] = BASELINES,
-    fitted: Mapping[str, DomainAdapter] | None = None,
+    rows: Sequence[str | DomainAdapter] = BASELINES,
     bank: SeedBank | None = None,
     n_starts: int = 48,
     n_domain: int = 128,
     n_identity: int = 4096,
     random_state: Any = 0,
-    n_jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Evaluation:
     """Compare a fitted adapter with baselines.
@@ -69,11 +67,10 @@ def evaluate(
     spec : EllipsoidSpec
     name : str, optional
         Name of the adapter's row. Default: its method's name, or its class.
-    rows : sequence of str
-        The baselines: names of `maniport.transfer.METHODS`.
-    fitted : mapping of str to DomainAdapter, optional
-        Further baselines, fitted to these domains with the adapter's regularization and base_rotation.
-    bank, n_starts, n_jobs
+    rows : sequence of str or DomainAdapter
+        The baselines: names of `maniport.transfer.METHODS`, or adapters with the regularization and base_rotation of
+        `adapter`, of which clones are fitted.
+    bank, n_starts
         As in `maniport.motion.nearest_feasible`, for the gap search.
     n_domain, n_identity : int
         Ellipsoids of the teacher's domain for a second gap search; samples of each set of the identity test. 0 skips
@@ -86,95 +83,103 @@ def evaluate(
     ManiportError
         When the adapter is not fitted, or an input cannot be used.
     """
-    _require_valid(adapter, robot, person, profile, truth)
-    counts = [as_count(n_domain, "n_domain", minimum=0), as_count(n_identity, "n_identity", minimum=0)]
+    for what, arm in (("robot", robot), ("person", person)):
+        if arm is not None and not isinstance(arm, Manipulable):
+            raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
+    if not isinstance(adapter, DomainAdapter):
+        raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
+    if truth is not None and np.shape(truth) != np.shape(profile):
+        raise InvalidInputError(
+            f"truth must have the shape of profile, {np.shape(profile)}; found shape {np.shape(truth)}"
+        )
+    as_count(n_domain, "n_domain", minimum=0), as_count(n_identity, "n_identity", minimum=0)
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     if robot is not None:
         require_shape(student, "student_domain", ("m", spec.size, spec.size), f" for {robot.name!r}")
     as_points(adapter.student_side(student, "student_domain"), "student_domain")
-    random = as_generator(random_state)
-    data = _TestData(
-        domains=(teacher, student),
-        profile=as_finite(profile, "profile"),
-        original=as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3),
-        truth=None if truth is None else adapter.student_side(truth, "truth"),
-        probes=_sampled(person, teacher, counts[0], spec, random),
-        identity=_identity_sets(robot, student, counts[1], spec, random),
-    )
+    random, shown = as_generator(random_state), as_finite(profile, "profile")
+    original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
+    wanted = None if truth is None else adapter.student_side(truth, "truth")
+    probes = _sampled(person, teacher, n_domain, spec, random)
+    same = _identity_sets(robot, student, n_identity, spec, random)
+
     own, step = name or name_of(adapter), Step(progress, "Evaluate baselines")
-    methods = {own: adapter, **baselines_for(adapter, own, rows, fitted)}
-    measured, images = list[Row](), dict[str, Array]()
-    for i, (row, method) in enumerate(methods.items()):
+    methods = {own: adapter, **baselines_for(adapter, own, rows)}
+    measured, images = list[Row](), list[Array]()
+    moves = np.max(distance_unchecked(original[:1], original)) > STILL
+    for i, (row, baseline) in enumerate(methods.items()):
         step(i / len(methods))
-        ready = row == own or row in (fitted or {})
-        result, images[row] = _measured(row, method if ready else knowing(method, robot, spec, bank), data, ready)
-        measured.append(result)
-    measured[0] = replace(measured[0], note=_remark(adapter))
+        method = adapter if row == own else knowing(baseline, robot, spec, bank)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ManiportWarning)
+            if method is not adapter:
+                method.fit(teacher, student)
+            images.append(method.transform(np.concatenate([shown, probes])))
+            mapped = method.student_side(images[-1][: len(shown)])
+            result = Row(
+                row,
+                "returns samples of the student only: its gap is zero" if row == LOOKUP else "",
+                name_of(method),
+                rmse=None if wanted is None else rmse(wanted, mapped),
+                smoothness=smoothness(mapped, original) if moves else None,
+                preservation=distance_preservation(mapped, original) if moves else None,
+                identity=identity_test(method, *same) if same else None,
+                failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
+            )
+        measured.append(replace(result, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))))
+    identifiability = getattr(adapter, "identifiability_", None)
+    fit = [str(adapter.stop_reason_), *([identifiability.in_words()] if identifiability else [])]
+    measured[0] = replace(measured[0], note="; ".join(fit))
     if robot is not None:
-        search = {"spec": spec, "bank": bank, "n_starts": n_starts, "n_jobs": n_jobs}
-        gaps = _gaps(robot, images, len(data.profile), adapter.student_regularization, **search)
-        measured = [replace(row, **gaps[row.name]) for row in measured]
+        search = {"spec": spec, "bank": bank, "n_starts": n_starts}
+        measured = _with_gaps(measured, images, robot, len(shown), adapter.student_regularization, **search)
     step.end(f"{len(methods) - 1} baselines")
-    seed = random_state if isinstance(random_state, int) else "none"
-    return Evaluation(tuple(measured), {**_settings(adapter, data, robot, person), "seed": seed})
+    held_out = "of the teacher's domain" if person is None else "held out of the fit"
+    sizes = " and ".join(str(len(samples)) for samples in same)
+    settings = {
+        "profile": f"{len(shown)} ellipsoids",
+        "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
+        "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
+        GAP_SEARCH: "" if robot is None else _gap_search(len(shown), adapter.eigenvalue_floor),
+        "further samples": f"{len(probes)}, {held_out}",
+        "identity test": f"{sizes} ellipsoids" if sizes else "not measured",
+        "seed": random_state if isinstance(random_state, int) else "none",
+    }
+    return Evaluation(tuple(measured), settings)
 
 
-@dataclass(frozen=True)
-class _TestData:
-    """Data on which all methods are measured."""
-
-    domains: tuple[Array, Array]  # of teacher and student
-    profile: Array  # (n, d, d), of the teacher
-    original: Array  # the same, regularized and in the student's base frame
-    truth: Array | None  # (n, d, d)
-    probes: Array  # (m, d, d), further ellipsoids of the teacher
-    identity: list[Array]  # two sets of the student; empty: no identity test
-
-
-def _measured(name: str, adapter: DomainAdapter, data: _TestData, fitted: bool) -> tuple[Row, Array]:
-    """Fit a method where needed, and measure all but the gaps; also return its images of the profile and the probes."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ManiportWarning)
-        if not fitted:
-            adapter.fit(*data.domains)
-        images = adapter.transform(np.concatenate([data.profile, data.probes]))
-        mapped, moving = adapter.student_side(images[: len(data.profile)]), moves(data.original)
-        row = Row(
-            name,
-            "returns samples of the student only: its gap is zero" if name == LOOKUP else "",
-            name_of(adapter),
-            rmse=None if data.truth is None else rmse(data.truth, mapped),
-            smoothness=smoothness(mapped, data.original) if moving else None,
-            preservation=distance_preservation(mapped, data.original) if moving else None,
-            identity=identity_test(adapter, *data.identity) if data.identity else None,
-            failures=tuple(adapter.report_.failures()) if isinstance(adapter, LengthField) else (),
-        )
-    return replace(row, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))), images
-
-
-def _gaps(
-    robot: Arm, images: dict[str, Array], count: int, own: Regularization, **search: Any
-) -> dict[str, dict[str, Any]]:
+def _with_gaps(
+    rows: Sequence[Row], images: Sequence[Array], robot: Arm, count: int, own: Regularization, **search: Any
+) -> list[Row]:
     """Search the feasibility gaps of the images of all methods at once: of `count` ellipsoids of a profile, and probes.
 
     A floor has no derivative: the search adds it to all eigenvalues instead, and the distance is measured with
     lifted eigenvalues. Both are upper bounds of the least distance.
     """
     along = evenly_spaced(count, GAP_POINTS)
-    targets = np.concatenate([mapped[np.r_[along, count : len(mapped)]] for mapped in images.values()])
+    targets = np.concatenate([mapped[np.r_[along, count : len(mapped)]] for mapped in images])
     ellipsoids, inverse = np.unique(targets, axis=0, return_inverse=True)
     damping = own if own.eigenvalue_floor is None else Regularization.absolute(own.eigenvalue_floor)
     nearest = nearest_feasible(robot, ellipsoids, damping=damping, **search)
     distances = nearest.distance
     if own.eigenvalue_floor is not None:
         distances = distance_unchecked(own.apply(ellipsoids), own.apply(nearest.ellipsoids))
-    results = dict[str, dict[str, Any]]()
-    for name, gaps in zip(images, distances[inverse.ravel()].reshape(len(images), -1), strict=True):
+    results = []
+    for row, gaps in zip(rows, distances[inverse.ravel()].reshape(len(rows), -1), strict=True):
         profile, domain = np.split(gaps, [len(along)])
-        results[name] = {"feasibility_gap": Gaps.of(profile, along)}
-        if len(domain):
-            results[name]["domain_feasibility_gap"] = Gaps.of(domain)
+        held_out = Gaps.of(domain) if len(domain) else None
+        results.append(replace(row, feasibility_gap=Gaps.of(profile), domain_feasibility_gap=held_out))
     return results
+
+
+def _gap_search(count: int, floor: float | None) -> str:
+    """Describe the search of the gaps of `count` ellipsoids."""
+    texts = []
+    if count > GAP_POINTS:
+        texts.append(f"searched at {GAP_POINTS} of the profile's {count} ellipsoids, evenly spread")
+    if floor is not None:
+        texts.append("the search adds the floor to all eigenvalues; distances are measured with lifted eigenvalues")
+    return "; ".join(texts)
 
 
 def _sampled(arm: Arm | None, domain: Array, n: int, spec: EllipsoidSpec, random: np.random.Generator) -> Array:
@@ -197,40 +202,3 @@ def _identity_sets(
             f"student_domain must hold at least {fewest} ellipsoids to be split into 2 parts; found {len(domain)}"
         )
     return [domain[np.sort(part)] for part in np.array_split(random.permutation(len(domain)), 2)]
-
-
-def _require_valid(adapter: Any, robot: Any, person: Any, profile: Any, truth: Any) -> None:
-    for what, arm in (("robot", robot), ("person", person)):
-        if arm is not None and not isinstance(arm, Manipulable):
-            raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
-    if not isinstance(adapter, DomainAdapter):
-        raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
-    if truth is not None and np.shape(truth) != np.shape(profile):
-        raise InvalidInputError(
-            f"truth must have the shape of profile, {np.shape(profile)}; found shape {np.shape(truth)}"
-        )
-
-
-def _remark(adapter: DomainAdapter) -> str:
-    """Return why a fit stopped and, if examined, whether the domains determine the rotation."""
-    identifiability = getattr(adapter, "identifiability_", None)
-    return "; ".join([str(adapter.stop_reason_), *([identifiability.in_words()] if identifiability else [])])
-
-
-def _settings(adapter: DomainAdapter, data: _TestData, robot: Arm | None, person: Arm | None) -> dict[str, Any]:
-    """Sizes, regularization and sources of samples, in words."""
-    search = []
-    if robot is not None and len(data.profile) > GAP_POINTS:
-        search.append(f"searched at {GAP_POINTS} of the profile's {len(data.profile)} ellipsoids, evenly spread")
-    if robot is not None and adapter.eigenvalue_floor is not None:
-        search.append("the search adds the floor to all eigenvalues; distances are measured with lifted eigenvalues")
-    held_out = "held out of the fit" if person is not None else "of the teacher's domain"
-    tested = " and ".join(str(len(samples)) for samples in data.identity)
-    return {
-        "profile": f"{len(data.profile)} ellipsoids",
-        "domains": f"{len(data.domains[0])} of the teacher, {len(data.domains[1])} of the student",
-        "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
-        GAP_SEARCH: "; ".join(search),
-        "further samples": f"{len(data.probes)}, {held_out}",
-        "identity test": f"{tested} ellipsoids" if tested else "not measured",
-    }

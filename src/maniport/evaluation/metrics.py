@@ -50,24 +50,14 @@ class Smoothness:
     ----------
     largest, median : float
         Of the mapped profile; the median is over the steps in which the teacher's profile moves.
-    original_largest, original_median : float
-        Of the teacher's profile, over the same steps.
+    largest_ratio, median_ratio : float
+        The same over those of the teacher's profile.
     """
 
     largest: float
     median: float
-    original_largest: float
-    original_median: float
-
-    @property
-    def largest_ratio(self) -> float:
-        """Largest step over the teacher's largest."""
-        return self.largest / self.original_largest
-
-    @property
-    def median_ratio(self) -> float:
-        """Median step over the teacher's median."""
-        return self.median / self.original_median
+    largest_ratio: float
+    median_ratio: float
 
 
 @dataclass(frozen=True)
@@ -102,7 +92,7 @@ def rmse(truth: ArrayLike, mapped: ArrayLike) -> RMSE:
     NotSPDError, InvalidInputError
         When a matrix is not SPD, the counts differ, or the mapped ellipsoids are equal: no dispersion to divide by.
     """
-    wanted, images = as_pair(truth, mapped, "truth", "mapped", minimum=2)
+    wanted, images = _as_pair(truth, mapped, "truth", "mapped", minimum=2)
     undivided = float(np.sqrt(np.mean(distance_unchecked(wanted, images) ** 2)))
     deviations = distance_unchecked(mean(images), images)
     if np.max(deviations) <= STILL:
@@ -123,17 +113,13 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     NotSPDError, InvalidInputError
         When a matrix is not SPD, the counts differ, or the original does not move.
     """
-    images, own = as_pair(mapped, original, "mapped", "original", minimum=2)
+    images, own = _as_pair(mapped, original, "mapped", "original", minimum=2)
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
     moving = own_steps > STILL
     if not np.any(moving):
         raise InvalidInputError(f"original stands still: its {len(own)} ellipsoids are equal; steps compare motion")
-    return Smoothness(
-        float(np.max(steps)),
-        float(np.median(steps[moving])),
-        float(np.max(own_steps)),
-        float(np.median(own_steps[moving])),
-    )
+    largest, median = float(np.max(steps)), float(np.median(steps[moving]))
+    return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
 
 
 def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: int = 500) -> DistancePreservation:
@@ -151,7 +137,7 @@ def distance_preservation(mapped: ArrayLike, original: ArrayLike, most_points: i
     NotSPDError, InvalidInputError
         When a matrix is not SPD, the counts differ, or the original does not vary.
     """
-    images, own = as_pair(mapped, original, "mapped", "original", minimum=3)
+    images, own = _as_pair(mapped, original, "mapped", "original", minimum=3)
     chosen = evenly_spaced(len(own), as_count(most_points, "most_points", minimum=3))
     first, second = np.triu_indices(len(chosen), 1)
     distances = (distance_unchecked(points[chosen][first], points[chosen][second]) for points in (images, own))
@@ -184,26 +170,19 @@ def identity_test(adapter: DomainAdapter, first: ArrayLike, second: ArrayLike) -
         Root mean squared distance from each of `first` to its image; sampling noise keeps it above zero.
     """
     clone: Any = adapter.silent()
+    own = {"base_rotation": np.eye(as_finite(first, "first").shape[-1]), "pairs": None}
     parameters = clone.get_params(deep=False)
-    if parameters.get("base_rotation") is not None:
-        clone.set_params(base_rotation=np.eye(as_finite(first, "first").shape[-1]))
-    if parameters.get("pairs") is not None:
-        clone.set_params(pairs=None)
+    clone.set_params(**{key: value for key, value in own.items() if parameters.get(key) is not None})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IdentifiabilityWarning)
         changes = clone.fit(first, second).errors(first, first)
     return float(np.sqrt(np.mean(changes**2)))
 
 
-def as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
+def _as_pair(first: ArrayLike, other: ArrayLike, name: str, other_name: str, minimum: int) -> tuple[Array, Array]:
     """Check two sets of SPD matrices (n, d, d) that belong together one by one."""
     a = as_points(first, name, minimum=minimum, copy=False)
     b = as_points(other, other_name, a.shape[-1], minimum=minimum, copy=False)
     if len(a) != len(b):
         raise InvalidInputError(f"{name} and {other_name} must be equally many; found {len(a)} and {len(b)}")
     return a, b
-
-
-def moves(profile: Array) -> bool:
-    """Whether ellipsoids (n, d, d) change at all."""
-    return bool(np.max(distance_unchecked(profile[:1], profile)) > STILL)

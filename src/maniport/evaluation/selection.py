@@ -15,7 +15,7 @@ from maniport.motion import SeedBank
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, no_progress
-from maniport.util.validation import Array, as_finite, as_positive_semidefinite
+from maniport.util.validation import as_finite, as_positive_semidefinite
 
 FIELD = "length-field"
 
@@ -79,17 +79,24 @@ def choose(
     ManiportError
         When an input is invalid, or neither method can be fitted.
     """
-    step = "Fit transfer"
-    report = progress or no_progress
+    step, report = "Fit transfer", progress or no_progress
     report(step, 0.0)
     domains = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    field = knowing(method_of(FIELD, **shared), robot, spec, bank)
-    failures = _failures(field, domains, spec)
+    adapter: Any = knowing(method_of(FIELD, **shared), robot, spec, bank)
+    if spec.size > 3:  # a fit to 6×6 takes half a minute
+        failures: tuple[str, ...] = ("it is fitted to ellipsoids of up to 3×3",)
+    else:
+        try:
+            failures = tuple(adapter.fit(*domains).report_.failures())
+        except InvalidInputError as error:
+            failures = (str(error),)
     report(step, 0.7)
-    adapter, method = (method_of(TRANSPORT, **shared).fit(*domains), TRANSPORT) if failures else (field, FIELD)
+    method = TRANSPORT if failures else FIELD
+    if failures:
+        adapter = method_of(TRANSPORT, **shared).fit(*domains)
     evaluation = evaluate(
         adapter,
         *domains,
@@ -108,15 +115,3 @@ def choose(
         evaluation = replace(evaluation, rows=(*evaluation.rows, rejected))
     report(step, 1.0, method)
     return Choice(method, failures, adapter, evaluation)
-
-
-def _failures(
-    field: DomainAdapter, domains: tuple[Array, Array], spec: EllipsoidSpec, largest: int = 3
-) -> tuple[str, ...]:
-    """Fit the field; return why it is rejected, nothing where it passes. For 6×6 a fit takes half a minute."""
-    if spec.size > largest:
-        return (f"it is fitted to ellipsoids of up to {largest}×{largest}",)
-    try:
-        return tuple(field.fit(*domains).report_.failures())  # type: ignore[attr-defined]
-    except InvalidInputError as error:
-        return (str(error),)

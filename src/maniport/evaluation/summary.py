@@ -6,11 +6,10 @@ known, the root mean squared error decides alone.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.errors import unknown_name
 from maniport.evaluation.baselines import IDENTITY, LOOKUP
@@ -25,30 +24,21 @@ RELEVANT_RATIO = 0.95  # A value must fall below this fraction of another to cou
 
 @dataclass(frozen=True)
 class Gaps:
-    """Statistics of distances to the feasible set, and the row of the largest.
+    """Statistics of distances to the feasible set.
 
     Methods are compared by the mean: where half of a profile is feasible, the median is zero for all of them.
-
-    Attributes
-    ----------
-    mean, median, p95, largest : float
-    where : int
-        Row of the largest distance.
     """
 
     mean: float
     median: float
     p95: float
     largest: float = np.nan
-    where: int = 0
 
     @classmethod
-    def of(cls, distances: Array, rows: NDArray[np.intp] | None = None) -> "Gaps":
-        """Summarize distances, shape (n,); `rows` are their indices where these are not 0 … n − 1."""
-        worst = int(np.argmax(distances))
-        where = worst if rows is None else int(rows[worst])
-        mean, median, p95 = np.mean(distances), np.median(distances), np.percentile(distances, 95)
-        return cls(float(mean), float(median), float(p95), float(distances[worst]), where)
+    def of(cls, distances: Array) -> "Gaps":
+        """Summarize distances, shape (n,)."""
+        statistics = np.mean(distances), np.median(distances), np.percentile(distances, 95), np.max(distances)
+        return cls(*map(float, statistics))
 
 
 @dataclass(frozen=True)
@@ -89,12 +79,6 @@ class Row:
     identity: float | None = None
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-
-    def value(self, measure: str) -> float | None:
-        """Return the RMSE or the mean feasibility gap, if there is one."""
-        if measure == "rmse":
-            return None if self.rmse is None else self.rmse.undivided
-        return None if not measure or self.feasibility_gap is None else self.feasibility_gap.mean
 
     def weaknesses(self, max_step_ratio: float = 1.5, max_identity_test: float = 0.15) -> "tuple[Weakness, ...]":
         """List the faults of the method, whatever its gaps."""
@@ -149,52 +133,48 @@ class Summary:
         Rows with the same value as the adapter, but for rounding.
     weaknesses : tuple of Weakness
         Of the adapter.
+    value, identity : float or None
+        Values of the adapter and of the identity baseline; None where they are not compared.
+    best : str
+        The row with the smallest value, the first of equals; empty where nothing is compared.
+    best_value : float or None
+        Value of the best row.
     """
 
     measure: str
     name: str
-    values: dict[str, float] = field(default_factory=dict)
-    recommended: str = ""
-    same_as: tuple[str, ...] = ()
-    weaknesses: tuple[Weakness, ...] = ()
-
-    @property
-    def value(self) -> float | None:
-        """Value of the adapter; None where nothing is compared."""
-        return self.values.get(self.name)
-
-    @property
-    def identity(self) -> float | None:
-        """Value of the identity baseline."""
-        return self.values.get(IDENTITY)
-
-    @property
-    def best(self) -> str:
-        """The row with the smallest value, the first of equals; empty where nothing is compared."""
-        return min(self.values, key=lambda name: self.values[name], default="")
-
-    @property
-    def best_value(self) -> float | None:
-        """Value of the best row."""
-        return self.values.get(self.best)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain values, ready for JSON."""
-        return {**asdict(self), **{name: getattr(self, name) for name in ("value", "identity", "best", "best_value")}}
+    values: dict[str, float]
+    recommended: str
+    same_as: tuple[str, ...]
+    weaknesses: tuple[Weakness, ...]
+    value: float | None
+    identity: float | None
+    best: str
+    best_value: float | None
 
 
 def summarize(rows: Sequence[Row]) -> Summary:
     """Compare the first row with the others."""
-    first = rows[0]
+    first, values = rows[0], dict[str, float]()
     measure = "rmse" if first.rmse is not None else "feasibility_gap" if first.feasibility_gap is not None else ""
-    values = {
-        row.name: value
-        for row in rows
-        if (value := row.value(measure)) is not None and (row is first or row.name != LOOKUP or measure == "rmse")
-    }
-    own = values.get(first.name, 0.0)
-    same = tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], own))
-    return Summary(measure, first.name, values, _recommended(rows, values, measure), same, first.weaknesses())
+    for row in rows:
+        if measure == "rmse" and row.rmse is not None:
+            values[row.name] = row.rmse.undivided
+        elif measure == "feasibility_gap" and row.feasibility_gap is not None and (row is first or row.name != LOOKUP):
+            values[row.name] = row.feasibility_gap.mean
+    own, best = values.get(first.name), min(values, key=lambda name: values[name], default="")
+    return Summary(
+        measure,
+        first.name,
+        values,
+        _recommended(rows, values, measure),
+        tuple(row.name for row in rows[1:] if row.name in values and _equal(values[row.name], own or 0.0)),
+        first.weaknesses(),
+        own,
+        values.get(IDENTITY),
+        best,
+        values.get(best),
+    )
 
 
 @dataclass(frozen=True)

@@ -79,12 +79,11 @@ def agreement(
     step.end("" if held_out is None else f"distance {np.mean(held_out.learned):.2f} from the prediction by the others")
     movement = float(dispersion(np.asarray(model.predict(alignment.time)), kind="rms"))
     before = np.stack([profile[evenly_spaced(len(profile), n)] for profile in profiles])
-    return Agreement(_dispersion(before), _dispersion(alignment.ellipsoids), movement, apart, held_out)
-
-
-def _dispersion(ellipsoids: Array) -> float:
-    """Return the distance of demonstrations (k, n, d, d) from their mean at each time."""
-    return float(np.sqrt(np.mean(distance_unchecked(ellipsoids, _means(ellipsoids)[None]) ** 2)))
+    spread = [
+        float(np.sqrt(np.mean(distance_unchecked(several, _means(several)[None]) ** 2)))
+        for several in (before, alignment.ellipsoids)
+    ]
+    return Agreement(spread[0], spread[1], movement, apart, held_out)
 
 
 def _means(ellipsoids: Array) -> Array:

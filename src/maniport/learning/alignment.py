@@ -11,7 +11,7 @@ from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.mean import mean
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.progress import Part, Progress, Step, counted, pieces
+from maniport.util.progress import Progress, Step, counted, pieces
 from maniport.util.validation import Array, as_count, as_finite, as_points, as_times, require_shape
 
 Path = NDArray[np.intp]
@@ -66,10 +66,9 @@ class Alignment(NotebookDisplay):
         if len(signals) != len(self.paths):
             raise InvalidInputError(f"signals must be {len(self.paths)}, one a demonstration; found {len(signals)}")
         arrays = [as_finite(signal, f"signals[{index}]") for index, signal in enumerate(signals)]
+        warped = []
         for index, (array, path) in enumerate(zip(arrays, self.paths, strict=True)):
             require_shape(array, f"signals[{index}]", (path[-1, 1] + 1, *arrays[0].shape[1:]))
-        warped = []
-        for array, path in zip(arrays, self.paths, strict=True):
             starts = _starts(path)
             counts = np.diff(np.r_[starts, len(path)])
             sums = np.add.reduceat(array[path[:, 1]], starts)
@@ -117,13 +116,25 @@ def align(
     NotSPDError, InvalidInputError
         When an ellipsoid is not SPD, sizes differ, times do not fit or increase, or there is no such reference.
     """
-    data = _checked_profiles(profiles)
-    clocks = _checked_times(times, data)
-    k = len(data)
+    if not len(profiles):
+        raise InvalidInputError("profiles must hold at least one demonstration; found none")
+    first, k = as_points(profiles[0], "profiles[0]"), len(profiles)
+    data = [first, *(as_points(p, f"profiles[{i}]", first.shape[-1]) for i, p in enumerate(profiles[1:], start=1))]
+    if times is None:
+        clocks = [np.linspace(0.0, 1.0, len(profile)) for profile in data]
+    elif len(times) != k:
+        raise InvalidInputError(f"times must be {k} arrays, one for each profile; found {len(times)}")
+    else:
+        clocks = [as_times(clock, f"times[{i}]", len(data[i])) for i, clock in enumerate(times)]
     chosen = None if reference is None else as_count(reference, "reference", minimum=0, maximum=k - 1)
     step = Step(progress, "Align demonstrations")
-    search, match = pieces(step, k * (k - 1) / 2 if reference is None else 0.0, k)
-    chosen = _medoid(data, search) if chosen is None else chosen
+    pairs = list(combinations(range(k), 2)) if chosen is None else []
+    search, match = pieces(step, len(pairs), k)
+    if chosen is None:
+        apart = np.zeros((k, k))
+        for a, b in counted(pairs, len(pairs), search):
+            apart[a, b] = apart[b, a] = matched(data[b], data[a])[1]
+        chosen = int(np.argmin(apart.sum(axis=0)))
     matches = [matched(data[chosen], other, same=i == chosen) for i, other in enumerate(counted(data, k, match))]
     paths, distances = zip(*matches, strict=True)
     warped = np.stack([_means(profile, path) for profile, path in zip(data, paths, strict=True)])
@@ -139,15 +150,6 @@ def matched(reference: Array, profile: Array, same: bool = False) -> tuple[Path,
     return path, float(np.sqrt(cost))
 
 
-def _medoid(data: list[Array], progress: Part) -> int:
-    """Return the index of the demonstration with the least sum of distances to the others."""
-    between = np.zeros((len(data), len(data)))
-    pairs = list(combinations(range(len(data)), 2))
-    for a, b in counted(pairs, len(pairs), progress):
-        between[a, b] = between[b, a] = matched(data[b], data[a])[1]
-    return int(np.argmin(between.sum(axis=0)))
-
-
 def _means(profile: Array, path: Path) -> Array:
     """Return Fréchet means of the ellipsoids that are matched with each index of the reference."""
     starts = _starts(path)
@@ -161,22 +163,6 @@ def _means(profile: Array, path: Path) -> Array:
 def _starts(path: Path) -> Path:
     """Return where the rows of each index of the reference begin."""
     return np.flatnonzero(np.r_[True, np.diff(path[:, 0]) > 0])
-
-
-def _checked_profiles(profiles: Sequence[ArrayLike]) -> list[Array]:
-    if not len(profiles):
-        raise InvalidInputError("profiles must hold at least one demonstration; found none")
-    first = as_points(profiles[0], "profiles[0]")
-    d = first.shape[-1]
-    return [first, *(as_points(p, f"profiles[{i}]", d) for i, p in enumerate(profiles[1:], start=1))]
-
-
-def _checked_times(times: Sequence[ArrayLike] | None, data: list[Array]) -> list[Array]:
-    if times is None:
-        return [np.linspace(0.0, 1.0, len(profile)) for profile in data]
-    if len(times) != len(data):
-        raise InvalidInputError(f"times must be {len(data)} arrays, one for each profile; found {len(times)}")
-    return [as_times(clock, f"times[{i}]", len(data[i])) for i, clock in enumerate(times)]
 
 
 def cheapest_path(costs: Array) -> tuple[Path, float]:

@@ -24,7 +24,6 @@ from maniport.learning.mixture import (
     component_counts,
     count_demonstrations,
     most_likely,
-    posterior_covariance,
     regress,
 )
 from maniport.util.files import load_arrays, save_arrays
@@ -48,7 +47,8 @@ class ProfileGMM(NotebookDisplay, Estimator):
     Parameters
     ----------
     n_components : int, optional
-        Number of Gaussians. Default: that with the least BIC, up to `max_components` or as many as the points allow.
+        Number of Gaussians. Default: of 1, 2, 4, … up to `max_components`, or as many as the points allow, the last
+        before the BIC grows.
     max_components : int
     regularization : float
         Added to the variances in log coordinates and, times the variance of the inputs, to theirs.
@@ -78,7 +78,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
     n_demonstrations_ : int or None
         Number of different `groups`.
     bic_curve_ : ndarray
-        BIC of each number of components that was tried.
+        BIC of each number of components that was tried, 1, 2, 4, …
 
     References
     ----------
@@ -152,7 +152,6 @@ class ProfileGMM(NotebookDisplay, Estimator):
         points = as_points(ellipsoids, "ellipsoids")
         x = as_inputs(inputs, len(points))
         demonstrations = count_demonstrations(groups, len(points))
-        generator = as_generator(self.random_state)
         candidates = component_counts(self.n_components, self.max_components, x, points)
         checked: Any = {
             "regularization": as_number(self.regularization, "regularization", above=0.0),
@@ -160,13 +159,13 @@ class ProfileGMM(NotebookDisplay, Estimator):
             "max_iter": as_count(self.max_iter, "max_iter"),
             "tol": as_number(self.tol, "tol", above=0.0),
         }
-        step = Step(progress, "Fit Gaussian mixture")
+        step, fits, curve = Step(progress, "Fit Gaussian mixture"), [], []
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
-            fits = [
-                most_likely(x, points, count, generator, part, **checked)
-                for count, part in zip(candidates, pieces(step, *candidates), strict=True)
-            ]
-        curve = np.array([fit.mixture.bic(len(x) * fit.log_likelihood, len(x)) for fit in fits])
+            for count, part in zip(candidates, pieces(step, *candidates), strict=True):
+                fits.append(most_likely(x, points, count, as_generator(self.random_state), part, **checked))
+                curve.append(fits[-1].mixture.bic(len(x) * fits[-1].log_likelihood, len(x)))
+                if curve[-1] > min(curve):
+                    break
         best = fits[int(np.argmin(curve))]
         mixture = best.mixture
         if not best.converged:
@@ -179,7 +178,7 @@ class ProfileGMM(NotebookDisplay, Estimator):
         self.weights_, self.input_means_ = mixture.weights, mixture.inputs
         self.means_, self.covariances_ = mixture.ellipsoids, mixture.covariances
         self.converged_, self.history_, self.log_likelihood_ = best.converged, best.history, best.log_likelihood
-        self.bic_curve_, self.n_components_, self.n_features_in_ = curve, len(mixture.weights), x.shape[1]
+        self.bic_curve_, self.n_components_, self.n_features_in_ = np.array(curve), len(mixture.weights), x.shape[1]
         self.n_demonstrations_ = demonstrations
         step.end(f"{self.n_components_} Gaussians, mean log-likelihood {self.log_likelihood_:.3g}")
         return self
@@ -210,8 +209,10 @@ class ProfileGMM(NotebookDisplay, Estimator):
         """
         mixture = self._mixture()
         centers, covariance = regress(mixture, as_inputs(inputs, None, mixture.inputs.shape[1]))
-        if self.n_demonstrations_ is not None:
-            covariance = posterior_covariance(covariance, self.n_demonstrations_)
+        if (k := self.n_demonstrations_) is not None:  # predictive instead of maximum-likelihood
+            unbiased, m = k / (k - 1) * covariance, covariance.shape[-1]
+            variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
+            covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
         return (centers, covariance) if return_covariance else centers
 
     def score_samples(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> Array:

@@ -1,11 +1,11 @@
 """Gaussian mixtures on R^p × SPD(d): input checks, EM iteration, regression."""
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.cluster.vq import ClusterError, kmeans2
 from scipy.special import logsumexp, softmax
 
@@ -56,21 +56,20 @@ def points_each(d: int, inputs: int = 1) -> int:
     return inputs + d * (d + 1) // 2 + 1
 
 
-def component_counts(count: Any, most: Any, x: Array, points: Array) -> range:
-    """Return the numbers of components to try: `count`, or up to `most` that the points allow."""
+def component_counts(count: Any, most: Any, x: Array, points: Array) -> list[int]:
+    """Return the numbers of components to try: `count`, or 1, 2, 4, … up to `most` that the points allow."""
     d, p = points.shape[-1], x.shape[1]
-    each = points_each(d, p)
-    allowed = len(x) // each
-    if count is None:
-        low, high = 1, min(as_count(most, "max_components"), max(allowed, 1))
-    else:
-        low = high = as_count(count, "n_components")
-    if high > allowed:
+    least = points_each(d, p)
+    most, allowed = as_count(most, "max_components"), len(x) // least
+    counts = [2**i for i in range(64) if 2**i <= min(most, max(allowed, 1))]
+    if count is not None:
+        counts = [as_count(count, "n_components")]
+    if counts[-1] > allowed:
         raise InvalidInputError(
-            f"{high} components need {high * each} ellipsoids, {each} each for {p} inputs and {d}×{d} matrices, "
-            f"found {len(x)}"
+            f"{counts[-1]} components need {counts[-1] * least} ellipsoids, {least} each for {p} inputs and {d}×{d} "
+            f"matrices, found {len(x)}"
         )
-    return range(low, high + 1)
+    return counts
 
 
 @dataclass(frozen=True)
@@ -118,51 +117,6 @@ class Fit:
     converged: bool
 
 
-def expectation_maximization(
-    inputs: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
-) -> Fit:
-    """Fit a mixture by EM from initial shares."""
-    mixture: Mixture | None = None
-    best: tuple[Mixture, float] | None = None
-    history: list[float] = []
-    converged = False
-    while len(history) < max_iter and not converged:
-        mixture, deviations = maximize(inputs, points, shares, ridge, mixture)
-        joint = mixture.log_joint(deviations)
-        total = logsumexp(joint, axis=1, keepdims=True)
-        shares = np.exp(joint - total)
-        history.append(float(total.mean()))
-        if best is None or history[-1] > best[1]:
-            best = mixture, history[-1]
-        converged = len(history) > 1 and history[-1] - history[-2] <= tol
-    assert best is not None
-    return Fit(*best, np.array(history), converged)
-
-
-def maximize(
-    inputs: Array, points: Array, shares: Array, ridge: Array, before: Mixture | None
-) -> tuple[Mixture, Array]:
-    """Return the most likely mixture for the shares (n, K), and the deviations from its means."""
-    counts = shares.sum(axis=0)
-    total = np.maximum(counts, MIN_WEIGHT)
-    means = (shares.T @ inputs) / total[:, None]
-    ellipsoids = np.empty((len(counts), *points.shape[1:]))
-    for k, count in enumerate(counts):
-        if count < MIN_WEIGHT and before is not None:
-            means[k], ellipsoids[k] = before.inputs[k], before.ellipsoids[k]
-        else:
-            ellipsoids[k] = mean(points, shares[:, k])
-    weights = total / total.sum()
-    bare = Mixture(weights, means, ellipsoids, np.empty(0))
-    deviations = bare.deviations(inputs, points)
-    weighted = deviations * (shares.T / total[:, None])[..., None]
-    covariances = np.swapaxes(weighted, -1, -2) @ deviations
-    covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
-    if before is not None:
-        covariances = np.where((counts < MIN_WEIGHT)[:, None, None], before.covariances, covariances)
-    return Mixture(weights, means, ellipsoids, covariances), deviations
-
-
 def most_likely(
     inputs: Array,
     points: Array,
@@ -186,8 +140,48 @@ def most_likely(
     return max(fits, key=lambda fit: fit.log_likelihood)
 
 
-def k_means_shares(inputs: Array, points: Array, count: int, generator: np.random.Generator) -> Array:
-    """Return shares (n, K) of zeros and ones, from k-means on inputs and whitened coordinates at the Fréchet mean."""
+def expectation_maximization(
+    inputs: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
+) -> Fit:
+    """Fit a mixture by EM from initial shares (n, K)."""
+    mixture: Mixture | None = None
+    best: tuple[Mixture, float] | None = None
+    history: list[float] = []
+    converged = False
+    while len(history) < max_iter and not converged:
+        counts = shares.sum(axis=0)
+        total, few = np.maximum(counts, MIN_WEIGHT), counts < MIN_WEIGHT
+        means = (shares.T @ inputs) / total[:, None]
+        ellipsoids = np.empty((len(counts), *points.shape[1:]))
+        for k in range(len(counts)):
+            if mixture is not None and few[k]:
+                means[k], ellipsoids[k] = mixture.inputs[k], mixture.ellipsoids[k]
+            else:
+                ellipsoids[k] = mean(points, shares[:, k])
+        bare = Mixture(total / total.sum(), means, ellipsoids, np.empty(0))
+        deviations = bare.deviations(inputs, points)
+        weighted = deviations * (shares.T / total[:, None])[..., None]
+        covariances = np.swapaxes(weighted, -1, -2) @ deviations
+        covariances = 0.5 * (covariances + np.swapaxes(covariances, -1, -2)) + np.diag(ridge)
+        if mixture is not None:
+            covariances = np.where(few[:, None, None], mixture.covariances, covariances)
+        mixture = replace(bare, covariances=covariances)
+        joint = mixture.log_joint(deviations)
+        likelihood = logsumexp(joint, axis=1, keepdims=True)
+        shares = np.exp(joint - likelihood)
+        history.append(float(likelihood.mean()))
+        if best is None or history[-1] > best[1]:
+            best = mixture, history[-1]
+        converged = len(history) > 1 and history[-1] - history[-2] <= tol
+    assert best is not None
+    return Fit(*best, np.array(history), converged)
+
+
+def k_means_shares(inputs: Array, points: Array, count: int, generator: np.random.Generator, runs: int = 4) -> Array:
+    """Return shares (n, K) of zeros and ones: the tightest of several k-means++ runs; no cluster is empty.
+
+    The features are the inputs and the whitened coordinates at the Fréchet mean.
+    """
     if count == 1:
         return np.ones((len(points), 1))
     parts = inputs - inputs.mean(axis=0), coordinates(mean(points), points)
@@ -198,11 +192,6 @@ def k_means_shares(inputs: Array, points: Array, count: int, generator: np.rando
     distinct = len(np.unique(features, axis=0))
     if distinct < count:
         raise InvalidInputError(f"{count} components need as many different points; found {distinct}")
-    return np.eye(count)[_tightest(features, count, generator)]
-
-
-def _tightest(features: Array, count: int, generator: np.random.Generator, runs: int = 4) -> NDArray[np.intp]:
-    """Return the labels of the tightest of several k-means++ runs; no cluster is empty."""
     clusterings = []
     for _ in range(runs):
         seed = int(generator.integers(2**31))
@@ -212,7 +201,7 @@ def _tightest(features: Array, count: int, generator: np.random.Generator, runs:
             _, labels = kmeans2(features, count, iter=1, minit="++", seed=seed)
         centers = np.stack([features[labels == k].mean(axis=0) for k in range(count)])
         clusterings.append((float(np.sum((features - centers[labels]) ** 2)), labels))
-    return np.asarray(min(clusterings, key=lambda run: run[0])[1])
+    return np.asarray(np.eye(count)[min(clusterings, key=lambda run: run[0])[1]])
 
 
 def regress(mixture: Mixture, inputs: Array) -> tuple[Array, Array]:
@@ -272,11 +261,3 @@ def _fixed_points(mixture: Mixture, shares: Array, ahead: Array) -> Array:
         stacklevel=4,
     )
     return centers
-
-
-def posterior_covariance(covariance: Array, demonstrations: int) -> Array:
-    """Return the predictive covariance (n, m, m) from the maximum-likelihood one of k demonstrations."""
-    k, m = demonstrations, covariance.shape[-1]
-    unbiased = k / (k - 1) * covariance
-    variance = np.trace(unbiased, axis1=-2, axis2=-1)[:, None, None] / m
-    return np.asarray((1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m))

@@ -56,9 +56,19 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
     NotSPDError, InvalidInputError
         When a covariance is not symmetric positive-semidefinite, all are zero, or one is singular without damping.
     """
-    matrices = _as_covariance(covariance)
+    array = as_finite(covariance, "covariance")
+    if array.ndim < 2 or array.shape[-1] != array.shape[-2]:
+        raise InvalidInputError(f"covariance must have shape (..., m, m); found {array.shape}")
+    if not array.size:
+        raise InvalidInputError(f"covariance must not be empty; found shape {array.shape}")
     rho = as_number(damping, "damping", minimum=0.0)
-    values, vectors = np.linalg.eigh(matrices)
+    transposed = np.swapaxes(array, -1, -2)
+    gap, scale = (np.abs(part).max(axis=(-1, -2)) for part in (array - transposed, array))
+    if np.any(gap > 1e-8 * scale):
+        raise NotSPDError(f"covariance must be symmetric; found |A - Aᵀ| up to {gap.max():.3g}")
+    values, vectors = np.linalg.eigh(0.5 * (array + transposed))
+    if np.any(values[..., 0] < -1e-10 * scale):
+        raise NotSPDError(f"covariance must have no negative eigenvalue; found {values.min():.3g}")
     values = values / max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
     variance = float(values.mean())
     if variance <= 0:
@@ -70,22 +80,3 @@ def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
     weights /= weights.mean()
     result = (vectors * weights[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return np.asarray(0.5 * (result + np.swapaxes(result, -1, -2)))
-
-
-def _as_covariance(value: ArrayLike) -> Array:
-    """Convert to symmetric positive-semidefinite matrices (..., m, m); m may exceed the sizes of ellipsoids."""
-    array = as_finite(value, "covariance")
-    if array.ndim < 2 or array.shape[-1] != array.shape[-2]:
-        raise InvalidInputError(f"covariance must have shape (..., m, m); found {array.shape}")
-    if not array.size:
-        raise InvalidInputError(f"covariance must not be empty; found shape {array.shape}")
-    transposed = np.swapaxes(array, -1, -2)
-    scale = np.abs(array).max(axis=(-1, -2))
-    gap = np.abs(array - transposed).max(axis=(-1, -2))
-    if np.any(gap > 1e-8 * scale):
-        raise NotSPDError(f"covariance must be symmetric; found |A - Aᵀ| up to {gap.max():.3g}")
-    symmetric = 0.5 * (array + transposed)
-    lowest = np.linalg.eigvalsh(symmetric)[..., 0]
-    if np.any(lowest < -1e-10 * scale):
-        raise NotSPDError(f"covariance must have no negative eigenvalue; found {lowest.min():.3g}")
-    return np.asarray(symmetric)

@@ -1,6 +1,6 @@
 """Live: one frame of a person in, joint positions of a robot out."""
 
 from maniport.live.live import Live
-from maniport.live.state import STATES, Moment
+from maniport.live.state import STATES, LiveArm, LiveState
 
-__all__ = ["STATES", "Live", "Moment"]
+__all__ = ["STATES", "Live", "LiveArm", "LiveState"]

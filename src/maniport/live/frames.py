@@ -39,9 +39,9 @@ def as_frame(points: Any, names: Sequence[str]) -> Array | None:
         positions = _as_numbers(points, "points")
         require_shape(positions, "points", (len(names), 3), ", a row for each of live.points")
     if (np.abs(positions) > MAX_POSITION).any():
-        found = np.nanmax(np.abs(positions))
+        largest = np.nanmax(np.abs(positions))
         raise InvalidInputError(
-            f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {found:g}"
+            f"points must be within ±{MAX_POSITION:g}, or nan where they are not seen; found {largest:g}"
         )
     return positions
 
@@ -62,23 +62,26 @@ def read_frame(line: bytes | None, names: Sequence[str]) -> Frame | None:
     """Read a line of JSON, None where it was too long; None is returned for the empty object."""
     if line is None:
         raise InvalidInputError(f"a line has at most {FRAME_BYTES} bytes; this one has more")
-    found = _decoded(line)
-    if not isinstance(found, dict):
-        raise InvalidInputError(f"a line must be an object such as {EXAMPLE}; found {_short(found)}")
-    if not found:
+    try:
+        content = json.loads(line.decode(), parse_constant=_refuse_constant, object_pairs_hook=_unique)
+    except InvalidInputError:
+        raise
+    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits, and of wrong UTF-8
+        text = line[:80].decode(errors="replace")
+        raise InvalidInputError(f"a line must be JSON such as {EXAMPLE}; found {text!r}: {error!s:.100}") from None
+    if content == {}:
         return None
-    if found.keys() != {"t", "points"}:
-        keys = ", ".join(map(_short, found))
-        raise InvalidInputError(f"a frame holds t and points, such as {EXAMPLE}, and nothing else; found {keys:.200}")
-    t, points, latest = found["t"], found["points"], 0.5 * LATEST  # steps without a frame may come after it
+    if not isinstance(content, dict) or content.keys() != {"t", "points"}:
+        keys = ", ".join(map(_short, content)) if isinstance(content, dict) else _short(content)
+        raise InvalidInputError(f"a frame is an object of t and points, such as {EXAMPLE}; found {keys:.200}")
+    t, points, latest = content["t"], content["points"], 0.5 * LATEST  # steps without a frame may come after it
     if type(t) not in (int, float) or not -latest <= t <= latest:
         raise InvalidInputError(f"t must be a number within ±{latest:g}; found {_short(t)}")
-    if isinstance(points, list):
-        if len(points) != len(names):
-            raise InvalidInputError(f"points must be {len(names)} positions, in the given order; found {len(points)}")
+    if isinstance(points, list) and len(points) == len(names):
         points = dict(zip(names, points, strict=True))
     if not isinstance(points, dict):
-        raise InvalidInputError(f"points must be an object of positions by name, or a list; found {_short(points)}")
+        wanted = f"an object of positions by name, or a list of {len(names)} positions in the given order"
+        raise InvalidInputError(f"points must be {wanted}; found {_short(points)}")
     for name, position in points.items():
         numbers = position if isinstance(position, list) and len(position) == 3 else ["none"]
         if position is not None and not all(type(number) in (int, float) for number in numbers):
@@ -94,30 +97,20 @@ def encoded(**content: Any) -> bytes:
     return json.dumps(content, allow_nan=False).encode() + b"\n"
 
 
-def _decoded(line: bytes) -> Any:
-    try:
-        return json.loads(line.decode(), parse_constant=_no_constant, object_pairs_hook=_unique)
-    except InvalidInputError:
-        raise
-    except (ValueError, RecursionError) as error:  # also of numbers with thousands of digits, and of wrong UTF-8
-        found = line[:80].decode(errors="replace")
-        raise InvalidInputError(f"a line must be JSON such as {EXAMPLE}; found {found!r}: {error!s:.100}") from None
-
-
-def _no_constant(name: str) -> NoReturn:
+def _refuse_constant(name: str) -> NoReturn:
     raise InvalidInputError(f"JSON has no number {name}; a point that is not seen is null, or absent")
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
+    content = dict(pairs)
+    if len(content) != len(pairs):
         (twice, _), *_ = Counter(name for name, _ in pairs).most_common(1)
         raise InvalidInputError(f"each name may occur once in an object; found {_short(twice)} more than once")
-    return found
+    return content
 
 
-def _short(found: Any, length: int = 80) -> str:
+def _short(value: Any, length: int = 80) -> str:
     """A JSON value in few characters; of objects and lists their sizes."""
-    if isinstance(found, dict | list):
-        return f"{'an object' if isinstance(found, dict) else 'a list'} of {len(found)}"
-    return json.dumps(found if not isinstance(found, str) else found[:length], ensure_ascii=False)[:length]
+    if isinstance(value, dict | list):
+        return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
+    return json.dumps(value if not isinstance(value, str) else value[:length], ensure_ascii=False)[:length]

@@ -122,9 +122,9 @@ def trunk_directions(positions, linear, forward, shortest):  # type: ignore[no-u
     second = scaled(across - (across * z).sum() * z, shortest)
     axes[2] = z
     if forward:
-        axes[0], axes[1] = second, cross(z, second)
+        axes[0], axes[1] = second, np.cross(z, second)
     else:
-        axes[0], axes[1] = cross(second, z), second
+        axes[0], axes[1] = np.cross(second, z), second
     for i in range(len(targets)):
         targets[i] = (axes * scaled(vectors[i], 0.0)).sum(axis=1)
     return targets
@@ -135,9 +135,3 @@ def scaled(vector, shortest):  # type: ignore[no-untyped-def]
     """Scale a vector to length one; nan where it is no longer than `shortest`."""
     length = np.sqrt((vector * vector).sum())
     return vector / (length if length > shortest else np.nan)
-
-
-@part
-def cross(a, b):  # type: ignore[no-untyped-def]
-    """Cross product of two vectors."""
-    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))

@@ -1,4 +1,4 @@
-"""One frame in, joint positions out: a person's arm leads a robot while it moves."""
+"""One frame in, joint positions out: the arms of a person lead those of a robot while they move."""
 
 import math
 import os
@@ -9,35 +9,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import VELOCITY, Arm, EllipsoidSpec
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.errors import InvalidInputError, NotSPDError
-from maniport.live.clock import MotionClock
+from maniport.errors import InvalidInputError
 from maniport.live.frames import as_frame
-from maniport.live.person import ArmEstimate, Person
-from maniport.live.robot import Robot, best_start
-from maniport.live.state import HOLDING, FollowState, Moment
-from maniport.mocap import ArmFit
-from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanControl
-from maniport.motion.plan.plan_control import require_free
-from maniport.motion.problem import as_costs
-from maniport.pipeline import TransferResult
+from maniport.live.led_arm import LedArm, Target
+from maniport.live.person import Person
+from maniport.live.robot import CONTROL_STEP, Robot
+from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
+from maniport.mocap import ArmFit, HumanMotion
+from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanControl, Planner, plan_motion
+from maniport.motion.costs.cost import as_costs
+from maniport.motion.plan.plan_control import QUICK, require_free
+from maniport.pipeline import Config, TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
+from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import LATEST, Array, as_count, as_number, require_shape
-
-CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
-Target = tuple[Array, Array | None]  # Ellipsoid (d, d) and position of the end effector (3,) [m]
 
 
 class Live:
-    """A robot that follows a person, frame by frame.
+    """A robot that follows a person, frame by frame, with one or several arms.
 
-    `step` estimates the person's arm in a frame, maps its ellipsoid with a fitted adapter, and moves the robot towards
-    that ellipsoid and the position of the hand in the placed path, within joint limits and without collisions, whatever
-    the frames are. Where the person is not seen or jumps, the robot brakes and rests until the person is seen again.
-    Each thread needs its own instance.
+    `step` estimates the person's arms in a frame, maps their ellipsoids with fitted adapters, and moves the robot
+    towards these ellipsoids and the positions of the hands in the placed paths, within joint limits and without
+    collisions, whatever the frames are. Where an arm of the person is not seen or jumps, the robot brakes and rests
+    until it is seen again. Each thread needs its own instance.
 
     The robot moves for the time that passes on this machine between two steps, whatever times the frames have: its
     commands keep the limits when they are sent as they are returned. With ``clock=None`` it moves for the time between
@@ -45,11 +43,12 @@ class Live:
 
     Parameters
     ----------
-    person : ArmFit
-        Of a recording of this person with these points (`maniport.fit_arm`): lengths, side, roles.
+    person : ArmFit or HumanMotion
+        Of a recording of this person with these points (`maniport.fit_arm`, `maniport.mocap.fit_arms`): lengths, side,
+        roles. One arm for each of the robot.
     adapter : DomainAdapter
-        Fitted.
-    robot : Arm
+        Fitted; for a group of arms, as `path`, a sequence with an item for each arm.
+    robot : Arm or ArmGroup
     path : Placement, optional
         Placement of the hand's path. Without it the robot follows the ellipsoids alone.
     spec : EllipsoidSpec
@@ -57,10 +56,10 @@ class Live:
     motion_limits, collisions
         As in `maniport.motion.PlanControl`.
     start : array_like, shape (dof,), optional
-        Configuration of the robot, at rest. Default: one that suits the first frame of `person`.
+        Configuration of the robot, at rest. Default: the first of a motion that is planned along that of `person`.
     reference : array_like, shape (n, dof), optional
-        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Without them it may
-        get stuck at joint limits.
+        Configurations that suit the motion, such as a plan's: the robot stays near the best one. Default: those of the
+        planned motion where no start is given, else none, and the robot may get stuck at joint limits.
     hold_after : float
         Time without a usable frame after which the robot brakes, longer than that between two frames, at most 10 [s].
     clock : callable or None
@@ -74,7 +73,7 @@ class Live:
     ----------
     points : tuple of str
         Names of the points that a frame has, in their order.
-    robot : Arm
+    robot : Arm or ArmGroup
         Within its limits.
 
     Raises
@@ -82,16 +81,16 @@ class Live:
     InvalidInputError
         When an argument does not fit another, or the start is beyond limits or collides.
     NotFittedError
-        When the adapter is not fitted.
+        When an adapter is not fitted.
     """
 
     def __init__(
         self,
-        person: ArmFit,
-        adapter: DomainAdapter,
-        robot: Arm,
+        person: ArmFit | HumanMotion,
+        adapter: DomainAdapter | Sequence[DomainAdapter],
+        robot: Arm | ArmGroup,
         *,
-        path: Placement | None = None,
+        path: Placement | Sequence[Placement] | None = None,
         spec: EllipsoidSpec = VELOCITY,
         motion_limits: MotionLimits | str | os.PathLike[str] | Mapping[str, Any] | None = None,
         collisions: Collisions | bool = True,
@@ -104,35 +103,52 @@ class Live:
         random_state: int = 0,
         progress: Progress | None = None,
     ):
-        _require_types(person=(person, ArmFit), adapter=(adapter, DomainAdapter), robot=(robot, Arm))
-        _require_types(spec=(spec, EllipsoidSpec), **{} if path is None else {"path": (path, Placement)})
+        (robot,) = _of_each("robot", (robot,), Arm | ArmGroup, 1)
+        (spec,), count = _of_each("spec", (spec,), EllipsoidSpec, 1), len(as_group(robot))
+        fits = _of_each("person", person.arms if isinstance(person, HumanMotion) else person, ArmFit, count)
+        adapters = _of_each("adapter", adapter, DomainAdapter, count)
+        paths = (None,) * count if path is None else _of_each("path", path, Placement, count)
+        bases = person.bases if isinstance(person, HumanMotion) else np.zeros((1, 3))
         as_count(random_state, "random_state", minimum=0)
         self._hold_after = as_number(hold_after, "hold_after [s]", above=0.0, maximum=10.0)
         own_clock, preparation = MotionClock(clock), Step(progress, "Prepare live control")
-        self._person, self._map, self._spec, self._path = Person(person), adapter.compiled(), spec, path
-        if (size := len(adapter.teacher_mean_)) != spec.size:
-            raise InvalidInputError(f"adapter must map {spec.size}×{spec.size} ellipsoids; found {size}×{size}")
-        if path is not None:  # an affine map is determined by its images of zero and of the axes
-            self._turn, self._origin = spec.rotation(path.rotation), path.apply(np.zeros(3))
-            self._axes = path.apply(np.eye(3)) - self._origin
+        persons = [Person(fit) for fit in fits]
+        self.points = tuple(dict.fromkeys(name for own in persons for name in own.points))
+        self._arms = [
+            LedArm(own, [self.points.index(name) for name in own.points], map_, base, placement, spec)
+            for own, map_, base, placement in zip(persons, adapters, bases, paths, strict=True)
+        ]
         control = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         bounds = control.motion_limits
         assert isinstance(bounds, MotionLimits)
-        self._collisions = control.collisions if isinstance(control.collisions, Collisions) else None
-        own = adapter.student_regularization
-        damping = own if own.epsilon > 0.0 and spec.kind != "force" else DAMPING
-        self.points, self.robot = self._person.points, bounds.arm
+        self.robot, own_collisions = bounds.arm, control.collisions or None
+        assert not isinstance(own_collisions, bool)
+        strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
+        damping = strongest if strongest.epsilon > 0.0 and spec.kind != "force" else DAMPING
         if start is None:
-            first = self._target_of(person.joint_angles[0])[1]
-            start = best_start(bounds.arm, spec.velocity, damping, *first, self._collisions, random_state)
-        q = np.clip(require_free(start, "start", bounds, self._collisions), bounds.lower, bounds.upper)
+            rows = evenly_spaced(len(fits[0].time), 24) if len(fits[0].time) > 1 else [0, 0]
+            targets = [
+                [arm.target_of(q)[1] for q in fit.joint_angles[rows]] for arm, fit in zip(self._arms, fits, strict=True)
+            ]
+            plan = plan_motion(
+                as_group(self.robot),
+                [np.stack([target.ellipsoid for target in own]) for own in targets],
+                time=np.linspace(0.0, max(float(np.ptp(fits[0].time)), 1.0), len(rows)),
+                paths=None if path is None else [np.array([target.position for target in own]) for own in targets],
+                spec=spec.velocity,
+                damping=damping,
+                planner=Planner.of(bounds, spec.velocity, own_collisions or False, random_state),
+                planning_effort=QUICK,
+                random_state=random_state,
+            ).trajectory.joint_positions
+            start, reference = plan[0], plan if reference is None else reference
+        q = np.clip(require_free(start, "start", bounds, own_collisions), bounds.lower, bounds.upper)
         near = None if reference is None else bounds.arm.require_within_limits(reference, "reference")
         if near is not None:
             require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
         self._robot = Robot(
-            bounds, self._collisions, spec.velocity, damping, q, near, as_costs(costs, robot, np.zeros(2)), limits
+            bounds, own_collisions, spec.velocity, damping, q, near, as_costs(costs, robot, np.zeros(2)), limits
         )
-        self._reset(MotionClock(None))
         self._warm_up(preparation)
         self._reset(own_clock)
         self._robot.rest(q)
@@ -143,6 +159,7 @@ class Live:
 
         All code is compiled then, and no frame of the person waits for that.
         """
+        self._reset(MotionClock(None))
         frame = np.random.default_rng(0).normal(size=(len(self.points), 3))
         hidden = frame.copy()
         hidden[-1] = np.nan
@@ -154,42 +171,44 @@ class Live:
 
     def _reset(self, clock: MotionClock) -> None:
         """Forget all frames."""
-        self._clock = clock
+        self._clock, self._state = clock, FollowState()
         self._time: float | None = None
-        self._last_seen, self._seen_at, self._reference_at = -np.inf, -np.inf, -np.inf
-        self._estimate: ArmEstimate | None = None
-        self._target: Target | None = None
-        self._demonstrated: Array | None = None
-        self._state = FollowState()
+        self._seen_at = -np.inf
+        for arm in self._arms:
+            arm.forget()
 
     @classmethod
     def of(cls, result: TransferResult, **options: Any) -> "Live":
-        """Let the person of a result lead its robot: with its adapter, placement, limits and first configuration.
+        """Let the person of a result lead its robot: with its adapters, placements, limits and first configuration.
 
         Parameters
         ----------
         result : TransferResult
-            Of one arm.
         **options
             As of `Live`, instead of those of the result.
         """
-        _require_types(result=(result, TransferResult))
+        _of_each("result", (result,), TransferResult, 1)
+        person = HumanMotion(tuple(arm.fit for arm in result.arms), np.stack([arm.person_base for arm in result.arms]))
+        robot = result.robot if len(result.arms) > 1 else result.arm.robot
         defaults: dict[str, Any] = {"spec": result.spec, "random_state": result.random_state}
-        arm = result.arm
-        if (motion := arm.motion) is not None:
-            defaults |= {"path": arm.placement, "motion_limits": motion.limits, "collisions": arm.collisions or False}
-            defaults |= {"reference": motion.joint_positions, "start": motion.joint_positions[0]}
-        return cls(arm.fit, arm.adapter, arm.robot, **{**defaults, **options})
+        if result.motion is not None:
+            control = (result.config or Config()).motion.control(robot)
+            paths = [arm.placement for arm in result.arms if arm.placement is not None]
+            joints = result.motion.trajectory.joint_positions
+            defaults |= {"motion_limits": control.motion_limits, "collisions": control.collisions}
+            defaults |= {"reference": joints, "start": joints[0], "path": paths or None}
+        return cls(person, [arm.adapter for arm in result.arms], robot, **{**defaults, **options})
 
     def __repr__(self) -> str:
-        return f"Live({self._person.arm.name!r} leads {self.robot.name!r}, {self._state.state})"
+        persons = " and ".join(repr(arm.person.arm.name) for arm in self._arms)
+        return f"Live({persons} leads {self.robot.name!r}, {self._state.state})"
 
     @property
     def joint_positions(self) -> Array:
         """Configuration of the robot, before the first frame too, shape (dof,) [rad or m]."""
         return self._robot.q.copy()
 
-    def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float | None = None) -> Moment:
+    def step(self, points: ArrayLike | Mapping[str, ArrayLike] | None, time: float | None = None) -> LiveState:
         """Take a frame, and move the robot for the time since the last step.
 
         Parameters
@@ -215,103 +234,58 @@ class Live:
             raise InvalidInputError(f"time must be later than {self._time!r} s, the last frame's; found {time!r}")
         elapsed, rested = self._clock.begin_step(time), self._robot.resting
         self._time = self._time if time is None else time
-        before, seen = self._target, positions is not None and time is not None and self._update(positions, time)
-        self._move(before, seen, elapsed)
+        before, seen = [arm.target for arm in self._arms], False
+        if positions is not None and time is not None:
+            resting = self._state.state == HOLDING
+            updated = [arm.update(positions, time, self._hold_after, resting) for arm in self._arms]
+            seen = all(updated)
+            self._seen_at = self._clock.now if seen else self._seen_at
+        follows = self._move(before, seen, elapsed)
         self._clock.end_step(rested and self._robot.resting)
-        return self._moment()
+        arms = tuple(self._arm_state(i, arm) for i, arm in enumerate(self._arms))
+        if follows:
+            errors = largest(arm.position_error for arm in arms)
+            self._state.update(self._clock.now, errors, largest(arm.distance for arm in arms))
+        q, velocity = self._robot.q.copy(), self._robot.velocity.copy()
+        return LiveState(self._clock.state_time, self._state.state, q, velocity, arms)
 
-    def _update(self, positions: Array, now: float) -> bool:
-        """Update estimate and target with a frame; False where the arm is not seen in it, or jumps."""
-        targets, before, dt = self._person.directions(positions), self._estimate, now - self._last_seen
-        if targets is None or (before is not None and self._person.jumps(before, targets, dt)):
-            return False
-        if before is None or self._state.state == HOLDING or dt > self._hold_after:
-            estimate = self._person.begin(targets, None if before is None else before.q)
-        else:
-            estimate = self._person.follow(before, targets, dt)
-            if self._person.too_fast(before, estimate, dt):
-                return False
-        try:
-            self._demonstrated, self._target = self._target_of(estimate.q)
-        except NotSPDError:  # a flat ellipsoid, which an adapter without damping does not map
-            return False
-        self._estimate, self._last_seen, self._seen_at = estimate, now, self._clock.now
-        return True
+    def _move(self, before: Sequence[Target | None], seen: bool, elapsed: float, approach_share: float = 0.3) -> bool:
+        """Move the robot for the time that has elapsed [s], at the end of which all arms were `seen` or not.
 
-    def _target_of(self, angles: Array) -> tuple[Array, Target]:
-        """Demonstrated ellipsoid, and the target of the robot, for joint angles of the person."""
-        demonstrated, hand = self._person.hand(angles, self._spec)
-        target = self._map(demonstrated)
-        if self._spec.kind == "force":
-            target = np.asarray(np.linalg.inv(target))
-        if self._path is None:
-            return demonstrated, (target, None)
-        turned = self._turn @ target @ self._turn.T
-        return demonstrated, (0.5 * (turned + turned.T), hand @ self._axes + self._origin)
-
-    def _move(self, before: Target | None, seen: bool, elapsed: float) -> None:
-        """Move the robot for the time that has elapsed [s], at the end of which a frame was `seen` or not."""
+        Return whether it follows; an approach uses a share of the velocity limits.
+        """
         if elapsed == 0.0:
-            return
-        steps, target = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9)), self._target
-        if target is None:
+            return False
+        targets = [arm.target for arm in self._arms if arm.target is not None]
+        if len(targets) < len(self._arms):
             self._robot.brake(elapsed)
-            return
+            return False
         lost = elapsed > self._hold_after or self._clock.now - self._seen_at > self._hold_after
         if lost or (self._state.state == HOLDING and not seen):
-            self._state.hold()
-            for _ in range(steps):
-                self._robot.brake(elapsed / steps)
-                if self._robot.resting:
-                    break
-            return
+            self._state.state = HOLDING
+            self._robot.brake(elapsed)
+            return False
         self._state.resume()
-        self._follow(before or target, target, elapsed / steps, steps)
-        self._state.update(self._clock.now, self._position_error(), lambda: self._robot.distance(target[0]))
-
-    def _follow(self, before: Target, target: Target, dt: float, steps: int, approach_share: float = 0.3) -> None:
-        """Share the way from the target before to the new one among control steps of dt [s].
-
-        An approach uses a share of the velocity limits. The reference is looked up every 50 ms.
-        """
-        if self._clock.now - self._reference_at > 0.05:
-            self._robot.choose_reference(*target)
-            self._reference_at = self._clock.now
         share = approach_share if self._state.approaching else 1.0
-        (first, last_position), (last, position) = before, target
-        start = last_position
-        for i in range(1, steps + 1):
-            part, next_position = i / steps, position
-            if position is not None and start is not None:
-                next_position = start + part * (position - start)
-            ellipsoid = last if i == steps else first + part * (last - first)
-            self._robot.follow(ellipsoid, next_position, last_position, dt, share, self._clock.now)
-            last_position = next_position
+        start = [target if last is None else last for last, target in zip(before, targets, strict=True)]
+        self._robot.follow(start, targets, elapsed, share, self._clock.now)
+        return True
 
-    def _position_error(self) -> float | None:
-        """Distance of the end effector from its target [m]; None without a target position."""
-        if self._target is None or self._target[1] is None:
-            return None
-        return math.dist(self._robot.tip, self._target[1])
-
-    def _moment(self) -> Moment:
-        robot, target = self._robot, None if self._target is None else self._target[0]
-        return Moment(
-            time=self._clock.state_time,
-            state=self._state.state,
-            joint_positions=robot.q.copy(),
-            joint_velocities=robot.velocity.copy(),
-            achieved=robot.achieved,
-            tip=robot.tip,
-            person=None if self._estimate is None else self._estimate.q,
-            demonstrated=self._demonstrated,
-            target=target,
-            distance=None if target is None else robot.distance(target),
-            tip_error=self._position_error(),
-        )
+    def _arm_state(self, index: int, arm: LedArm) -> LiveArm:
+        achieved, position = self._robot.achieved[index], self._robot.positions[index]
+        if arm.estimate is None or arm.target is None:
+            return LiveArm(achieved, position)
+        target, wanted = arm.target
+        error = None if wanted is None else math.dist(position, wanted)
+        distance = self._robot.distance(index, target)
+        return LiveArm(achieved, position, arm.estimate.q, arm.demonstrated, target, distance, error)
 
 
-def _require_types(**arguments: tuple[Any, type]) -> None:
-    for name, (value, kind) in arguments.items():
-        if not isinstance(value, kind):
-            raise InvalidInputError(f"{name} must be of type {kind.__name__}; found {type(value).__name__}")
+def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:
+    """Require a value of a type for each arm; one that is no sequence is that of the only arm."""
+    values = tuple(value) if isinstance(value, Sequence) else (value,)
+    if len(values) != count or not all(isinstance(item, kind) for item in values):
+        number = "" if count == 1 else f", {count} of them, one for each arm of the robot"
+        found = ", ".join(type(item).__name__ for item in values)
+        raise InvalidInputError(f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {found}")
+    return values

@@ -67,7 +67,8 @@ class Person:
         self._samples, self._sampled_directions = sample_directions(directions)
         held = joint_priors(self.arm, roles)
         self._held = held.lower, held.upper, held.pull**2, held.neutral
-        self._noise = (2 * np.pi * held.cutoff) ** 4
+        noise = (2 * np.pi * held.cutoff) ** 4
+        self._constants = noise, self._weights, self._body, self._held, PRIOR_INFORMATION, LEAST_GAIN
         # an outlier takes an end of a segment elsewhere, by more than the least jump of a point
         self._least_jump = MIN_JUMP / np.array([fit.segment_lengths[name] for name in fit.segments])
 
@@ -78,7 +79,7 @@ class Person:
 
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
         """Ellipsoid (d, d) of joint angles (dof,), and the position of the hand (3,) [m], in the trunk frame."""
-        poses, jacobians = self._kinematics.motion(self._kinematics.positions(q[None]))
+        poses, jacobians = self._kinematics.motion(q[None])
         jacobian, plain = self._kinematics.coupled(jacobians)[0], spec.kind == "velocity" and spec.joint_weights is None
         ellipsoid = squared(jacobian[spec.rows]) if plain else manipulability(jacobian, self.arm.resolved(spec))
         return ellipsoid, poses[0, :3, 3]
@@ -90,9 +91,9 @@ class Person:
         angles = 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
         return bool((angles > np.maximum(MAX_SPEED * dt, self._least_jump)).any())
 
-    def too_fast(self, before: ArmEstimate, found: ArmEstimate, dt: float) -> bool:
+    def is_too_fast(self, before: ArmEstimate, estimate: ArmEstimate, dt: float) -> bool:
         """Whether a joint is faster than joints are."""
-        return bool(np.abs(found.q - before.q).max() > MAX_SPEED * dt)
+        return bool(np.abs(estimate.q - before.q).max() > MAX_SPEED * dt)
 
     def begin(self, targets: Array, near: Array | None = None) -> ArmEstimate:
         """Search the whole joint range, with a preference for a configuration (dof,) `near` which the arm was lately.
@@ -116,20 +117,9 @@ class Person:
 
     def follow(self, before: ArmEstimate, targets: Array, dt: float) -> ArmEstimate:
         """Estimate the arm a time dt [s] after an estimate; joints that no point shows come to rest within 0.25 s."""
-        q, velocity, covariance, square = follow(
-            before.q,
-            before.velocity,
-            before.covariance,
-            targets,
-            dt,
-            math.exp(-dt / 0.25),
-            self._noise,
-            self._weights,
-            self._body,
-            self._held,
-            PRIOR_INFORMATION,
-            LEAST_GAIN,
-        )
+        decay = math.exp(-dt / 0.25)
+        state = before.q, before.velocity, before.covariance
+        q, velocity, covariance, square = follow(*state, targets, dt, decay, *self._constants)
         since_search = before.since_search + dt
         if square > RESIDUAL_SCALE**2 and since_search > 1.0 / KEY_RATE:
             # the arm may be in a wrong local minimum: then another configuration is worth the motion to it

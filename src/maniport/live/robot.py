@@ -1,32 +1,30 @@
-"""The robot that follows: its target of the present, and the motion towards it within all limits."""
+"""The robot that follows: its arms move towards the targets of the present within all limits."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
 from maniport.arms.manipulability import manipulability
-from maniport.motion import MotionLimits, Objective, SeedBank
+from maniport.live.led_arm import Target
+from maniport.motion import Limit, MotionLimits, Objective
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
+from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
-from maniport.motion.problem import Cost
-from maniport.motion.search.descent import descend
 from maniport.spd.affine_invariant import distance_unchecked
+from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
-# This share of the acceleration that the slowest joint gives a stretched arm's end effector brakes it before its target
-BRAKING = 0.5
-REFERENCE_WEIGHT = 2.0
-"""Weight of the distance from the reference [1/rad]: high enough that a robot that cannot follow fast enough stays on
-its branch of configurations, and low enough that the end effector is on its path where that is feasible."""
+CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
 
 
 class Robot:
-    """An arm that follows targets of the present, as `maniport.motion.track` follows those of a motion."""
+    """A group of arms that follows targets of the present, as `maniport.motion.track` follows those of a motion."""
 
     def __init__(
         self,
@@ -39,107 +37,119 @@ class Robot:
         costs: Sequence[Cost] = (),
         own_limits: Sequence[Limit] = (),
     ):
-        require_trackable(limits.arm, spec)
-        self._arm, self._spec = limits.arm, limits.arm.resolved(spec)
-        self._objective = Objective.of(limits.arm, spec, damping, FOLLOWING_WEIGHT, positive=True)
-        self._references = None if reference is None else SeedBank(limits.arm, reference, self._objective.damping, spec)
+        group = as_group(limits.arm)
+        for arm in group.arms:
+            require_trackable(arm, spec)
+        self._specs = group.specs(spec)
+        self._objectives = [
+            Objective.of(arm, own, damping, FOLLOWING_WEIGHT, positive=True)
+            for arm, own in zip(group.arms, self._specs, strict=True)
+        ]
+        self._candidates = None  # configurations to stay near, and the damped ellipsoids and positions of each arm
+        if reference is not None:
+            q = reference[evenly_spaced(len(reference), 500)]
+            parts = list(zip(self._objectives, group.split(q), strict=True))
+            ellipsoids = [own.damped(own.arm.ellipsoids(part, own.spec)) for own, part in parts]
+            self._candidates = q, ellipsoids, [own.arm.forward(part)[:, :3, 3] for own, part in parts]
         self._collision = None
         if collisions is not None and collisions.known:
             self._collision = CollisionLimit(collisions, separation_share=0.0)
         braking = BrakingLimit(limits.lower, limits.upper, limits.velocity, limits.acceleration)
         self._controller = Controller(limits.arm, braking, self._collision, costs, own_limits)
-        self._acceleration = BRAKING * self._controller.reaches[0] * float(limits.acceleration.min())
+        # this share of the acceleration that its slowest joint gives a stretched arm brakes it before its target
+        least = [limits.acceleration[columns].min() for columns in group.columns]
+        self._acceleration = 0.5 * np.array(self._controller.reaches) * np.array(least)
         self.rest(start)
 
     def rest(self, q: Array) -> None:
         """Be at rest in a configuration (dof,), without any memory of earlier steps."""
         if self._collision is not None:
             self._collision.reset()
-        self._reference = q
+        self._reference, self._reference_time = q, -math.inf
         self._set(ControlState.at_rest(q))
 
     def _set(self, state: ControlState) -> None:
-        self._state = state
-        poses, jacobians = self._arm.motion(state.q[None])
-        self.tip = poses[0, :3, 3]
-        self.achieved = manipulability(jacobians[0] @ self._arm.chain.coupling, self._spec)  # (d, d)
-
-    @property
-    def q(self) -> Array:
-        """Configuration, shape (dof,)."""
-        return self._state.q
-
-    @property
-    def velocity(self) -> Array:
-        """In the last step, shape (dof,)."""
-        return self._state.velocity
+        self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
+        self.positions, self.achieved = [], []  # (3,) and (d, d) of each arm
+        for objective, spec, columns in zip(self._objectives, self._specs, self._controller.columns, strict=True):
+            poses, jacobians = objective.arm.motion(state.q[None, columns])
+            self.positions.append(poses[0, :3, 3])
+            self.achieved.append(manipulability(jacobians[0] @ objective.arm.chain.coupling, spec))
 
     @property
     def resting(self) -> bool:
         """Whether it is at rest."""
         return not self.velocity.any()
 
-    def distance(self, target: Array) -> float:
-        """Affine-invariant distance of a target (d, d) and the achieved ellipsoid, with the damping."""
-        return float(distance_unchecked(self._objective.damped(target), self._objective.damped(self.achieved)))
-
-    def choose_reference(self, ellipsoid: Array, tip: Array | None, candidates: int = 5) -> None:
-        """Stay near that configuration of the reference, of those that suit a target best, which is nearest."""
-        if self._references is not None:
-            near = self._references.query(ellipsoid[None], None if tip is None else tip[None], k=candidates)[0]
-            self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
+    def distance(self, arm: int, target: Array) -> float:
+        """Affine-invariant distance of a target (d, d) and the achieved ellipsoid of an arm, with the damping."""
+        damped = self._objectives[arm].damped
+        return float(distance_unchecked(damped(target), damped(self.achieved[arm])))
 
     def follow(
-        self, ellipsoid: Array, tip: Array | None, before: Array | None, dt: float, speed_share: float, time: float
+        self,
+        before: Sequence[Target],
+        targets: Sequence[Target],
+        elapsed: float,
+        speed_share: float,
+        time: float,
+        reference_period: float = 0.05,
     ) -> None:
-        """Move for dt [s] towards an ellipsoid (d, d) and a position (3,).
+        """Move for the time that has elapsed [s] from the targets of each arm before to the new ones.
 
-        `before` is the position in the step before, `speed_share` the share of the velocity limits to use, and
-        `time` that of the step, for further costs [s].
+        `speed_share` is the share of the velocity limits to use, `time` that of the robot's clock [s]. The reference is
+        looked up anew after `reference_period` [s].
         """
-        position = None
-        if tip is not None:
-            assert before is not None
-            position = (tip - self._left_for_later(before, dt))[None]
-        problem = ControlProblem(
-            (self._objective.targets(ellipsoid[None], position),),
-            (before,),
-            self._reference,
-            1e-2 if self._references is None else REFERENCE_WEIGHT,
-            time,
-        )
-        self._set(self._controller.step(problem, self._state, dt, speed_share))
+        weight = 1e-2
+        if self._candidates is not None:
+            # high enough that a robot that cannot follow fast enough stays on its branch of configurations, and low
+            # enough that the end effector is on its path where that is feasible [1/rad]
+            weight = 2.0
+            if time - self._reference_time > reference_period:
+                self._choose_reference(targets)
+                self._reference_time = time
+        steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
+        dt, previous = elapsed / steps, tuple(own.position for own in before)
+        for step in range(1, steps + 1):
+            rows, current, share = [], [], step / steps
+            for k, (first, last) in enumerate(zip(before, targets, strict=True)):
+                position = aim = None
+                if first.position is not None and last.position is not None:
+                    position = first.position + share * (last.position - first.position)
+                    aim = (position - self._uncorrected(k, previous[k], dt))[None]
+                ellipsoid = last.ellipsoid
+                if step < steps:
+                    ellipsoid = first.ellipsoid + share * (ellipsoid - first.ellipsoid)
+                rows.append(self._objectives[k].targets(ellipsoid[None], aim))
+                current.append(position)
+            problem = ControlProblem(tuple(rows), previous, PostureCost(self._reference, weight), time)
+            self._set(self._controller.step(problem, self._state, dt, speed_share))
+            previous = tuple(current)
 
-    def _left_for_later(self, before: Array, dt: float) -> Array:
+    def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
+        """Choose the candidate nearest to the present configuration of those that suit the targets best."""
+        assert self._candidates is not None
+        q, ellipsoids, positions = self._candidates
+        cost = np.zeros(len(q))
+        for i, (target, position) in enumerate(targets):
+            damped = np.broadcast_to(self._objectives[i].damped(target), ellipsoids[i].shape)
+            cost += distance_unchecked(damped, ellipsoids[i]) ** 2
+            if position is not None:
+                cost += np.sum((6.0 * (positions[i] - position)) ** 2, axis=1)  # [1/m]
+        near = q[np.argsort(cost)[:count]]
+        self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
+
+    def _uncorrected(self, arm: int, target: Array | None, dt: float) -> Array:
         """The part of the error at the last target that is not corrected within dt, so that braking is possible."""
-        error = before - self.tip
+        assert target is not None
+        error = target - self.positions[arm]
         away = max(math.sqrt(error @ error), 1e-9)
-        return np.asarray(error * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration / away)))
+        return np.asarray(error * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration[arm] / away)))
 
-    def brake(self, dt: float) -> None:
-        """Come to rest as soon as accelerations allow, for a time dt [s]."""
-        self._set(self._controller.brake(self._state, dt))
-
-
-def best_start(
-    arm: Arm,
-    spec: EllipsoidSpec,
-    damping: Damping,
-    ellipsoid: Array,
-    tip: Array | None,
-    collisions: Collisions | None,
-    random_state: int,
-    samples: int = 4096,
-    starts: int = 48,
-) -> Array:
-    """The collision-free configuration (dof,) found that suits an ellipsoid (d, d) and a position of the tip best."""
-    bank = SeedBank.build(arm, samples, random_state, spec=spec, collisions=collisions)
-    objective = Objective.of(arm, spec, damping, positive=True)
-    positions = None if tip is None else np.tile(tip, (starts, 1))
-    targets = objective.targets(np.repeat(ellipsoid[None], starts, axis=0), positions)
-    near = bank.starts_for(targets[:1], starts)[0]
-    found = np.concatenate([descend(targets, near[:, None], 1e-6, 100, block=starts), near])
-    # samples are taken only where no configuration that was found from them is free
-    costs = np.concatenate([targets.cost(found[:starts]), targets.cost(near) + 1e6])
-    found = found[np.argsort(costs, kind="stable")]
-    return np.asarray(found[0] if collisions is None else found[np.argmin(collisions.collides(found))])
+    def brake(self, elapsed: float) -> None:
+        """Come to rest as soon as accelerations allow, for the time that has elapsed [s]."""
+        steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
+        for _ in range(steps):
+            self._set(self._controller.brake(self._state, elapsed / steps))
+            if self.resting:
+                break

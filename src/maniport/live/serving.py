@@ -39,15 +39,15 @@ class Summary:
     """Position errors while the person is followed [m], of the last frames, and their times [s]."""
 
     def __str__(self) -> str:
-        counts = f"{self.answered} frames answered, {self.skipped} skipped since newer ones waited, "
-        counts += f"{self.refused} refused"
+        text = f"{self.answered} frames answered, {self.skipped} skipped since newer ones waited, "
+        text += f"{self.refused} refused"
         if self.lost:
-            counts += f", {self.lost} answers lost since nobody read them"
+            text += f", {self.lost} answers lost since nobody read them"
         if not self.answered:
-            return counts
+            return text
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
         held, lagging = (count / (self.answered + self.unprompted) for count in (self.held, self.lagging))
-        text = f"{counts}; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
+        text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
         text += f"; held {held:.1%}, lagged {lagging:.1%}"
         if not self.lags:
             return text
@@ -57,23 +57,21 @@ class Summary:
         return f"{text}, max {1e3 * largest:.0f} mm at {at:.2f} s"
 
 
-def serve(
-    live: Any, transport: Pipe | Datagrams, stop: Any, every: bool = False, clock: Callable[[], float] = time.monotonic
-) -> Summary:
-    """Answer frames until there are no more, the reader leaves, or `stop` can be read; then bring the robot to rest.
+class Server:
+    """Answers the frames of a transport with the states of a robot.
 
-    `stop` is a socket, or the like, to which a signal handler or another thread writes a byte. With `every` each frame
-    is answered, none before its time; otherwise the newest.
+    With `every` each frame is answered, none before its time; otherwise the newest. `stop` is a socket, or the like, to
+    which a signal handler or another thread writes a byte.
     """
-    server = _Server(live, transport, stop, every, clock)
-    server.run()
-    return server.summary
 
-
-class _Server:
-    """The state of the loop."""
-
-    def __init__(self, live: Any, transport: Pipe | Datagrams, stop: Any, every: bool, clock: Callable[[], float]):
+    def __init__(
+        self,
+        live: Any,
+        transport: Pipe | Datagrams,
+        stop: Any,
+        every: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ):
         self.summary = Summary()
         self._live, self._transport, self._stop, self._every, self._clock = live, transport, stop, every, clock
         self._count, self._skipped = 0, 0
@@ -87,13 +85,14 @@ class _Server:
         self._patience = LONGEST_WAIT
         self._rests, self._read = True, True
 
-    def run(self) -> None:
-        """Serve until the end."""
-        self._send(self._hello())
+    def run(self, longest_braking: float = 5.0) -> Summary:
+        """Serve until frames end, the reader leaves, or `stop` can be read; then bring the robot to rest."""
+        self._greet()
         while self._read:
-            waiting = self._lines or self._next is not None
-            sources = [self._stop] if waiting else [self._stop, self._transport]
-            ready, free, _ = select.select(sources, self._transport.blocked(), [], self._pause())
+            due = self._late if self._next is None else min(self._late, self._due)
+            pause = None if due == math.inf else max(due - self._clock(), 0.0)
+            sources = [self._stop] if self._lines or self._next is not None else [self._stop, self._transport]
+            ready, free, _ = select.select(sources, self._transport.blocked(), [], pause)
             if self._stop in ready:
                 break
             if free:
@@ -105,7 +104,16 @@ class _Server:
                 self._lines.extend(lines)
                 self._received = self._clock()
             self._process()
-        self._come_to_rest()
+        end = self._clock() + longest_braking
+        while self._read and not self._rests and self._clock() < end:
+            time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
+            self._step(None)
+        return self.summary
+
+    @property
+    def _late(self) -> float:
+        """When the robot brakes without a frame, by the clock [s]."""
+        return math.inf if self._rests else max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
 
     def _process(self) -> None:
         """Process lines that are due. Each is read by itself, so that junk does not delay braking."""
@@ -113,43 +121,14 @@ class _Server:
             held_back = self._every and self._next is not None
             if self._lines and not held_back:
                 self._read_line(self._lines.popleft())
-            now = self._clock()
-            late = self._late() <= now
+            now, waits = self._clock(), self._every and self._next is not None
+            late = self._late <= now
             if self._next is not None and (self._every or late or not self._lines) and self._due <= now:
-                self._answer_next(now)
+                self._answer(*self._next, now)
             elif late:
                 self._step(None)
-            elif not self._lines or (self._every and self._next is not None):
+            elif waits or not self._lines:
                 return
-
-    def _hello(self) -> bytes:
-        """The first line, and the answer to the empty object."""
-        arm = self._live.robot
-        return encoded(
-            maniport=__version__,
-            points=list(self._live.points),
-            units=dict(zip(arm.joint_names, arm.joint_units, strict=True)),
-            start=dict(zip(arm.joint_names, self._live.joint_positions.tolist(), strict=True)),
-            **self._transport.about,
-        )
-
-    def _send(self, text: bytes, receiver: Any = None) -> None:
-        """Send an answer; where every frame is answered, wait until it is taken or the loop is stopped."""
-        self._read = self._transport.send(text, receiver) and self._read
-        while self._every and self._read and (blocked := self._transport.blocked()):
-            if select.select([self._stop], blocked, [])[0]:
-                break
-            self._read = self._transport.flush()
-        self.summary.lost = self._transport.lost
-
-    def _late(self) -> float:
-        """When the robot brakes without a frame, by the clock [s]."""
-        return math.inf if self._rests else max(self._arrived + self._patience, self._stepped + BRAKING_STEP)
-
-    def _pause(self) -> float | None:
-        """How long to wait for lines [s]; None for ever."""
-        due = self._late() if self._next is None else min(self._late(), self._due)
-        return None if due == math.inf else max(due - self._clock(), 0.0)
 
     def _read_line(self, line: Line) -> None:
         """Read a line; its frame is the next one, instead of one that was not processed yet."""
@@ -157,7 +136,7 @@ class _Server:
         try:
             frame = read_frame(line.text, self._live.points)
             if frame is None:
-                self._send(self._hello(), line.sender)
+                self._greet(line.sender)
                 return
             self._accept(frame, self._clock())
         except InvalidInputError as error:
@@ -179,15 +158,9 @@ class _Server:
         self._patience = min(2.0 * abs(frame.t - self._newest), LONGEST_WAIT)
         self._newest, self._arrived = frame.t, now
 
-    def _refuse(self, error: Exception, line: Line) -> None:
-        self.summary.refused += 1
-        self._send(encoded(error=" ".join(str(error).split()), line=self._count), line.sender)
-
-    def _answer_next(self, now: float) -> None:
+    def _answer(self, frame: Frame, line: Line, now: float) -> None:
         """Process the next frame."""
-        assert self._next is not None
-        (frame, line), self._next = self._next, None
-        self._sender = line.sender
+        self._next, self._sender = None, line.sender
         try:
             self._step(frame)
         except ManiportError as error:
@@ -200,30 +173,48 @@ class _Server:
     def _step(self, frame: Frame | None) -> None:
         """Move the robot with a frame, or let it brake; send its state."""
         live, summary = self._live, self.summary
-        moment = live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
-        self._stepped, self._rests = self._clock(), not moment.joint_velocities.any()
+        state = live.step(None) if frame is None else live.step(frame.points, frame.t + self._offset)
+        self._stepped, self._rests = self._clock(), not state.joint_velocities.any()
         summary.answered += frame is not None
         summary.unprompted += frame is None
-        summary.held += moment.state == HOLDING
-        summary.lagging += moment.state == LAGGING
+        summary.held += state.state == HOLDING
+        summary.lagging += state.state == LAGGING
         summary.skipped += self._skipped
-        if moment.tip_error is not None and moment.state not in (REACHING, HOLDING):
-            summary.lags.append((moment.tip_error, moment.time))
-        line = encoded(
-            t=moment.time,
+        if state.position_error is not None and state.state not in (REACHING, HOLDING):
+            summary.lags.append((state.position_error, state.time))
+        skipped, self._skipped = self._skipped, 0
+        self._send(
+            self._sender,
+            t=state.time,
             frame=None if frame is None else frame.t,
-            state=moment.state,
-            joints=dict(zip(live.robot.joint_names, moment.joint_positions.tolist(), strict=True)),
-            distance=moment.distance,
-            tip_error=moment.tip_error,
-            skipped=self._skipped,
+            state=state.state,
+            joints=dict(zip(live.robot.joint_names, state.joint_positions.tolist(), strict=True)),
+            distance=state.distance,
+            position_error=state.position_error,
+            skipped=skipped,
         )
-        self._skipped = 0
-        self._send(line, self._sender)
 
-    def _come_to_rest(self, longest: float = 5.0) -> None:
-        """Let the robot brake until it rests [s]."""
-        end = self._clock() + longest
-        while self._read and not self._rests and self._clock() < end:
-            time.sleep(max(self._stepped + BRAKING_STEP - self._clock(), 0.0))
-            self._step(None)
+    def _greet(self, receiver: Any = None) -> None:
+        """Send the first line, which is also the answer to the empty object."""
+        arm = self._live.robot
+        self._send(
+            receiver,
+            maniport=__version__,
+            points=list(self._live.points),
+            units=dict(zip(arm.joint_names, arm.joint_units, strict=True)),
+            start=dict(zip(arm.joint_names, self._live.joint_positions.tolist(), strict=True)),
+            **self._transport.about,
+        )
+
+    def _refuse(self, error: Exception, line: Line) -> None:
+        self.summary.refused += 1
+        self._send(line.sender, error=" ".join(str(error).split()), line=self._count)
+
+    def _send(self, receiver: Any, **content: Any) -> None:
+        """Send an answer; where every frame is answered, wait until it is taken or the loop is stopped."""
+        self._read = self._transport.send(encoded(**content), receiver) and self._read
+        while self._every and self._read and (blocked := self._transport.blocked()):
+            if select.select([self._stop], blocked, [])[0]:
+                break
+            self._read = self._transport.flush()
+        self.summary.lost = self._transport.lost

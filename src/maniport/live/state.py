@@ -1,29 +1,57 @@
-"""The state of a robot that follows live: which state it is in, and what one step of `maniport.Live` returns."""
+"""A robot that follows live: the result of a step, its state machine, and the time for which it moves."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from maniport.util.validation import Array
+from maniport.errors import InvalidInputError
+from maniport.util.validation import LATEST, Array, as_number
 
-REACHING = "reaching"
-FOLLOWING = "following"
-LAGGING = "lagging"
-HOLDING = "holding"
-RECOVERING = "recovering"
-STATES = (REACHING, FOLLOWING, LAGGING, HOLDING, RECOVERING)
-"""`reaching`: goes from its start to the target. `following`. `lagging`: follows as fast as it can, with the end
-effector far from its path. `holding`: brakes and rests, since the person is not seen or jumps. `recovering`: returns to
-the target after that."""
-
+REACHING, FOLLOWING, LAGGING, HOLDING, RECOVERING = STATES = (
+    "reaching",  # goes from its start to the target
+    "following",
+    "lagging",  # follows as fast as it can, with an end effector far from its path
+    "holding",  # brakes and rests, since the person is not seen or jumps
+    "recovering",  # returns to the target after that
+)
 NEAR = 0.01  # The robot is at its target when its end effector is so near to it [m]
 FAR = 0.03  # The robot lags once its end effector is farther away than this, until it is near again [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
-    """The robot at one time, and its targets, as a step of `Live` returns them.
+class LiveArm:
+    """One arm of the robot in a step, and of the person who leads it.
+
+    Attributes
+    ----------
+    achieved : ndarray, shape (d, d)
+        Velocity ellipsoid of the robot's arm in the base frame.
+    position : ndarray, shape (3,)
+        Position of its end effector in the base frame [m].
+    person : ndarray, shape (7,), or None
+        The last estimate of the joint angles [rad]; None, as the rest, before the arm is seen first.
+    demonstrated, target : ndarray, shape (d, d), or None
+        The person's ellipsoid in the trunk frame, and the target in the robot's base frame; that of velocity also where
+        forces were transferred.
+    distance : float or None
+        Affine-invariant distance of target and achieved ellipsoid, with the damping.
+    position_error : float or None
+        Distance of the end effector from the target of the path [m]; None without a path.
+    """
+
+    achieved: Array
+    position: Array
+    person: Array | None = None
+    demonstrated: Array | None = None
+    target: Array | None = None
+    distance: float | None = None
+    position_error: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveState:
+    """The robot after a step of `Live`.
 
     Attributes
     ----------
@@ -33,33 +61,37 @@ class Moment:
     state : str
         One of `STATES`.
     joint_positions, joint_velocities : ndarray, shape (dof,)
-        Of the robot [rad or m, and per second].
-    achieved : ndarray, shape (d, d)
-        Its velocity ellipsoid in its base frame.
-    tip : ndarray, shape (3,)
-        Position of its end effector in its base frame [m].
-    person : ndarray, shape (7,), or None
-        The last estimate of the person's joint angles [rad]; None, as the rest, before the person is seen first.
-    demonstrated, target : ndarray, shape (d, d), or None
-        The person's ellipsoid in the trunk frame, and the target in the robot's base frame; that of velocity also where
-        forces were transferred.
-    distance : float or None
-        Affine-invariant distance of target and achieved ellipsoid, with the damping.
-    tip_error : float or None
-        Distance of the end effector from the target of the path [m]; None without a path.
+        Of all joints of the robot [rad or m, and per second].
+    arms : tuple of LiveArm
     """
 
     time: float
     state: str
     joint_positions: Array
     joint_velocities: Array
-    achieved: Array
-    tip: Array
-    person: Array | None
-    demonstrated: Array | None
-    target: Array | None
-    distance: float | None
-    tip_error: float | None
+    arms: tuple[LiveArm, ...]
+
+    @property
+    def arm(self) -> LiveArm:
+        """The only arm; `InvalidInputError` when there are several."""
+        if len(self.arms) != 1:
+            raise InvalidInputError(f"arm is for robots of one arm; found {len(self.arms)}; use arms")
+        return self.arms[0]
+
+    @property
+    def distance(self) -> float | None:
+        """Largest distance of all arms."""
+        return largest(arm.distance for arm in self.arms)
+
+    @property
+    def position_error(self) -> float | None:
+        """Largest position error of all arms [m]."""
+        return largest(arm.position_error for arm in self.arms)
+
+
+def largest(values: Iterable[float | None]) -> float | None:
+    """Return the largest number, None where there is none."""
+    return max((value for value in values if value is not None), default=None)
 
 
 class FollowState:
@@ -74,19 +106,15 @@ class FollowState:
         """Whether the robot moves to the target from afar."""
         return self.state in (REACHING, RECOVERING)
 
-    def hold(self) -> None:
-        """Brake and rest."""
-        self.state = HOLDING
-
     def resume(self) -> None:
         """End the rest."""
         if self.state == HOLDING:
             self.state, self._least = RECOVERING, np.inf
 
-    def update(self, now: float, position_error: float | None, distance: Callable[[], float]) -> None:
+    def update(self, now: float, position_error: float | None, distance: float | None) -> None:
         """Update the state at a time [s]; an approach ends near the target, or after 0.5 s without coming nearer."""
         if self.approaching:
-            error, enough = (distance(), 0.1) if position_error is None else (position_error, NEAR)
+            error, enough = (distance or 0.0, 0.1) if position_error is None else (position_error, NEAR)
             if error < 0.98 * self._least:
                 self._least, self._least_at = error, now
             if error > enough and now - self._least_at <= 0.5:
@@ -94,3 +122,44 @@ class FollowState:
             self.state = FOLLOWING
         if position_error is not None and not NEAR < position_error <= FAR:
             self.state = FOLLOWING if position_error <= NEAR else LAGGING
+
+
+class MotionClock:
+    """Measure the time for which the robot may move, by this machine's clock or, without one, in simulated time."""
+
+    def __init__(self, read: Callable[[], float] | None):
+        if read is not None and not callable(read):
+            raise InvalidInputError(f"clock must be a function without arguments, or None; found {read!r:.80}")
+        self._read = read
+        self.now, self._moved = -float("inf"), -float("inf")
+        self.state_time, self._offset = 0.0, 0.0
+
+    def read(self) -> float:
+        """Read this machine's clock [s]; raise InvalidInputError where it is simulated or returns no finite number."""
+        if self._read is None:
+            raise InvalidInputError("time is required where clock is None: the times of frames count")
+        return as_number(self._read(), "the time that clock returns [s]", minimum=-LATEST, maximum=LATEST)
+
+    def begin_step(self, frame_time: float | None) -> float:
+        """Begin a step; return the time since the last one for which the robot may move [s]."""
+        simulated = self._read is None
+        now = frame_time if frame_time is not None and simulated else self.read()
+        if self.now == -float("inf"):
+            self._moved, self.state_time = now, now if frame_time is None else frame_time
+            self._offset = self.state_time - now
+        self.now = max(self.now, now)
+        elapsed = max(self.now - self._moved, 0.0)
+        self._moved = max(self._moved, self.now)
+        self.state_time = now if simulated else self.state_time + elapsed
+        return elapsed
+
+    def end_step(self, rested: bool, computing_time: float = 0.002) -> None:
+        """End a step in which the robot moved or rested, and whose command leaves now.
+
+        After a step longer than `computing_time` (the median is 0.3 ms) two commands may leave at almost the same time,
+        and the robot must not move in between for the whole time between the beginnings of both steps.
+        """
+        if rested:  # the time that long steps took from the motion does not matter at rest
+            self.state_time = max(self.state_time, self.now + self._offset)
+        if self._read is not None:
+            self._moved = max(self._moved, self.read() - computing_time)

@@ -20,7 +20,7 @@ class Line(NamedTuple):
 
 
 class Pipe:
-    """Lines in by a file descriptor, lines out by another."""
+    """Lines in by a file descriptor, lines out by another; `lost` counts answers that could not be written."""
 
     def __init__(self, source: int, sink: int):
         self._source, self._sink = source, sink
@@ -65,12 +65,15 @@ class Pipe:
         except BrokenPipeError:
             return False
         except OSError as error:
-            raise _not_written(error) from None
+            raise OutputError(f"answers cannot be written: {error.strerror or error}") from None
         return True
 
 
 class Datagrams:
-    """A UDP port: one line a datagram, answered to its sender, or to the port `send` for all."""
+    """A UDP port: one line a datagram, answered to its sender, or to the port `send` for all.
+
+    Answers without a receiver are also written to the file `sink`. Datagrams never wait and may be lost.
+    """
 
     def __init__(self, port: int, host: str = LOOPBACK, send: int | None = None, sink: BinaryIO | None = None):
         if send is not None:
@@ -83,10 +86,7 @@ class Datagrams:
         address = self._socket.getsockname()
         self._receiver = None if send is None else (address[0], send, *address[2:])
         self.about = {"host": address[0], "udp": address[1]}
-
-    def fileno(self) -> int:
-        """File descriptor to wait for."""
-        return self._socket.fileno()
+        self.fileno, self.close = self._socket.fileno, self._socket.close
 
     def receive(self, most: int = 256) -> list[Line]:
         """Datagrams that have arrived; no more than some, since frames are processed in between."""
@@ -104,7 +104,7 @@ class Datagrams:
                 self._sink.write(text)
                 self._sink.flush()
             except OSError as error:
-                raise _not_written(error) from None
+                raise OutputError(f"answers cannot be written: {error.strerror or error}") from None
         if (to := self._receiver or receiver) is not None:
             with suppress(OSError):  # buffers are full, or nobody can be reached: lost, as datagrams may be
                 self._socket.sendto(text, to)
@@ -117,11 +117,3 @@ class Datagrams:
     def flush(self) -> bool:
         """Nothing waits."""
         return True
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._socket.close()
-
-
-def _not_written(error: OSError) -> OutputError:
-    return OutputError(f"answers cannot be written: {error.strerror or error}")

@@ -11,7 +11,6 @@ from scipy.ndimage import gaussian_filter1d
 from maniport.arms import Arm
 from maniport.mocap.recording import Bools, frames_between
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
 
@@ -98,10 +97,6 @@ class ArmFit(NotebookDisplay):
             When no frame lies in that interval.
         """
         return self.only(frames_between(self.time, start, stop))
-
-    def thinned(self, count: int) -> "ArmFit":
-        """Keep at most `count` frames, evenly spaced; otherwise as `crop`."""
-        return self.only(evenly_spaced(len(self), count))
 
     def only(self, keep: NDArray[Any]) -> "ArmFit":
         """Keep some of the frames, by a mask or by their indices; otherwise as `crop`."""
@@ -240,6 +235,11 @@ class HumanMotion(NotebookDisplay):
 
     def __repr__(self) -> str:
         return f"HumanMotion({' and '.join(repr(fit.arm.name) for fit in self.arms)}, {self.summary})"
+
+    def repetitions(self) -> list[tuple[float, float]]:
+        """Find (start, stop) [s] of each time that the hand with the longer path moves out and back."""
+        lengths = np.linalg.norm(np.diff(self.hands, axis=1), axis=-1).sum(axis=1)
+        return self.arms[int(np.argmax(lengths))].repetitions()
 
     def crop(self, start: float | None = None, stop: float | None = None) -> "HumanMotion":
         """Keep the frames with start ≤ time ≤ stop [s] of all arms; see `ArmFit.crop`."""

@@ -1,7 +1,7 @@
 """Joint angles of one or several human arms from a recording."""
 
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from typing import Any
@@ -19,9 +19,8 @@ from maniport.mocap.cleaning import as_smoothing
 from maniport.mocap.data_quality import (
     AT_LIMIT,
     calibration_pose,
-    fit_notes,
-    fit_warnings,
     gap_warning,
+    model_differences,
     observability,
 )
 from maniport.mocap.directions import require_human
@@ -31,7 +30,7 @@ from maniport.mocap.recording import LONGEST_GAP, Recording
 from maniport.mocap.roles import assign_roles, role_position
 from maniport.util.defaults import AUTO, BOTH, KEEP
 from maniport.util.progress import Progress, Step
-from maniport.util.validation import Array, as_choice, as_number
+from maniport.util.validation import as_choice, as_number
 
 GROUP = LEFT, RIGHT  # Order of the arms of a person
 
@@ -97,14 +96,9 @@ def fit_arm(
         the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
         exchanged.
     """
-    height, cutoff = require_person(person, side, height, smooth, jumps)
-    observation = observe(recording, markers, side, as_number(fill, "fill [s]", minimum=0.0), cutoff)
-    step = Step(progress, "Fit human arm")
-    fit, differences = _fit(recording, observation, person, height, jumps, step)
-    for text in differences:
-        warnings.warn(text, ManiportWarning, stacklevel=2)
-    step.end(fit.summary)
-    return fit
+    require_person(person, side, height, smooth, jumps)  # rejects "both"
+    options: dict[str, Any] = {"side": side, "height": height, "smooth": smooth, "jumps": jumps}
+    return fit_arms(recording, person, markers, fill, progress, **options).arms[0]
 
 
 def fit_arms(
@@ -114,6 +108,7 @@ def fit_arms(
     fill: float = LONGEST_GAP,
     progress: Progress | None = None,
     *,
+    side: str = BOTH,
     height: float | None = None,
     smooth: str | float = AUTO,
     jumps: str = KEEP,
@@ -128,7 +123,9 @@ def fit_arms(
         The person's trunk and both arms.
     markers : mapping, optional
         Points of roles for each arm, ``{"left": {...}, "right": {...}}``, as in `fit_arm`; those of the trunk are taken
-        from the right arm.
+        from the right arm. For one arm as in `fit_arm`.
+    side : {"both", "auto", "right", "left"}
+        Both arms, or one as in `fit_arm`.
     person, fill, progress, height, smooth, jumps : optional
         As in `fit_arm`; so are the other errors and the warnings.
 
@@ -137,30 +134,36 @@ def fit_arms(
     RecordingError
         When one of the arms is not recorded, or never all of them at once.
     """
-    height, cutoff = require_person(person, AUTO, height, smooth, jumps)
+    both = side == BOTH
+    height, cutoff = require_person(person, AUTO if both else side, height, smooth, jumps)
     fill = as_number(fill, "fill [s]", minimum=0.0)
-    own = markers_by_side(recording, markers)
-    observations = {side: observe(recording, own[side], side, fill, cutoff) for side in GROUP}
-    counts = ", ".join(f"{len(one.frames)} the {side} one" for side, one in observations.items())
-    common = _common(
-        observations.values(), f"no frame of {recording.source!r} has all arms; fully observed are {counts}"
-    )
-    trunk, fits = observations[RIGHT].trunk, []
-    for side, observation in observations.items():
-        step = Step(progress, f"Fit human {side} arm")
-        observation = replace(observation, frames=common, trunk=trunk)
-        fit, differences = _fit(recording, observation, person, height, jumps, step)
+    chosen = _markers_by_side(recording, markers) if both else {side: markers}
+    observations = [observe(recording, own, name, fill, cutoff) for name, own in chosen.items()]
+    counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
+    common = _common(observations, f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
+    trunk, fits = observations[-1].trunk, []
+    for observation in observations:
+        step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
+        fit, differences = _fit(
+            recording, replace(observation, frames=common, trunk=trunk), person, height, jumps, step
+        )
         for text in differences:
-            warnings.warn(f"{side} arm: {text}", ManiportWarning, stacklevel=2)
+            text = f"{observation.side} arm: {text}" if both else text
+            warnings.warn(text, ManiportWarning, stacklevel=2 if both else 3)
         step.end(fit.summary)
         fits.append(fit)
     common = _common(fits, f"the longest parts of {recording.source!r} without jumps of either arm share no frame")
-    fits = [fit.only(np.isin(fit.frames, common)) for fit in fits]
-    origins = np.stack([_origin(one, trunk, fit) for one, fit in zip(observations.values(), fits, strict=True)])
-    return HumanMotion(tuple(fits), origins - origins.mean(axis=0))
+    fits = [fit if len(fit) == len(common) else fit.only(np.isin(fit.frames, common)) for fit in fits]
+    origins = []
+    for observation, fit in zip(observations, fits, strict=True):  # of the base frames in the trunk, from the neck
+        neck = role_position(observation.used, observation.roles["trunk_up"][1])
+        shoulder = np.sum(trunk * (observation.points["shoulder"] - neck)[:, :, None], axis=1)[fit.frames]
+        own = fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0]
+        origins.append(np.median(shoulder - own, axis=0))
+    return HumanMotion(tuple(fits), np.stack(origins) - np.mean(origins, axis=0))
 
 
-def markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
+def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
     """Return the markers of each arm, with one trunk for all."""
     own = {} if markers is None else markers
     if not isinstance(own, Mapping) or not set(own) <= set(GROUP):
@@ -187,22 +190,15 @@ def markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) -> 
             f"{recording.source!r} shows one arm, or the names of its points have no side"
         )
     trunk = {role: roles[RIGHT].get(role) for role in TRUNK}
-    return {side: {**(own.get(side) or {}), **trunk} for side in SIDES}
+    return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _common(parts: Collection[Observation] | Collection[ArmFit], message: str) -> NDArray[np.intp]:
+def _common(parts: Sequence[Observation] | Sequence[ArmFit], message: str) -> NDArray[np.intp]:
     """Return the frames that all parts have."""
     frames = reduce(np.intersect1d, [part.frames for part in parts])
     if not len(frames):
         raise RecordingError(message)
     return frames
-
-
-def _origin(observation: Observation, trunk: Array, fit: ArmFit) -> Array:
-    """Return the origin of an arm's base frame in the trunk, from the neck [m]."""
-    neck = role_position(observation.used, observation.roles["trunk_up"][1])
-    shoulder = np.sum(trunk * (observation.points["shoulder"] - neck)[:, :, None], axis=1)[fit.frames]
-    return np.asarray(np.median(shoulder - fit.arm.point_positions(fit.joint_angles, ("shoulder",))[:, 0], axis=0))
 
 
 def _fit(
@@ -218,7 +214,7 @@ def _fit(
         solve_arm(directions, time, roles, step), time, observation.frames, arm.joint_names, jumps
     )
     directions, time = directions.take(kept), time[kept]
-    angles = directions.angles(q)
+    angles, twists = directions.errors(q)
     share, reasons, beyond = observability(directions, roles, q)
     texts = (
         *observation.quality_warnings,
@@ -234,7 +230,7 @@ def _fit(
         frames=_frozen(observation.frames[kept]),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
-        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in directions.twists(q).items()},
+        twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
         observable=_frozen(share > 0.5),
         observable_share=_frozen(share),
         reasons=reasons,
@@ -245,9 +241,9 @@ def _fit(
         notes=tuple(notes),
         quality_warnings=tuple(filter(None, texts)),
     )
-    differences = fit_warnings(fit)
-    notes += fit_notes(fit)
-    return replace(fit, notes=tuple(notes), quality_warnings=(*differences, *fit.quality_warnings)), differences
+    differences, small = model_differences(fit)
+    fit = replace(fit, notes=(*notes, *small), quality_warnings=(*differences, *fit.quality_warnings))
+    return fit, differences
 
 
 def require_person(
@@ -256,7 +252,7 @@ def require_person(
     """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
-        takes = "maniport transfer and maniport view" if typed() else "fit_arms and transfer_recording"
+        takes = "maniport transfer, batch and view" if typed() else "fit_arms and transfer_recording"
         raise InvalidInputError(
             f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )

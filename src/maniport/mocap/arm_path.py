@@ -17,7 +17,7 @@ from maniport.errors import argument
 from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.directions import Directions
 from maniport.mocap.path_solver import parts_of, solve_each, solve_long
-from maniport.mocap.recording import when
+from maniport.mocap.recording import Bools, when
 from maniport.util.defaults import KEEP
 from maniport.util.progress import Step
 from maniport.util.validation import Array
@@ -32,24 +32,6 @@ reach 2300 and their shoulders 7000 (Fleisig et al., Journal of Biomechanics 32,
 KEY_RATE = 8.0  # Key frames per second
 RESIDUAL_SCALE = 0.02  # A residual that costs as much [rad] …
 MOTION_SCALE = 0.25  # … as this joint motion from one key frame to the next [rad]
-
-
-def solve_arm(directions: Directions, time: Array, roles: Collection[str], step: Step) -> Array:
-    """Return the joint angles (n, dof) of the path."""
-    step(0.1)
-    priors = joint_priors(directions.arm, roles)
-    start = np.clip(_initial_path(directions, time), priors.lower, priors.upper)
-    step(0.4)
-    return solve_long(
-        lambda part: directions.take(part).residual,
-        start,
-        priors.lower,
-        priors.upper,
-        _smoothing(time, priors.cutoff),
-        priors.pull,
-        priors.neutral,
-        lambda part: step(0.4 + 0.6 * part),
-    )
 
 
 @dataclass(frozen=True)
@@ -82,27 +64,6 @@ def joint_priors(arm: Arm, roles: Collection[str]) -> JointPriors:
     return JointPriors(lower, upper, pull, neutral, cutoff)
 
 
-def _smoothing(time: Array, cutoff: Array) -> Array:
-    """Return the weight κ/Δt² of each joint's acceleration in each frame, (n, dof); zero at the ends and at gaps."""
-    weight = np.zeros((len(time), len(cutoff)))
-    if len(time) > 2:
-        steps = np.diff(time)
-        joined = steps < 1.5 * np.median(steps)
-        full = 1 / (2 * np.pi * cutoff * np.median(steps)) ** 2
-        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
-    return weight
-
-
-def _initial_path(directions: Directions, time: Array) -> Array:
-    """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between."""
-    keys = _key_frames(time)
-    parts = parts_of(len(keys), 512)  # which bounds the memory
-    solutions = [_local_solutions(directions.take(keys[part])) for part in parts]
-    candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
-    path = _cheapest_path(candidates, cost)
-    return np.stack([np.interp(time, time[keys], path[:, j]) for j in range(path.shape[1])], axis=-1)
-
-
 def sample_directions(directions: Directions) -> tuple[Array, Array]:
     """Return samples of the joint range, shape (1024, dof), and their directions, shape (1024, k, 3)."""
     samples = directions.arm.sample(1024, random_state=0)
@@ -116,28 +77,42 @@ def nearest_samples(targets: Array, samples: Array, count: int = 6) -> NDArray[n
     return np.argsort(-similarity, axis=1)[:, :count]
 
 
-def _local_solutions(directions: Directions) -> tuple[Array, Array]:
-    """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k)."""
-    arm = directions.arm
-    samples, modeled = sample_directions(directions)
-    starts = samples[nearest_samples(directions.targets, modeled)]
-    repeated = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
-    solved, cost = solve_each(
-        lambda q, rows: repeated.take(rows).residual(q), starts.reshape(-1, arm.dof), arm.lower, arm.upper
+def solve_arm(directions: Directions, time: Array, roles: Collection[str], step: Step) -> Array:
+    """Return the joint angles (n, dof) of the path."""
+    step(0.1)
+    priors = joint_priors(directions.arm, roles)
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    joined = steps < 1.5 * usual
+    start = np.clip(_initial_path(directions, time, usual, joined), priors.lower, priors.upper)
+    step(0.4)
+    weight = np.zeros_like(start)  # κ/Δt² of each joint's acceleration in each frame; zero at the ends and at gaps
+    if len(steps) > 1:
+        full = 1 / (2 * np.pi * priors.cutoff * usual) ** 2
+        weight[1:-1] = np.where((joined[1:] & joined[:-1])[:, None], full, 0.0)
+    return solve_long(
+        lambda part: directions.take(part).residual,
+        start,
+        priors.lower,
+        priors.upper,
+        weight,
+        priors.pull,
+        priors.neutral,
+        lambda part: step(0.4 + 0.6 * part),
     )
-    return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def _key_frames(time: Array) -> NDArray[np.intp]:
-    """Return frames at about `KEY_RATE`, with the first and the last, and both sides of every gap."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    every = max(1, round(1 / (KEY_RATE * step)))
-    gaps = np.flatnonzero(np.diff(time) > 1.5 * step)
-    return np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
+def _initial_path(directions: Directions, time: Array, usual: float, joined: Bools) -> Array:
+    """Return joint angles for every frame, shape (n, dof): solved at key frames, interpolated in between.
 
-
-def _cheapest_path(candidates: Array, cost: Array) -> Array:
-    """Choose one candidate (n, k, dof) for each frame, such that residuals and joint motion together are least."""
+    Key frames are about `KEY_RATE` a second, the first and the last, and both sides of every gap.
+    """
+    every, gaps = max(1, round(1 / (KEY_RATE * usual))), np.flatnonzero(~joined)
+    keys = np.unique(np.concatenate([np.arange(0, len(time), every), [len(time) - 1], gaps, gaps + 1]).astype(np.intp))
+    samples, modeled = sample_directions(directions)
+    parts = parts_of(len(keys), 512)  # which bounds the memory
+    solutions = [_local_solutions(directions.take(keys[part]), samples, modeled) for part in parts]
+    candidates, cost = (np.concatenate(arrays) for arrays in zip(*solutions, strict=True))
     n, k, _ = candidates.shape
     total = cost[0] / RESIDUAL_SCALE**2
     origin = np.zeros((n, k), dtype=np.intp)
@@ -150,38 +125,56 @@ def _cheapest_path(candidates: Array, cost: Array) -> Array:
     chosen[-1] = np.argmin(total)
     for t in range(n - 1, 0, -1):
         chosen[t - 1] = origin[t, chosen[t]]
-    return np.asarray(candidates[np.arange(n), chosen])
+    path = candidates[np.arange(n), chosen]
+    return np.stack([np.interp(time, time[keys], path[:, j]) for j in range(path.shape[1])], axis=-1)
 
 
-def joint_jumps(q: Array, time: Array, frames: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the fitted frames into which a joint jumps from the preceding frame of the recording.
-
-    Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
-    may rotate by any angle at once.
-    """
-    if len(q) < 2:
-        return np.zeros(0, dtype=np.intp)
-    speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1)) / np.diff(time)
-    return np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
+def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> tuple[Array, Array]:
+    """Return local solutions for each frame, shape (n, k, dof), and their cost, shape (n, k)."""
+    arm, starts = directions.arm, samples[nearest_samples(directions.targets, modeled)]
+    repeated = directions.take(np.repeat(np.arange(len(starts)), starts.shape[1]))
+    solved, cost = solve_each(
+        lambda q, rows: repeated.take(rows).residual(q), starts.reshape(-1, arm.dof), arm.lower, arm.upper
+    )
+    return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
 def treat_jumps(
     q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], option: str
 ) -> tuple[Array, slice, str]:
-    """Apply the option `jumps`; return joint angles, the frames that are kept and a data-quality warning."""
-    jumps, kept = joint_jumps(q, time, frames), slice(0, len(q))
+    """Apply the option `jumps`; return joint angles, the frames that are kept and a data-quality warning.
+
+    Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
+    may rotate by any angle at once.
+    """
+
+    def jumps_of(q: Array) -> NDArray[np.intp]:
+        """Return the fitted frames into which a joint jumps from the preceding frame of the recording."""
+        speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)) / np.diff(time)
+        return np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
+
+    jumps, kept = jumps_of(q), slice(0, len(q))
     if not len(jumps):
         return q, kept, ""
     steps = np.degrees(np.abs(q[jumps] - q[jumps - 1]))
     worst, joint = np.unravel_index(np.argmax(steps), steps.shape)
-    times = when(time, np.isin(np.arange(len(q)), jumps))
     text = (
-        f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s ({times}); most "
-        f"{names[joint]}, by {steps[worst, joint]:.1f}° in one frame at {time[jumps[worst]]:.2f} s"
+        f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s "
+        f"({when(time, np.isin(np.arange(len(q)), jumps))}); most {names[joint]}, by {steps[worst, joint]:.1f}° in one "
+        f"frame at {time[jumps[worst]]:.2f} s"
     )
-    if option == "smooth":
-        q, width = smooth_jumps(q, time, frames, jumps)
-        return q, kept, f"{text}. All joints are interpolated from {width:g} s before each to {width:g} s after it"
+    if option == "smooth":  # interpolate around jumps, wider until none is left
+        after, width, widest = np.searchsorted(jumps, np.arange(len(q))), 0.15, 1.2  # [s]
+        nearest = np.minimum(*(np.abs(time - time[jumps[np.clip(after - i, 0, len(jumps) - 1)]]) for i in (0, 1)))
+        while True:
+            near = nearest <= width
+            near[[0, -1]] = False
+            smooth = q.copy()
+            smooth[near] = PchipInterpolator(time[~near], q[~near])(time[near])
+            if not len(jumps_of(smooth)) or width >= widest:
+                break
+            width = min(2 * width, widest)
+        return smooth, kept, f"{text}. All joints are interpolated from {width:g} s before each to {width:g} s after it"
     if option == "split":
         edges = np.concatenate([[0], jumps, [len(q)]])
         longest = int(np.argmax(np.diff(edges)))
@@ -190,20 +183,3 @@ def treat_jumps(
         return q[kept], kept, f"{text}. The longest part between them is used, from {start:.2f} to {stop:.2f} s"
     options = f"{argument('jumps', 'smooth')} interpolates, {argument('jumps', 'split')} uses the longest part between"
     return q, kept, f"{text}. They are kept; {options}"
-
-
-def smooth_jumps(
-    q: Array, time: Array, frames: NDArray[np.intp], jumps: NDArray[np.intp], widest: float = 1.2
-) -> tuple[Array, float]:
-    """Interpolate around jumps, wider until none is left; return joint angles and the width on either side [s]."""
-    width = 0.15
-    while True:
-        after = np.searchsorted(jumps, np.arange(len(q)))
-        nearest = np.minimum(*(np.abs(time - time[jumps[np.clip(after - i, 0, len(jumps) - 1)]]) for i in (0, 1)))
-        near = nearest <= width
-        near[[0, -1]] = False
-        smooth = q.copy()
-        smooth[near] = PchipInterpolator(time[~near], q[~near])(time[near])
-        if not len(joint_jumps(smooth, time, frames)) or width >= widest:
-            return smooth, width
-        width = min(2 * width, widest)

@@ -33,12 +33,6 @@ LEAST_SHARE = 0.003
 """Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
 
 
-def repaired(recording: Recording, points: Sequence[str], roles: Mapping[str, Any]) -> Recording:
-    """Return the points that are used, without the faults below; `notes` and `quality_warnings` report the repairs."""
-    whole = unswapped(without_zeros(recording), points)
-    return without_outliers(in_one_unit(whole.select(points), roles))
-
-
 def in_order(
     time: Array, positions: Array, latest: float = 0.5, most_repeated: float = 0.1
 ) -> tuple[Array, Array, list[str]]:
@@ -250,32 +244,30 @@ def _span(values: Array | list[float]) -> str:
 
 
 def _robust_spline(track: Array, rate: float, cutoff: float | None) -> tuple[Array, float]:
-    """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
-    cutoffs = [cutoff] if cutoff is not None else [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
-    tails = 4.0  # degrees of freedom of Student's distribution
+    """Smooth one run of frames (n, 3); return it with the cutoff [Hz], by generalized cross-validation where None."""
+    n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
-    weight, least = np.ones(len(track)), max(noise(track) ** 2, 1e-18)
-    best = (np.inf, track, float(cutoffs[0]))
+    cutoffs = [cutoff] if cutoff is not None else [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
+    pattern, penalty = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
+    for offset in range(4):
+        for k in range(4 - offset):
+            penalty[offset, k : n - 3 + k] += pattern[k] * pattern[k + offset]
+    waves = (2 * np.sin(np.pi * (np.arange(n) + 0.5) / (2 * n))) ** 6
+    weight, least = np.ones(n), max(noise(track) ** 2, 1e-18)
+    smooth, used = track, float(cutoffs[0])
     for _ in range(6):
-        best = min((_spline(track, weight, f, rate) for f in cutoffs), key=lambda spline: spline[0])
-        squares = np.sum((track - best[1]) ** 2, axis=-1)
+        best = np.inf
+        for frequency in cutoffs:
+            strength = (2 * np.sin(np.pi * min(frequency / rate, 0.5))) ** -6.0  # half the amplitude at the cutoff
+            bands = strength * penalty
+            bands[0] += weight
+            result = solveh_banded(bands, weight[:, None] * track, lower=True)
+            freedom = np.sum(1 / (1 + strength / weight.mean() * waves))
+            error = np.sum(weight * np.sum((track - result) ** 2, axis=-1)) / weight.sum()
+            if (score := error / (1 - freedom / n) ** 2) < best:
+                best, smooth, used = score, result, float(frequency)
+        squares = np.sum((track - smooth) ** 2, axis=-1)
         # A short outlier counts less; frames where motion is too fast for the spline for longer do not.
         scale = median_filter(squares, 15, mode="nearest") / median_chi_squared
         weight = (tails + 3) / (tails + squares / np.maximum(scale, least))
-    return best[1], best[2]
-
-
-def _spline(track: Array, weight: Array, cutoff: float, rate: float) -> tuple[float, Array, float]:
-    """Return generalized cross-validation, smooth track and cutoff."""
-    n = len(track)
-    strength = (2 * np.sin(np.pi * min(cutoff / rate, 0.5))) ** -6.0  # half the amplitude is left at the cutoff
-    pattern, matrix = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
-    for offset in range(4):
-        for k in range(4 - offset):
-            matrix[offset, k : n - 3 + k] += strength * pattern[k] * pattern[k + offset]
-    matrix[0] += weight
-    result = solveh_banded(matrix, weight[:, None] * track, lower=True)
-    waves = (2 * np.sin(np.pi * (np.arange(n) + 0.5) / (2 * n))) ** 6
-    freedom = np.sum(1 / (1 + strength / weight.mean() * waves))
-    error = np.sum(weight * np.sum((track - result) ** 2, axis=-1)) / weight.sum()
-    return float(error / (1 - freedom / n) ** 2), np.asarray(result), cutoff
+    return smooth, used

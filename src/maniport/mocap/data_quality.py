@@ -20,7 +20,6 @@ MEASUREMENT_ERROR = np.radians(1.0)
 
 PRIOR = 1.0  # Standard deviation of a joint angle without any measurement [rad]
 AT_LIMIT = 1e-3  # A joint nearer to a limit than this is saturated [rad]
-LARGE_EXCESS, SMALL_EXCESS = 10.0, 1.0  # Excesses over a limit of the model that cause a warning or a note [degrees]
 
 
 def unobservable_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
@@ -43,7 +42,8 @@ def unobservable_joints(arm: Arm, roles: Collection[str]) -> dict[int, str]:
 def observability(directions: Directions, roles: Collection[str], q: Array) -> tuple[Array, tuple[str, ...], Array]:
     """Return the share of frames with each joint observable, reasons if it is small, and excesses over limits [rad].
 
-    A joint is observable in frames in which the standard deviation of its error is at most 20°.
+    A joint is observable in frames in which the standard deviation of its error is at most 20°. The excess estimates by
+    how much a saturated joint would exceed its limit in a fit without limits.
     """
     arm, errors, excesses = directions.arm, [], []
     for part in parts_of(len(q), BLOCK):
@@ -52,7 +52,10 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
         eigenvalues, vectors = np.linalg.eigh(hessian)
         variance = 1.0 / (np.maximum(eigenvalues, 0.0) / MEASUREMENT_ERROR**2 + PRIOR**-2)
         errors.append(np.sqrt(np.einsum("nik,nk->ni", vectors**2, variance)))
-        excesses.append(_excess(arm, q[part], -(values[:, None] @ slopes)[:, 0], hessian))
+        downhill = -(values[:, None] @ slopes)[:, 0]
+        step = np.linalg.solve(hessian + (MEASUREMENT_ERROR / PRIOR) ** 2 * np.eye(arm.dof), downhill[..., None])
+        outward = np.where(q[part] - arm.lower < AT_LIMIT, -1.0, np.where(arm.upper - q[part] < AT_LIMIT, 1.0, 0.0))
+        excesses.append(np.where(outward * downhill > 0.0, np.maximum(outward * step[..., 0], 0.0), 0.0))
     share = np.mean(np.concatenate(errors) <= np.radians(20.0), axis=0)
     fixed = unobservable_joints(arm, roles)
     share[list(fixed)] = 0.0
@@ -65,83 +68,62 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
     return share, tuple(reasons), np.concatenate(excesses)
 
 
-def _excess(arm: Arm, q: Array, downhill: Array, hessian: Array) -> Array:
-    """Estimate by how much each saturated joint would exceed its limit in a fit without limits."""
-    curvature = hessian + (MEASUREMENT_ERROR / PRIOR) ** 2 * np.eye(arm.dof)
-    step = np.linalg.solve(curvature, downhill[..., None])[..., 0]
-    outward = np.where(q - arm.lower < AT_LIMIT, -1.0, np.where(arm.upper - q < AT_LIMIT, 1.0, 0.0))
-    return np.where(outward * downhill > 0.0, np.maximum(outward * step, 0.0), 0.0)
+def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> tuple[list[str], list[str]]:
+    """Return the warnings and the notes on how the model differs from the person; none where it follows well.
 
-
-def fit_warnings(fit: ArmFit) -> list[str]:
-    """Return the warnings of a fit; none where the model follows the person well.
-
-    Residuals of segments are large from 5° (median). Rotations about a segment's axis have up to 15° in good
-    recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers: large is 25°.
+    Observable joints that exceed a limit in over 20 % of the frames by more than `large` [degrees] cause a warning, by
+    more than `small` a note. Residuals of segments are large from 5° (median). Rotations about a segment's axis have up
+    to 15° in good recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers:
+    large is 25°.
     """
+
+    def beyond(excess: float) -> list[int]:
+        return np.flatnonzero(fit.observable & ((fit.beyond_limit > excess).mean(axis=0) > 0.2)).tolist()
+
+    def exceeded_limit(joint: int) -> float:
+        q = float(np.median(fit.joint_angles[fit.beyond_limit[:, joint] > small, joint]))
+        return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda limit: abs(limit - q)))
+
+    def text(joint: int, excess: float) -> str:
+        degrees = fit.beyond_limit[:, joint]
+        often, limit = degrees > excess, np.degrees(exceeded_limit(joint))
+        return (
+            f"{JOINTS[joint]} would go beyond its limit of {limit:.0f}° by more than {excess:.0f}° in "
+            f"{100 * often.mean():.0f} % of the frames (median of these {np.median(degrees[often]):.0f}°, "
+            f"largest {degrees.max():.0f}°)"
+        )
+
+    far = beyond(large)
+    notes = [text(joint, small) for joint in beyond(small) if joint not in far]
     rotations = {about_axis(segment): axis for axis, segment in AROUND.items()}
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
-    large = {name: median for name, median in medians.items() if median > (25.0 if name in rotations else 5.0)}
-    if exchanged := [_exchanged_markers(fit, rotations[name], large[name]) for name in large if name in rotations]:
-        return exchanged
-    beyond = _beyond_limits(fit, LARGE_EXCESS)
-    return [_difference(fit, large, beyond)] if large or beyond else []
-
-
-def fit_notes(fit: ArmFit) -> list[str]:
-    """Describe the excesses over limits of the model that are too small for a warning."""
-    large = _beyond_limits(fit, LARGE_EXCESS)
-    return [_excess_text(fit, name, SMALL_EXCESS) for name in _beyond_limits(fit, SMALL_EXCESS) if name not in large]
-
-
-def _beyond_limits(fit: ArmFit, excess: float) -> list[str]:
-    """Return the observable joints that exceed a limit by more than `excess` [degrees] in over 20 % of the frames."""
-    shares = (fit.beyond_limit > excess).mean(axis=0)
-    return [name for name, large in zip(fit.joint_names, fit.observable & (shares > 0.2), strict=True) if large]
-
-
-def _exchanged_markers(fit: ArmFit, axis: str, median: float) -> str:
-    """Advise to exchange the two markers of a joint axis, else to omit them."""
-    first, second = fit.roles[axis]
-    exchanged = argument("markers", {axis: [list(second), list(first)]})
-    return (
-        f"the {AROUND[axis]} is rotated by {median:.0f}° (median) about its axis from its markers: "
-        f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give {exchanged}; "
-        f"if that does not help omit them: {argument('markers', {axis: None})}"
-    )
-
-
-def _difference(fit: ArmFit, large: Mapping[str, float], beyond: Collection[str]) -> str:
-    """Describe how model and person differ, with advice."""
-    texts = [_excess_text(fit, name, LARGE_EXCESS) for name in beyond]
-    texts += [f"the {name} is {median:.1f}° (median) from the measured one" for name, median in large.items()]
-    segments = bool(large.keys() & {"upper arm", "forearm"})
+    medians = {name: median for name, median in medians.items() if median > (25.0 if name in rotations else 5.0)}
+    exchanged = []
+    for name, axis in rotations.items():
+        if name in medians:
+            first, second = fit.roles[axis]
+            exchanged.append(
+                f"the {AROUND[axis]} is rotated by {medians[name]:.0f}° (median) about its axis from its markers: "
+                f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
+                f"{argument('markers', {axis: [list(second), list(first)]})}; "
+                f"if that does not help omit them: {argument('markers', {axis: None})}"
+            )
+    if exchanged or not (far or medians):
+        return exchanged, notes
+    texts = [text(joint, large) for joint in far]
+    texts += [f"the {name} is {median:.1f}° (median) from the measured one" for name, median in medians.items()]
+    segments = bool(medians.keys() & {"upper arm", "forearm"})
     advice = []
-    if JOINTS[ELBOW] in beyond and _exceeded_limit(fit, ELBOW) == fit.arm.lower[ELBOW]:
+    if ELBOW in far and exceeded_limit(ELBOW) == fit.arm.lower[ELBOW]:
         advice.append("change the sign of one axis, if the axes are left-handed as those of Unity and Unreal")
-    if segments or any(JOINTS.index(name) < TURN for name in beyond):
+    if segments or any(joint < TURN for joint in far):
         advice.append(f"check the roles of the points (maniport info) and assign others with {argument('markers')}")
     if segments:
         advice.append(f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})")
     others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
     advice += [f"try another model ({argument('person', name)})" for name in others[:1]]
-    return f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
-
-
-def _exceeded_limit(fit: ArmFit, joint: int) -> float:
-    """Return the limit of a joint [rad] that it would mostly exceed."""
-    q = float(np.median(fit.joint_angles[fit.beyond_limit[:, joint] > SMALL_EXCESS, joint]))
-    return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda limit: abs(limit - q)))
-
-
-def _excess_text(fit: ArmFit, name: str, excess: float) -> str:
-    joint = JOINTS.index(name)
-    beyond = fit.beyond_limit[:, joint]
-    often, limit = beyond > excess, np.degrees(_exceeded_limit(fit, joint))
-    return (
-        f"{name} would go beyond its limit of {limit:.0f}° by more than {excess:.0f}° in {100 * often.mean():.0f} % of "
-        f"the frames (median of these {np.median(beyond[often]):.0f}°, largest {beyond.max():.0f}°)"
-    )
+    differ = f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
+    return [differ], notes
 
 
 def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:

@@ -74,36 +74,32 @@ class Directions:
 
     def model(self, q: Array) -> tuple[Array, Array]:
         """Return the directions of the arm, shape (n, k, 3), and their derivatives, shape (n, k, 3, dof)."""
-        followed, slopes = self._attached(q)
-        start, end = self._ends.T
-        vector, slope = followed[:, end] - followed[:, start], slopes[:, end] - slopes[:, start]
+        kinematics, (start, end) = self._kinematics[0], self._kinematics[1].T
+        points, slopes = kinematics(q)
+        vector, slope = points[:, end] - points[:, start], slopes[:, end] - slopes[:, start]
         length = np.linalg.norm(vector, axis=-1)[..., None]
         value = vector / length
         slope = (slope - value[..., None] * (value[..., None, :] @ slope)) / length[..., None]
-        axes = len(self._points)
-        return np.concatenate([value, followed[:, axes:]], axis=1), np.concatenate([slope, slopes[:, axes:]], axis=1)
+        axes = slice(len(self._kinematics[2]), None)
+        return np.concatenate([value, points[:, axes]], axis=1), np.concatenate([slope, slopes[:, axes]], axis=1)
 
     @cached_property
-    def _points(self) -> list[str]:
-        """Frames between which the segments run."""
-        return list(dict.fromkeys(frame for name in self.names if name in SEGMENTS for frame in SEGMENTS[name]))
+    def _kinematics(self) -> tuple[PointKinematics, NDArray[np.int64], list[str]]:
+        """Return frames at the ends of segments, then joint axes fixed to the segment above them.
 
-    @cached_property
-    def _ends(self) -> NDArray[np.int64]:
-        """Indices of both ends of each segment among these frames, shape (n_segments, 2)."""
+        The indices (n_segments, 2) are those of both ends of each segment among the frames.
+        """
         segments = [SEGMENTS[name] for name in self.names if name in SEGMENTS]
-        return np.array([[self._points.index(end) for end in pair] for pair in segments], dtype=np.int64)
-
-    @cached_property
-    def _attached(self) -> PointKinematics:
-        """Those frames, and joint axes fixed to the segment above them."""
+        frames = list(dict.fromkeys(frame for ends in segments for frame in ends))
         joints = [AXES[name] for name in self.names if name in AXES]
         axes = [axis_of(self.arm.chain, joint, TURN + 1 if joint == FLEXION else joint) for joint in joints]
-        return PointKinematics(self.arm.chain, self._points, axes)
+        indices = np.array([[frames.index(end) for end in ends] for ends in segments], dtype=np.int64)
+        return PointKinematics(self.arm.chain, frames, axes), indices, frames
 
     def arrays(self) -> tuple[tuple[Any, ...], Array]:
         """Return the arguments of `frame_terms` from `offset` to `ends`, and the weights."""
-        return (*self._attached.arrays(), self._ends), np.array([WEIGHTS[name] for name in self.names])
+        kinematics, ends, _ = self._kinematics
+        return (*kinematics.arrays(), ends), np.array([WEIGHTS[name] for name in self.names])
 
     def residual(self, q: Array) -> tuple[Array, Array]:
         """Return weighted residuals (n, 3k) and derivatives (n, 3k, dof); zero where targets are missing."""
@@ -113,18 +109,15 @@ class Directions:
         slopes = slopes * weight[..., None, None]
         return difference.reshape(len(q), -1), slopes.reshape(len(q), -1, self.arm.dof)
 
-    def _values(self, q: Array) -> Array:
-        return np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+    def errors(self, q: Array) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return the errors of the directions of joint angles (n, dof), by segment, each (n,) [rad].
 
-    def angles(self, q: Array) -> dict[str, Array]:
-        """Return the angles between the arm's segments and the recorded ones [rad], shape (n,) by segment."""
-        half = np.linalg.norm(self._values(q) - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
-        angles = 2 * np.arcsin(np.minimum(half, 1.0))
-        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}
-
-    def twists(self, q: Array) -> dict[str, Array]:
-        """Return the rotations of segments about their own axis that bring joint axes to their markers [rad]."""
-        values, twists = self._values(q), {}
+        Angles between the arm's segments and the recorded ones, and rotations of segments about their own axis that
+        bring joint axes to their markers.
+        """
+        values = np.concatenate([self.model(q[part])[0] for part in parts_of(len(q), BLOCK)])
+        half = np.linalg.norm(values - self.targets, axis=-1) / 2  # arccos is inaccurate below 1e-8
+        angles, twists = 2 * np.arcsin(np.minimum(half, 1.0)), {}
         for axis, segment in AROUND.items():
             if axis in self.names:
                 i, along = self.names.index(axis), values[:, self.names.index(segment)]
@@ -134,7 +127,7 @@ class Directions:
                 )
                 sine, cosine = np.sum(np.cross(model, target) * along, axis=1), np.sum(model * target, axis=1)
                 twists[segment] = np.arctan2(sine, cosine)
-        return twists
+        return {name: angles[:, i] for i, name in enumerate(self.names) if name in SEGMENTS}, twists
 
 
 @kernel

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,7 +50,7 @@ class ImportOptions:
         quality_warnings: Sequence[str] = (),
         measured: bool = True,
     ) -> Recording:
-        """Make the recording in meters, with notes on the unit, the vertical axis and the rate.
+        """Make the recording in meters, with notes on the unit, the vertical axis, the rate and missing points.
 
         `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
         points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
@@ -65,9 +64,14 @@ class ImportOptions:
         """
         with np.errstate(over="ignore"):  # of wider floating-point types
             points = np.array(positions, dtype=np.float64)
-        unique = _numbered(names)
-        if unique != list(names):
-            notes = [*notes, "names that occur more than once were numbered"]
+        count: Counter[str] = Counter()
+        unique: list[str] = []
+        for name in names:
+            count[name] += 1
+            unique.append(name if count[name] == 1 else f"{name}#{count[name]}")
+        notes = list(notes)
+        if len(count) < len(unique):
+            notes.append("names that occur more than once were numbered")
         require_at_most(len(unique), POINTS, "points", file)
         require_at_most(len(points), FRAMES, "frames", file)
         require_at_most(points.size // 3, PLACES, "places (frames × points)", file)
@@ -75,11 +79,16 @@ class ImportOptions:
             raise FileFormatError(
                 f"{file}: positions must have shape (n, k, 3) for {len(unique)} names, with n ≥ 1; found {points.shape}"
             )
-        points[~(np.abs(points) <= MAX_POSITION).all(axis=-1)] = np.nan
-        if np.isnan(points).all():
+        missing = ~(np.abs(points) <= MAX_POSITION).all(axis=-1)
+        points[missing] = np.nan
+        if missing.all():
             raise FileFormatError(f"{file}: every point is missing in every frame")
+        if missing.any():
+            never = np.flatnonzero(missing.all(axis=0)).tolist()
+            names = ", ".join(unique[i] for i in never[:20]) + (", …" if len(never) > 20 else "")
+            notes.append(f"{missing.mean():.1%} of all points are missing{f'; always: {names}' if never else ''}")
         if self.rate is not None:
-            notes = [f"frames per second set by the caller: {self.rate:g}", *notes]
+            notes.insert(0, f"frames per second set by the caller: {self.rate:g}")
             time = np.arange(len(points)) / self.rate
         elif time is None:
             raise FileFormatError(
@@ -90,8 +99,15 @@ class ImportOptions:
             raise FileFormatError(
                 f"{file}: time must be numbers [s] of shape (n,); found {times.dtype} of shape {times.shape}"
             )
+        times = times.astype(np.float64)
+        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        for unit_of_time, scale in {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}.items():
+            if step * scale <= 1.0 < step:
+                times = times * scale
+                text = f"as seconds, frames would be {step:.4g} s apart"
+                notes.append(f"times recognized as {unit_of_time}: {text}")
+                break
         try:
-            times, converted = _in_seconds(times.astype(np.float64))
             times, points, ordered = in_order(times, points)
             source = as_text(file.name)
             raw = Recording(tuple(unique), points, times, usual, source, (), tuple(quality_warnings), "", measured)
@@ -99,8 +115,8 @@ class ImportOptions:
             raise FileFormatError(f"{file}: {error}") from None
         scale, unit_note = self._scale(raw, file, unit, origin)
         axis, up_note = self._vertical(raw, up, origin)
-        notes = (unit_note, up_note, *notes, *converted, *ordered)
-        return without_zeros(replace(raw, positions=raw.positions * scale, up=axis, notes=notes))
+        notes = [unit_note, up_note, *notes, *ordered]
+        return without_zeros(replace(raw, positions=raw.positions * scale, up=axis, notes=tuple(notes)))
 
     def _scale(self, recording: Recording, file: Path, declared: str, origin: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
@@ -143,18 +159,50 @@ class ImportOptions:
             f"vertical axis {recording.up}, the usual one of the format, as the points do not determine it",
         )
 
-    def checked(self, recording: Recording) -> Recording:
+    def checked(self, recording: Recording, least: float = 0.5) -> Recording:
         """Compare the options with the points; add data-quality warnings.
+
+        The trunk and the legs of people who stand, sit, climb, hang or crawl: one of them is nearer to upright than
+        60°. A vertical axis of the caller is implausible where the cosines to both (median) are below `least`.
 
         Raises
         ------
         InvalidInputError
             When the unit makes an impossible upper arm.
         """
-        texts = _several_bodies(recording)
-        texts += [] if self.unit is None else _implausible_unit(recording, self.unit)
-        texts += [] if self.up is None else _implausible_axis(recording, self.up)
-        return replace(recording, quality_warnings=(*recording.quality_warnings, *texts)) if texts else recording
+        warnings = list(recording.quality_warnings)
+        for side in SIDES:
+            first, *others = whole_bodies(recording.observed, side) or ("",)
+            if others:
+                shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
+                warnings.append(
+                    f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
+                    "whole arm is used. Assign a point of another one to use that: "
+                    f"{argument('markers', {'shoulder': shoulder})}"
+                )
+                break
+        arm = _upper_arm(recording) if self.unit else None
+        if self.unit is not None and arm is not None and not UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
+            text = _implausible((arm[0], arm[1] / UNITS[self.unit]), self.unit, argument("unit", self.unit))
+            if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
+                raise InvalidInputError(f"{recording.source}: {text}")
+            warnings.append(text)
+        pair = find_roles(recording.observed)[1].get("trunk_up")
+        if self.up is not None and pair is not None and (trunk := _upright(direction(recording, pair))):
+            legs = [
+                _upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.observed)
+            ]
+            if max(part.get(self.up, 0.0) for part in (trunk, *legs)) < least:
+                likely = max(trunk, key=trunk.__getitem__)
+                angle, better = (
+                    f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (self.up, likely)
+                )
+                low, high = map("+".join, pair)
+                warnings.append(
+                    f"with {argument('up', self.up)} the trunk ({low} to {high}) is {angle} from upright (median); "
+                    f"with {argument('up', likely)} it is {better} from upright"
+                )
+        return replace(recording, quality_warnings=tuple(warnings))
 
 
 def known_unit(text: str) -> str | None:
@@ -171,15 +219,6 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     low = confidence < least
     positions[low] = np.nan
     return [f"{low.mean():.1%} of all points have a confidence below {least} and count as missing"] if low.any() else []
-
-
-def _in_seconds(time: Array) -> tuple[Array, list[str]]:
-    """Convert times that cannot be seconds, as frames would be more than a second apart, with a note."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    for name, scale in {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}.items():
-        if step * scale <= 1.0 < step:
-            return time * scale, [f"times recognized as {name}: as seconds, frames would be {step:.4g} s apart"]
-    return time, []
 
 
 def _implausible(arm: tuple[str, float], unit: str, cause: str) -> str:
@@ -214,49 +253,6 @@ def _upper_arm(recording: Recording) -> tuple[str, float] | None:
     return None
 
 
-def _several_bodies(recording: Recording) -> list[str]:
-    for side in SIDES:
-        first, *others = whole_bodies(recording.observed, side) or ("",)
-        if others:
-            shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
-            return [
-                f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a whole "
-                f"arm is used. Assign a point of another one to use that: {argument('markers', {'shoulder': shoulder})}"
-            ]
-    return []
-
-
-def _implausible_unit(recording: Recording, unit: str) -> list[str]:
-    arm = _upper_arm(recording)
-    if arm is None or UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
-        return []
-    text = _implausible((arm[0], arm[1] / UNITS[unit]), unit, argument("unit", unit))
-    if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
-        raise InvalidInputError(f"{recording.source}: {text}")
-    return [text]
-
-
-def _implausible_axis(recording: Recording, up: str, least: float = 0.5) -> list[str]:
-    """Warn when trunk and legs are far from the vertical axis: the cosine to one of them (median) is below `least`.
-
-    Of people who stand, sit, climb, hang or crawl the one or the other is nearer to upright than 60°.
-    """
-    pair = find_roles(recording.observed)[1].get("trunk_up")
-    if pair is None:
-        return []
-    trunk = _upright(direction(recording, pair))
-    legs = (_upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.observed))
-    if not trunk or trunk[up] >= least or any(leg.get(up, 0.0) >= least for leg in legs):
-        return []
-    likely = max(trunk, key=trunk.__getitem__)
-    angle, better = (f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (up, likely))
-    low, high = map("+".join, pair)
-    return [
-        f"with {argument('up', up)} the trunk ({low} to {high}) is {angle} from upright (median); "
-        f"with {argument('up', likely)} it is {better} from upright"
-    ]
-
-
 def _upright(step: Array) -> dict[str, float]:
     """Return the cosine (median) between a body part and each axis; nothing where it is missing."""
     along = step[np.linalg.norm(step, axis=-1) > 0]
@@ -264,13 +260,3 @@ def _upright(step: Array) -> dict[str, float]:
         return {}
     x, y, z = np.median(along / np.linalg.norm(along, axis=-1, keepdims=True), axis=0).tolist()
     return dict(zip(UP_AXES, (x, y, z, -x, -y, -z), strict=True))
-
-
-def _numbered(names: Sequence[Any]) -> list[Any]:
-    """Number the names that occur again."""
-    count: Counter[Any] = Counter()
-    unique = []
-    for name in names:
-        count[name] += 1
-        unique.append(name if count[name] == 1 else f"{name}#{count[name]}")
-    return unique

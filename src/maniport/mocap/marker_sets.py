@@ -66,11 +66,6 @@ def other_side(name: str) -> str:
     return before + colon + pattern.sub(lambda match: _OTHER_SIDE[match[0]], bare, count=1)
 
 
-def body_of(name: str) -> str:
-    """Return the prefix of a point's name that names the person; empty where there is none."""
-    return name.rpartition(":")[0]
-
-
 def find_roles(names: Iterable[str], side: str = "right", body: str | None = None) -> tuple[str, dict[str, Any]]:
     """Return the marker set of a recording, and the points of each role."""
     points = list(names)
@@ -82,7 +77,7 @@ def whole_bodies(names: Iterable[str], side: str, most: int = 20) -> dict[str, l
     """Return the points of each person with a whole arm and a trunk, by prefix; `most` prefixes are tried."""
     bodies: dict[str, list[str]] = {}
     for name in names:
-        bodies.setdefault(body_of(name), []).append(name)
+        bodies.setdefault(name.rpartition(":")[0], []).append(name)
     if len(bodies) == 1:
         return bodies
     needed = {*ARM, "trunk_up"}
@@ -108,19 +103,19 @@ def alternatives(marker_set: str, role: str, side: str = "right") -> list[Any]:
 
 def as_choice_of_names(role: str, choice: Any, where: str, mirrored: bool = False) -> Any:
     """Check the points of a role; return a tuple of names, or for a direction a pair of these."""
-    if role not in DIRECTIONS:
+    if role in DIRECTIONS:
+        if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
+            raise InvalidInputError(f"{where} must be a pair of points or of lists (from, to); found {choice!r}")
+        groups = list(choice)
+    else:
         nested = isinstance(choice, Sequence) and len(choice) == 1 and isinstance(choice[0], list | tuple)
-        return _as_group(choice[0] if nested else choice, where, mirrored)  # groups are nested in pairs, and often here
-    if isinstance(choice, str) or not isinstance(choice, Sequence) or len(choice) != 2:
-        raise InvalidInputError(f"{where} must be a pair of points or of lists (from, to); found {choice!r}")
-    return tuple(_as_group(part, where, mirrored) for part in choice)
-
-
-def _as_group(choice: Any, where: str, mirrored: bool) -> Group:
-    names = (choice,) if isinstance(choice, str) else tuple(choice) if isinstance(choice, Sequence) else ()
-    if not names or not all(isinstance(name, str) for name in names):
-        raise InvalidInputError(f"{where} must be one name or a list of names; found {choice!r}")
-    return tuple(other_side(name) for name in names) if mirrored else names
+        groups = [choice[0] if nested else choice]  # groups are nested in pairs, and often here
+    for i, group in enumerate(groups):
+        names = (group,) if isinstance(group, str) else tuple(group) if isinstance(group, Sequence) else ()
+        if not names or not all(isinstance(name, str) for name in names):
+            raise InvalidInputError(f"{where} must be one name or a list of names; found {group!r}")
+        groups[i] = tuple(map(other_side, names)) if mirrored else names
+    return tuple(groups) if role in DIRECTIONS else groups[0]
 
 
 def _key(name: str) -> str:
@@ -130,7 +125,20 @@ def _key(name: str) -> str:
 
 def _roles_among(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
     by_key = {_key(name): name for name in reversed(names)}
-    sets = {marker_set: _roles_of_set(marker_set, by_key, side) for marker_set in reversed(MARKER_SETS)}
+
+    def recorded(choice: Any) -> Any:
+        """Return the recording's own names for an alternative; empty unless all are recorded."""
+        own = tuple(by_key.get(_key(part), "") if isinstance(part, str) else recorded(part) for part in choice)
+        return own if all(own) else ()
+
+    sets: dict[str, dict[str, Any]] = {}
+    for marker_set in reversed(MARKER_SETS):
+        sets[marker_set] = {}
+        for role in MARKER_SETS[marker_set]:
+            if role not in ROLES:
+                raise unknown_name("role", role, ROLES, f"in MARKER_SETS[{marker_set!r}]")
+            if own := next(filter(None, map(recorded, alternatives(marker_set, role, side))), None):
+                sets[marker_set][role] = own
     best = max(sets, key=lambda name: (sum(role in sets[name] for role in ARM), len(sets[name].keys() - TRUNK)))
     roles = {role: names for roles in reversed(sets.values()) for role, names in roles.items() if role in TRUNK}
     roles |= sets[best]
@@ -139,25 +147,6 @@ def _roles_among(names: Sequence[str], side: str) -> tuple[str, dict[str, Any]]:
         del roles["shoulder"]
         roles.pop("trunk_left", None)
     return best, {role: roles[role] for role in ROLES if role in roles}
-
-
-def _roles_of_set(marker_set: str, by_key: Mapping[str, str], side: str) -> dict[str, Any]:
-    roles: dict[str, Any] = {}
-    for role in MARKER_SETS[marker_set]:
-        if role not in ROLES:
-            raise unknown_name("role", role, ROLES, f"in MARKER_SETS[{marker_set!r}]")
-        recorded = (_recorded(role, names, by_key) for names in alternatives(marker_set, role, side))
-        roles |= next(({role: names} for names in recorded if names), {})
-    return roles
-
-
-def _recorded(role: str, names: Any, by_key: Mapping[str, str]) -> Any:
-    """Return the recording's own names for one alternative; None unless all are recorded."""
-    if role in DIRECTIONS:
-        pair = tuple(_recorded("", group, by_key) for group in names)
-        return pair if all(pair) else None
-    own = tuple(by_key.get(_key(name), "") for name in names)
-    return own if all(own) else None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of points out of reach

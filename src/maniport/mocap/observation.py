@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
 from maniport.errors import RecordingError
-from maniport.mocap.cleaning import repaired, smoothed
+from maniport.mocap.cleaning import in_one_unit, smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.directions import AXES, MARKED, SEGMENTS, Directions
 from maniport.mocap.marker_sets import DIRECTIONS
 from maniport.mocap.recording import Bools, Recording, runs_of
@@ -60,7 +60,10 @@ def observe(
 ) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
-    used = smoothed(repaired(recording, points_of(roles), roles).fill_gaps(fill), cutoff)
+    points_used = points_of(roles)
+    whole = unswapped(without_zeros(recording), points_used)
+    repaired = without_outliers(in_one_unit(whole.select(points_used), roles))
+    used = smoothed(repaired.fill_gaps(fill), cutoff)
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None
@@ -68,7 +71,18 @@ def observe(
         notes.append(f"hand: {', '.join(roles['hand'])} coincides with the wrist and was not used")  # end sites may
         del roles["hand"], points["hand"]
     trunk = trunk_rotation(used, roles)
-    frames = _complete_frames(used, points, trunk, notes)
+    lost: dict[str, Bools] = {role: np.isnan(position[:, 0]) for role, position in points.items()}
+    lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
+    out = np.any(list(lost.values()), axis=0)
+    if out.all():
+        worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
+        raise RecordingError(f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames")
+    for start, stop in runs_of(out):
+        missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
+        notes.append(
+            f"{stop - start} frames omitted, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
+        )
+    frames = np.flatnonzero(~out)
     quality_warnings = used.quality_warnings[len(recording.quality_warnings) :]
     return Observation(chosen, reason, roles, used, points, trunk, frames, tuple(notes), quality_warnings)
 
@@ -108,19 +122,3 @@ def segment_lengths(
             lengths[name] = segment_length(name, height)
             notes.append(f"{name}: {lengths[name]:.3f} m by the body height of {height:g} m, as {reason}")
     return lengths
-
-
-def _complete_frames(used: Recording, points: dict[str, Array], trunk: Array, notes: list[str]) -> NDArray[np.intp]:
-    """Return the frames in which trunk and arm are fully observed; `notes` reports the others and what they lack."""
-    lost: dict[str, Bools] = {role: np.isnan(position[:, 0]) for role, position in points.items()}
-    lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
-    out = np.any(list(lost.values()), axis=0)
-    if out.all():
-        worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
-        raise RecordingError(f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames")
-    for start, stop in runs_of(out):
-        missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())
-        notes.append(
-            f"{stop - start} frames omitted, {used.time[start]:.2f}–{used.time[stop - 1]:.2f} s: {missing} missing"
-        )
-    return np.flatnonzero(~out)

@@ -86,22 +86,35 @@ def solve_path(
     Where the arm hangs straight, a joint rotates far for hardly any gain, which is a small part of the cost of a long
     path: hence `smallest_step` [rad].
     """
+    n, dof = start.shape
+    stiffness = smoothing[1:-1] ** 2
+    smooth = np.zeros((3, n, dof))  # second derivatives of the smoothing term: of each frame, with the next two
+    for offset, row in enumerate(([1.0, 4.0, 1.0], [-2.0, -2.0], [1.0])):
+        for frame, factor in enumerate(row):
+            smooth[offset, frame : max(n - 2, 0) + frame] += factor * stiffness
 
     def cost_of(q: Array, values: Array) -> float:
-        return float(np.sum(values**2) + np.sum((pull * (q - neutral)) ** 2) + np.sum(q * _banded_product(smooth, q)))
+        bending = np.sum(stiffness * np.diff(q, 2, axis=0) ** 2)
+        return float(np.sum(values**2) + np.sum((pull * (q - neutral)) ** 2) + bending)
 
-    n, dof = start.shape
     q, damping = start.copy(), 1e-6
-    smooth = _smoothing_bands(smoothing)
     values, slopes = residual(q)
     cost = cost_of(q, values)
     for iteration in range(iterations):
-        gradient = (values[:, None] @ slopes)[:, 0] + pull**2 * (q - neutral) + _banded_product(smooth, q)
+        gradient = (values[:, None] @ slopes)[:, 0] + pull**2 * (q - neutral)
+        force = stiffness * np.diff(q, 2, axis=0)
+        gradient[:-2] += force
+        gradient[1:-1] -= 2 * force
+        gradient[2:] += force
         held = _held(q, gradient, lower, upper)
         held[:fixed] = held[n - fixed :] = True
-        bands = smooth + _block_bands(np.swapaxes(slopes, 1, 2) @ slopes + np.diag(pull**2), len(smooth))
+        bands = np.zeros((2 * dof + 1, n, dof))  # of the lower half of the matrix of second derivatives
+        hessian = np.swapaxes(slopes, 1, 2) @ slopes + np.diag(pull**2)
+        for offset in range(dof):
+            bands[offset, :, : dof - offset] = np.diagonal(hessian, -offset, axis1=1, axis2=2)
+        bands[::dof] += smooth
         while True:
-            step = _banded_step(bands, gradient.ravel(), held.ravel(), damping)
+            step = _banded_step(bands.reshape(-1, n * dof), gradient.ravel(), held.ravel(), damping)
             trial = q if step is None else np.clip(q + step.reshape(n, dof), lower, upper)
             new_values, new_slopes = residual(trial)
             new_cost = cost_of(trial, new_values)
@@ -159,40 +172,6 @@ def parts_of(count: int, most: int) -> Iterator[slice]:
 def _held(q: Array, gradient: Array, lower: Array, upper: Array) -> Bools:
     """Mark the joints that lie at a limit and would leave it downhill."""
     return np.asarray(((q <= lower) & (gradient > 0)) | ((q >= upper) & (gradient < 0)))
-
-
-def _smoothing_bands(smoothing: Array) -> Array:
-    """Return the second derivative of the smoothing term as lower bands, shape (2 dof + 1, n dof)."""
-    n, dof = smoothing.shape
-    bands = np.zeros((2 * dof + 1, n, dof))
-    if n > 2:
-        square = smoothing[1:-1] ** 2
-        bands[0, :-2] += square
-        bands[0, 1:-1] += 4 * square
-        bands[0, 2:] += square
-        bands[dof, :-2] -= 2 * square
-        bands[dof, 1:-1] -= 2 * square
-        bands[2 * dof, :-2] += square
-    return bands.reshape(2 * dof + 1, n * dof)
-
-
-def _banded_product(bands: Array, q: Array) -> Array:
-    """Return the product of the matrix of `_smoothing_bands` and a path (n, dof), of the same shape."""
-    flat, dof = q.ravel(), q.shape[1]
-    product = bands[0] * flat
-    for offset in (dof, 2 * dof):
-        product[offset:] += bands[offset, :-offset] * flat[:-offset]
-        product[:-offset] += bands[offset, :-offset] * flat[offset:]
-    return np.asarray(product.reshape(q.shape))
-
-
-def _block_bands(blocks: Array, height: int) -> Array:
-    """Return a block-diagonal matrix, blocks (n, dof, dof), as lower bands, shape (height, n dof)."""
-    n, dof, _ = blocks.shape
-    bands = np.zeros((height, n, dof))
-    for offset in range(dof):
-        bands[offset, :, : dof - offset] = np.diagonal(blocks, -offset, axis1=1, axis2=2)
-    return bands.reshape(height, n * dof)
 
 
 def _banded_step(bands: Array, gradient: Array, held: Bools, damping: float) -> Array | None:

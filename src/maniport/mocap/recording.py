@@ -185,7 +185,13 @@ class Recording(NotebookDisplay):
                 is_short = inside and self.time[stop] - self.time[start - 1] <= longest * (1 + 1e-9)
                 (short if is_short else long).append((start, stop))
             if short:
-                _interpolate(self.time, positions[:, index], short)
+                times, values = self.time[~missing], positions[~missing, index]
+                # Akima's spline needs more than two points.
+                spline = (
+                    Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, k=1)
+                )
+                for start, stop in short:
+                    positions[start:stop, index] = spline(self.time[start:stop])
                 frames = sum(stop - start for start, stop in short)
                 notes.append(f"{name}: {_count(short)} of up to {longest:g} s interpolated ({frames} frames)")
             if long:
@@ -255,13 +261,3 @@ def _as_positions(value: ArrayLike, frames: int, points: int) -> Array:
 
 def _count(runs: list[tuple[int, int]]) -> str:
     return f"{len(runs)} gap{'s' if len(runs) > 1 else ''}"
-
-
-def _interpolate(time: Array, track: Array, runs: list[tuple[int, int]]) -> None:
-    """Fill runs of one track, shape (n_frames, 3), in place."""
-    present = ~np.isnan(track[:, 0])
-    times, values = time[present], track[present]
-    # Akima's spline needs more than two points.
-    spline = Akima1DInterpolator(times, values) if len(times) > 2 else make_interp_spline(times, values, k=1)
-    for start, stop in runs:
-        track[start:stop] = spline(time[start:stop])

@@ -15,7 +15,6 @@ from maniport.mocap.marker_sets import (
     Group,
     alternatives,
     as_choice_of_names,
-    body_of,
     find_roles,
 )
 from maniport.mocap.recording import Recording
@@ -26,10 +25,56 @@ SHORTEST = 1e-4  # Shortest vector that has a direction [m]
 
 
 def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None, side: str = "right") -> dict[str, Any]:
-    """Return the points that are assigned to each role of one arm and the trunk."""
+    """Return the points that are assigned to each role of one arm and the trunk.
+
+    Raises
+    ------
+    RecordingError
+        When a role that an arm needs has no points, or the points of the arm are those of the other side, by their
+        names or by their positions.
+    """
     marker_set, roles = assigned_roles(recording, markers, side)
-    _require_roles(roles, recording, marker_set, side)
-    _require_side(recording, roles, side)
+    other = SIDES[side == "right"]
+    missing = missing_roles(roles)
+    if missing:
+        usual = {role: usual_names(role, marker_set, side) for role in missing}
+        needed = "; ".join(f"{role} (usually {names})" for role, names in usual.items())
+        names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
+        listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
+        has_other = set(missing) & set(ARM) and set(ARM) <= find_roles(recording.observed, other)[1].keys()
+        raise RecordingError(
+            f"missing{f' in {recording.source!r}' if recording.source else ''}: {needed}."
+            f"{f' There is a {other} arm: ' + argument('side', other) + ' takes it.' if has_other else ''} "
+            f"Points of the recording, nearest first: {listed or 'none'}. "
+            f"Assign points to roles with {argument('markers', example_markers(missing))}"
+        )
+    own, theirs = (
+        {name for role in ARM for name in find_roles(recording.observed, name_of)[1].get(role, ())}
+        for name_of in (side, other)
+    )
+    for role in ARM:
+        wrong = [name for name in roles[role] if name in theirs - own]
+        if wrong:
+            raise RecordingError(
+                f"{role} of the {side} arm: {', '.join(map(repr, wrong))} is a point of the {other} one; "
+                f"give {argument('side', other)} or other {argument('markers')}"
+            )
+    inward = trunk_rotation(recording, roles)[:, :, 1] * (1.0 if side == "right" else -1.0)
+    middle = role_position(recording, tuple(name for group in roles["trunk_up"] for name in group))
+    shoulder, elbow = (role_position(recording, roles[role]) for role in ("shoulder", "elbow"))
+    # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
+    # possible, brings the elbow 0.27 m inward.
+    for role, start, step, most in (
+        ("shoulder", "trunk_up", shoulder - middle, 0.05),
+        ("elbow", "shoulder", elbow - shoulder, 0.3),
+    ):
+        displacement = np.sum(step * inward, axis=-1)
+        if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
+            raise RecordingError(
+                f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
+                f"(median); these may be points of the {other} arm ({argument('side', other)}), the ends of trunk_left "
+                "or trunk_front may be exchanged, or the axes of the recording may be left-handed"
+            )
     return roles
 
 
@@ -38,14 +83,20 @@ def assigned_roles(
 ) -> tuple[str, dict[str, Any]]:
     """Return the marker set of a recording and the points of each role, even if roles are missing."""
     as_choice(side, "side", SIDES)
-    chosen: dict[str, Any] = {}
     if not isinstance(markers, Mapping | None):
         raise InvalidInputError(f"{spoken('markers')} must map roles to names of points; found {markers!r}")
+    chosen: dict[str, Any] = {}
+    bodies = set()
     for role, choice in (markers or {}).items():
         if role not in ROLES:
             raise unknown_name("role", role, ROLES, "of a point")
-        chosen[role] = None if choice is None else _own_choice(role, choice, recording)
-    bodies = {body_of(name) for role, choice in chosen.items() if choice for name in _names(role, choice)}
+        where = f"markers[{role!r}]"
+        chosen[role] = None if choice is None else as_choice_of_names(role, choice, where)
+        for name in points_of({role: chosen[role]} if chosen[role] else {}):
+            bodies.add(name.rpartition(":")[0])
+            recording.point(name)
+            if name not in recording.observed:
+                raise RecordingError(f"{where}: point {name!r} is missing in every frame of {recording.source!r}")
     marker_set, roles = find_roles(recording.observed, side, bodies.pop() if len(bodies) == 1 else None)
     roles |= chosen
     if markers and "trunk_left" in markers and "trunk_front" not in markers:
@@ -73,7 +124,12 @@ def find_side(
     if all(roles[RIGHT][role] == roles[LEFT][role] for role in ARM):
         reason = f"the names of the points have no side; {argument('side', LEFT)} takes them for a left arm"
         return RIGHT, reason, roles[RIGHT]
-    paths = {name: _wrist_path(recording, own) for name, own in roles.items()}
+    paths = {}  # lengths of the wrists' paths relative to the trunk [m]; missing frames count as the mean
+    for name, own in roles.items():
+        wrist = role_position(recording, own["wrist"]) - role_position(recording, own["trunk_up"][0])
+        local = np.sum(trunk_rotation(recording, own) * wrist[:, :, None], axis=1)
+        steps = np.linalg.norm(np.diff(local, axis=0), axis=-1)
+        paths[name] = float(np.nanmean(steps) * len(steps)) if np.isfinite(steps).any() else 0.0
     similar = 1.1  # ratio of paths up to which the right arm is taken
     moving = LEFT if paths[LEFT] > similar * paths[RIGHT] else RIGHT
     other = SIDES[moving == RIGHT]
@@ -83,14 +139,6 @@ def find_side(
         f"{paths[moving]:.2f} m, the {other} one {paths[other]:.2f} m; {argument('side', other)} takes that"
     )
     return moving, reason, roles[moving]
-
-
-def _wrist_path(recording: Recording, roles: dict[str, Any]) -> float:
-    """Return the path length of the wrist relative to the trunk [m]; missing frames count as the mean."""
-    wrist = role_position(recording, roles["wrist"]) - role_position(recording, roles["trunk_up"][0])
-    local = np.sum(trunk_rotation(recording, roles) * wrist[:, :, None], axis=1)
-    steps = np.linalg.norm(np.diff(local, axis=0), axis=-1)
-    return float(np.nanmean(steps) * len(steps)) if np.isfinite(steps).any() else 0.0
 
 
 class Basis:
@@ -143,7 +191,8 @@ def unit(vectors: Array, shortest: float = 0.0) -> Array:
 
 def points_of(roles: Mapping[str, Any]) -> list[str]:
     """Return all points that are assigned to a role, without repetition."""
-    return list(dict.fromkeys(name for role, choice in roles.items() for name in _names(role, choice)))
+    groups = [group for role, choice in roles.items() for group in (choice if role in DIRECTIONS else (choice,))]
+    return list(dict.fromkeys(name for group in groups for name in group))
 
 
 def missing_roles(roles: Mapping[str, Any]) -> list[str]:
@@ -166,68 +215,3 @@ def usual_names(role: str, marker_set: str, side: str) -> str:
     usual = [names for name in sets for names in alternatives(name, role, side)[:1]][:3]
     pairs = usual if role in DIRECTIONS else [(group,) for group in usual]
     return " or ".join(" to ".join("+".join(map(repr, group)) for group in pair) for pair in pairs)
-
-
-def _own_choice(role: str, choice: Any, recording: Recording) -> Any:
-    """Check the user's choice for one role."""
-    own = as_choice_of_names(role, choice, f"markers[{role!r}]")
-    for name in _names(role, own):
-        recording.point(name)
-        if name not in recording.observed:
-            raise RecordingError(f"markers[{role!r}]: point {name!r} is missing in every frame of {recording.source!r}")
-    return own
-
-
-def _names(role: str, choice: Any) -> Group:
-    return (*choice[0], *choice[1]) if role in DIRECTIONS else choice
-
-
-def _require_roles(roles: Mapping[str, Any], recording: Recording, marker_set: str, side: str) -> None:
-    """Raise unless points are assigned to every required role."""
-    missing = missing_roles(roles)
-    if not missing:
-        return
-    usual = {role: usual_names(role, marker_set, side) for role in missing}
-    needed = "; ".join(f"{role} (usually {names})" for role, names in usual.items())
-    names = nearest_first(" ".join(usual.values()).replace("'", ""), recording.observed)
-    listed = ", ".join(map(repr, names[:20])) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
-    other = SIDES[side == "right"]
-    has_other = set(missing) & set(ARM) and set(ARM) <= find_roles(recording.observed, other)[1].keys()
-    raise RecordingError(
-        f"missing{f' in {recording.source!r}' if recording.source else ''}: {needed}."
-        f"{f' There is a {other} arm: ' + argument('side', other) + ' takes it.' if has_other else ''} "
-        f"Points of the recording, nearest first: {listed or 'none'}. "
-        f"Assign points to roles with {argument('markers', example_markers(missing))}"
-    )
-
-
-def _require_side(recording: Recording, roles: Mapping[str, Any], side: str) -> None:
-    """Raise unless the points of an arm are those of its side, by their names and by their positions."""
-    other = SIDES[side == "right"]
-    own, theirs = (
-        {name for role in ARM for name in find_roles(recording.observed, name_of)[1].get(role, ())}
-        for name_of in (side, other)
-    )
-    for role in ARM:
-        wrong = [name for name in roles[role] if name in theirs - own]
-        if wrong:
-            raise RecordingError(
-                f"{role} of the {side} arm: {', '.join(map(repr, wrong))} is a point of the {other} one; "
-                f"give {argument('side', other)} or other {argument('markers')}"
-            )
-    inward = trunk_rotation(recording, dict(roles))[:, :, 1] * (1.0 if side == "right" else -1.0)
-    middle = role_position(recording, tuple(name for group in roles["trunk_up"] for name in group))
-    shoulder, elbow = (role_position(recording, roles[role]) for role in ("shoulder", "elbow"))
-    # Largest median displacement toward the other arm [m]. An upper arm of 0.42 m, raised forward and inward as far as
-    # possible, brings the elbow 0.27 m inward.
-    for role, start, step, most in (
-        ("shoulder", "trunk_up", shoulder - middle, 0.05),
-        ("elbow", "shoulder", elbow - shoulder, 0.3),
-    ):
-        displacement = np.sum(step * inward, axis=-1)
-        if np.isfinite(displacement).any() and (median := float(np.nanmedian(displacement))) > most:
-            raise RecordingError(
-                f"{role} of the {side} arm: {'+'.join(roles[role])} is {median:.2f} m to the {other} of {start} "
-                f"(median); these may be points of the {other} arm ({argument('side', other)}), the ends of trunk_left "
-                "or trunk_front may be exchanged, or the axes of the recording may be left-handed"
-            )

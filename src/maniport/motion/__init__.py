@@ -6,21 +6,28 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 from maniport.motion.arm_model import robot_model
 from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.controller import Controller, ControlProblem, ControlState
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Objective
-from maniport.motion.placement.placed_path import Place, Placement
-from maniport.motion.placement.placement import place_path
+from maniport.motion.placement.place_path import place_path
+from maniport.motion.placement.placement import Place, Placement
 from maniport.motion.plan.plan_control import PlanControl
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.plan.time_parameterization import Timed, retime, with_approach
-from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
+from maniport.motion.plan.time_parameterization import retime, with_approach
+from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.search.feasible import FeasibleEllipsoids, feasibility_gap, nearest_feasible
-from maniport.motion.search.projector import FeasibleProjector, FeasibleSearch
+from maniport.motion.search.feasible import (
+    FeasibleEllipsoids,
+    FeasibleProjector,
+    FeasibleSearch,
+    feasibility_gap,
+    nearest_feasible,
+)
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -51,7 +58,6 @@ __all__ = [
     "RelativePositionCost",
     "RobotMotion",
     "SeedBank",
-    "Timed",
     "Trajectory",
     "export_motion",
     "feasibility_gap",

@@ -1,9 +1,11 @@
-"""Pinocchio models of arms for Pink, with the arm's configuration, limits and frames."""
+"""Models of arms: for Pinocchio, the axis that an arm turns about, and what an arm must have to be moved."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.chain import PRISMATIC
@@ -140,3 +142,34 @@ def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, 
             )
     if differing:
         raise InvalidInputError(f"{what} {mine.name!r}; it does not fit {other.name!r}: {'; '.join(differing)}")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A fixed line about which the first joint turns the whole arm."""
+
+    frame: Array  # (3, 3); rows: two directions across the line and the one along it
+    origin: Array  # (3,); point of the line next to the base [m]
+
+    @classmethod
+    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
+        """Find the line from the first columns of Jacobians (n, 6, dof) and the positions there (n, 3)."""
+        direction = jacobian[:, 3:, 0]
+        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
+        turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
+        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
+            return None
+        across = np.linalg.svd(direction[:1])[2][1:]
+        across[1] = np.cross(direction[0], across[0])
+        return cls(np.vstack([across, direction[0]]), np.cross(direction[0], moment[0]))
+
+    def cylindrical(self, points: Array) -> tuple[Array, Array]:
+        """Distance from the line and position along it (..., 2) [m], and angle about it (...) [rad]."""
+        local = (points - self.origin) @ self.frame.T
+        radius = np.hypot(local[..., 0], local[..., 1])
+        return np.stack([radius, local[..., 2]], axis=-1), np.arctan2(local[..., 1], local[..., 0])
+
+    def rotations(self, angles: Array) -> Array:
+        """Rotations about the line, shape (..., 3, 3)."""
+        vectors = angles[..., None] * self.frame[2]
+        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))

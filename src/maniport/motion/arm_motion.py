@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.status import ENOUGH_METRES, statuses_of
@@ -22,7 +21,7 @@ from maniport.util.files import save_arrays
 from maniport.util.validation import Array
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ArmMotion(Trajectory):
     """The trajectory of one arm, and how well it follows target ellipsoids and a path.
 
@@ -30,7 +29,7 @@ class ArmMotion(Trajectory):
 
     Attributes
     ----------
-    joint_names, joint_units, time, joint_positions, control_*
+    joint_names, joint_units, time, joint_positions, control_*, limits
         As in `Trajectory`, of this arm's joints; the waypoints are those of the target ellipsoids.
     arm, frame : str
         Names of the arm and of its end effector.
@@ -61,8 +60,6 @@ class ArmMotion(Trajectory):
         Number of control steps at a limit, by joint; joints without hits are left out.
     demonstrated_time : ndarray, shape (n,), or None
         Demonstrated times of the waypoints [s], of a planned motion; ``time`` are those of the robot.
-    limits : MotionLimits or None
-        Limits of this arm, of a planned motion.
     pointwise_best : ndarray, shape (n,), or None
         Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
         end effector on the path (at most 250 waypoints; its square is linear between them).
@@ -88,7 +85,6 @@ class ArmMotion(Trajectory):
     position_limit_hits: dict[str, int]
     velocity_limit_hits: dict[str, int]
     demonstrated_time: Array | None = None
-    limits: MotionLimits | None = None
     pointwise_best: Array | None = None
     clearance: Clearance = field(default_factory=Clearance)
 
@@ -131,16 +127,18 @@ class ArmMotion(Trajectory):
     ) -> "ArmMotion":
         """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
         arm, q, targets = schedule.objective.arm, trajectory.joint_positions, schedule.targets()
-        speeds, error = speed_limits(arm, velocity_limits), targets.tip_error(q)
+        speeds, error, apart = speed_limits(arm, velocity_limits), targets.tip_error(q), targets.distance(q)
         time, positions = trajectory.control_time, trajectory.control_positions
         stopped = np.zeros(len(time), bool) if held is None else held
         near_stop, near_speed = 1e-3, 0.999 * speeds  # [rad or m], and per second
         ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
         fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
-        distance = targets.distance(q)
         off_path = np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
-        at_stop = np.asarray(ends.any(axis=1))
-        at_speed = np.append(False, fast.any(axis=1))
+        steps = stopped, np.asarray(ends.any(axis=1)), np.append(False, fast.any(axis=1))
+        at_stops, at_speeds = (
+            {name: int(count) for name, count in zip(arm.joint_names, hits.sum(axis=0), strict=True) if count}
+            for hits in (ends, fast)
+        )
         return cls(
             **{item.name: getattr(trajectory, item.name) for item in fields(Trajectory)},
             arm=arm.name,
@@ -150,16 +148,16 @@ class ArmMotion(Trajectory):
             achieved=arm.ellipsoids(q, schedule.objective.spec),
             spec=schedule.objective.spec,
             damping=schedule.objective.damping,
-            distance=distance,
+            distance=apart,
             path=schedule.positions,
             position_error=error,
-            orientation_error=targets.axis_angles(q),
+            orientation_error=None if targets.orientation_cost is None else targets.orientation_cost.angles(q),
             position_tolerance=position_tolerance,
-            status=statuses_of(trajectory.time, distance, off_path, time, stopped, at_stop, at_speed),
+            status=statuses_of(trajectory.time, apart, off_path, time, *steps),
             held=stopped,
             velocity_limits=speeds,
-            position_limit_hits=_hits(arm.joint_names, ends),
-            velocity_limit_hits=_hits(arm.joint_names, fast),
+            position_limit_hits=at_stops,
+            velocity_limit_hits=at_speeds,
             **plan,
         )
 
@@ -177,14 +175,7 @@ class ArmMotion(Trajectory):
 
         It is nan where the two longest semi-axes of either are nearly equal, so that their direction is arbitrary.
         """
-        target, achieved = axis_over_time(self.target, -1), axis_over_time(self.achieved, -1)
-        return line_angles(target, achieved)
-
-    @property
-    def limit_use(self) -> LimitUse:
-        """Largest shares of the limits of this arm."""
-        assert self.limits is not None
-        return self.limits.use(self.control_time, self.control_positions)
+        return line_angles(axis_over_time(self.target, -1), axis_over_time(self.achieved, -1))
 
     @property
     def pointwise_ratio(self) -> float:
@@ -243,7 +234,3 @@ def rms_ratio(distance: Array, best: Array) -> float:
     """Return the ratio of two root mean squares; infinite where the second is zero."""
     norm = float(np.linalg.norm(best))
     return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
-
-
-def _hits(names: tuple[str, ...], touched: NDArray[np.bool_]) -> dict[str, int]:
-    return {name: int(count) for name, count in zip(names, touched.sum(axis=0), strict=True) if count}

@@ -18,9 +18,10 @@ import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.cost import Cost
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.objective import Targets
-from maniport.motion.problem import Cost
 from maniport.util.validation import Array
 
 LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
@@ -28,24 +29,12 @@ LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
 
 @dataclass(frozen=True, eq=False)
 class ControlState:
-    """State of an arm between two control steps.
+    """State of an arm between two control steps."""
 
-    Attributes
-    ----------
-    q : Array
-        (dof,) [rad or m].
-    velocity : Array
-        (dof,), of the step before.
-    dt : float | None
-        Duration of the step before [s]; None before the first step.
-    solved : bool
-        False where the step before had no collision-free solution and the arm braked.
-    """
-
-    q: Array
-    velocity: Array
-    dt: float | None = None
-    solved: bool = True
+    q: Array  # (dof,) [rad or m]
+    velocity: Array  # (dof,), of the step before
+    dt: float | None = None  # duration of the step before [s]; None before the first step
+    solved: bool = True  # False where the step before had no collision-free solution and the arm braked
 
     @classmethod
     def at_rest(cls, q: Array) -> "ControlState":
@@ -55,27 +44,12 @@ class ControlState:
 
 @dataclass(frozen=True, eq=False)
 class ControlProblem:
-    """What a control step minimizes.
+    """What a control step minimizes."""
 
-    Attributes
-    ----------
-    targets : tuple[Targets, ...]
-        Of each arm, one row.
-    previous_positions : tuple[Array | None, ...]
-        (3,), target positions of the step before [m].
-    reference : Array
-        (dof,), configuration to stay near.
-    reference_weight : float
-        [1/rad or 1/m].
-    time : float
-        [s], for further costs.
-    """
-
-    targets: tuple[Targets, ...]
-    previous_positions: tuple[Array | None, ...]
-    reference: Array
-    reference_weight: float
-    time: float = 0.0
+    targets: tuple[Targets, ...]  # of each arm, one row
+    previous_positions: tuple[Array | None, ...]  # (3,), target positions of the step before [m]
+    posture: PostureCost  # a configuration to stay near
+    time: float = 0.0  # for further costs [s]
 
 
 class Controller:
@@ -108,7 +82,8 @@ class Controller:
         self.braking, self.collisions, self.lm_damping = braking, collisions, lm_damping
         self._costs, self._limits = tuple(costs), (*limits, *(() if collisions is None else (collisions,)))
         self.columns = group.columns
-        self.reaches = tuple(reach_of(own) for own in group.arms)
+        samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
+        self.reaches = tuple(float(np.linalg.norm(tips, axis=1).max()) for tips in samples)  # from the base [m]
         for i, limit in enumerate(limits):
             _require_fitting(limit, f"limits[{i}]", group)
 
@@ -129,7 +104,7 @@ class Controller:
         if velocity is None:
             return self.brake(state, dt)
         velocity, configurations = self.braking.move(state.q, velocity, bounds, dt)
-        if self.collisions is not None and not self.collisions.free(configurations):
+        if self.collisions is not None and self.collisions.collisions.collides(configurations).any():
             return self.brake(state, dt)
         return ControlState(configurations[0], velocity, dt)
 
@@ -162,8 +137,8 @@ class Controller:
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) and half the gradient (dof,) of all costs, with dampings."""
-        dof, weight = len(q), problem.reference_weight**2
-        gradient, damping, hessian = weight * (q - problem.reference), np.full(dof, weight), np.zeros((dof, dof))
+        dof, time = len(q), np.array([problem.time])
+        gradient, damping, hessian = np.zeros(dof), np.zeros(dof), np.zeros((dof, dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
             parts = targets.linearize(q[None, columns])
             hessian[columns[:, None], columns] += parts.hessian[0]
@@ -171,29 +146,17 @@ class Controller:
             amount = self.lm_damping * parts.ellipsoid_square[0]
             previous = problem.previous_positions[i]
             if previous is not None:
-                assert parts.poses is not None
-                lag = _lag(parts.poses[0, :3, 3], previous)
+                offset = parts.poses[0, :3, 3] - previous
+                distance = math.sqrt(offset @ offset)
+                lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
             damping[columns] += amount
-        for cost in self._costs:
-            time = np.array([problem.time])
+        for cost in (problem.posture, *self._costs):
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.flat[:: dof + 1] += damping + 1e-12  # the diagonal
         return hessian, gradient
-
-
-def reach_of(arm: Arm) -> float:
-    """Return the largest distance of the end effector from the base at samples [m]."""
-    return float(np.linalg.norm(arm.forward(arm.sample(64, 0))[:, :3, 3], axis=1).max())
-
-
-def _lag(position: Array, target: Array) -> float:
-    """Distance of two positions [m], less where it is about 1 mm: that is no sign of a path out of reach."""
-    offset = position - target
-    distance = math.sqrt(offset @ offset)
-    return distance * distance / (distance + 1e-3)
 
 
 def _require_fitting(limit: Limit, name: str, group: ArmGroup) -> None:

@@ -2,13 +2,12 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.errors import InvalidInputError
@@ -28,63 +27,57 @@ SCENE = "rerun"
 DECIMALS = 9, 7, 5  # of positions, velocities and accelerations in messages
 Columns = dict[str, tuple[Array, str]]  # values and their unit, by name
 
-MESSAGE = {
-    "type": "object",
-    "properties": {
-        "timestamp": {
-            "type": "object",
-            "title": "time",
-            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-        },
-        "name": {"type": "array", "items": {"type": "string"}},
-        **{key: {"type": "array", "items": {"type": "number"}} for key in ("position", "velocity", "acceleration")},
-    },
-}
-"""JSON schema of the messages of an MCAP file."""
+
+def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int, list[list[float]]]]:
+    """Iterate over about `rate` control steps a second from 0 s: seconds, nanoseconds, positions and derivatives.
+
+    Controllers interpolate between them.
+    """
+    time = motion.control_time - motion.control_time[0]
+    stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
+    for row in np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1)):
+        states = zip(motion.control_states, DECIMALS, strict=True)
+        yield (
+            *divmod(round(1e9 * time[row]), 10**9),
+            [np.round(state[1][row], digits).tolist() for state, digits in states],
+        )
 
 
 def write_ros2(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
-    rows, seconds = _subsampled(motion)
     names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
     with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\n") as stream:
         stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, and those for each second and second squared]\n")
         stream.write("header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\n")
         stream.write(f"joint_names: {names}\npoints:\n")
         keys = ("- positions", "  velocities", "  accelerations")
-        states = [values for _, values, _ in motion.control_states]
-        for row, time in zip(rows, seconds, strict=True):
+        for sec, nanosec, states in _samples(motion):
             for key, values, digits in zip(keys, states, DECIMALS, strict=True):
-                stream.write(f"{key}: [{', '.join(f'{value:.{digits}f}' for value in values[row].tolist())}]\n")
-            sec, nanosec = divmod(round(1e9 * time), 10**9)
+                stream.write(f"{key}: [{', '.join(f'{value:.{digits}f}' for value in values)}]\n")
             stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
 
 
 def write_mcap(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     """Write messages named as in sensor_msgs/msg/JointState, as JSON."""
-    package = mcap_writer()
-    rows, seconds = _subsampled(motion)
+    stamp = {key: {"type": "integer"} for key in ("sec", "nsec")}
+    quantities = [name for name, *_ in motion.control_states]
+    properties = {
+        "timestamp": {"type": "object", "title": "time", "properties": stamp},
+        "name": {"type": "array", "items": {"type": "string"}},
+        **{name: {"type": "array", "items": {"type": "number"}} for name in quantities},
+    }
     with written_whole(path) as temporary, open(temporary, "wb") as stream:
-        writer = package.Writer(stream)
+        writer = mcap_writer().Writer(stream)
         writer.start(library="maniport")
-        schema = writer.register_schema("JointState", "jsonschema", json.dumps(MESSAGE).encode())
+        message = json.dumps({"type": "object", "properties": properties}).encode()
+        schema = writer.register_schema("JointState", "jsonschema", message)
         channel = writer.register_channel("/joint_states", "json", schema)
-        for number, (row, time) in enumerate(zip(rows, seconds, strict=True)):
-            nanoseconds = round(1e9 * time)
-            sec, nsec = divmod(nanoseconds, 10**9)
-            message: dict[str, Any] = {"timestamp": {"sec": sec, "nsec": nsec}, "name": list(motion.joint_names)}
-            for (name, values, _), digits in zip(motion.control_states, DECIMALS, strict=True):
-                message[name] = np.round(values[row], digits).tolist()
-            writer.add_message(channel, nanoseconds, json.dumps(message).encode(), nanoseconds, number)
+        for number, (sec, nsec, states) in enumerate(_samples(motion)):
+            content = {"timestamp": {"sec": sec, "nsec": nsec}, "name": list(motion.joint_names)}
+            message = json.dumps(content | dict(zip(quantities, states, strict=True))).encode()
+            nanoseconds = 10**9 * sec + nsec
+            writer.add_message(channel, nanoseconds, message, nanoseconds, number)
         writer.finish()
-
-
-def _subsampled(motion: Trajectory, rate: float = 100.0) -> tuple[NDArray[np.intp], Array]:
-    """Return the rows of control steps at about `rate` [Hz], and their times from 0 [s]; controllers interpolate."""
-    time = motion.control_time - motion.control_time[0]
-    stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
-    rows = np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1))
-    return rows, time[rows]
 
 
 def write_mujoco(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
@@ -105,46 +98,45 @@ def write_mujoco(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | 
 
 
 def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -> None:
-    """Write a row for each control step."""
+    """Write a row for each control step; targets are interpolated as by the tracker."""
     arrow, parquet = pyarrow(), parquet_writer()
-    columns = {
-        "time": (motion.control_time - motion.control_time[0], "s"),
-        **{
-            f"{name}_{quantity}": (values[:, k], motion.joint_units[k] + per)
-            for quantity, values, per in motion.control_states
-            for k, name in enumerate(motion.joint_names)
-        },
-        **_ellipsoids(motion, robot),
-    }
-    fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
-    about = {"robot": motion.arm, "tip": motion.frame, "damping": repr(motion.damping.epsilon)}
-    about |= {"kind": motion.spec.kind, "part": motion.spec.part}
-    table = arrow.table(
-        [arrow.array(values, from_pandas=True) for values, _ in columns.values()],  # nan becomes null
-        schema=arrow.schema(fields, metadata=about),
-    )
-    with written_whole(path) as temporary:
-        parquet.write_table(table, temporary, compression="zstd")
-
-
-def _ellipsoids(motion: ArmMotion, robot: Arm) -> Columns:
-    """Return achieved and target ellipsoids and positions; targets are interpolated as by the tracker."""
     q, time, spec = motion.control_positions, motion.control_time, motion.spec
     begin, end, step = motion.time[0], motion.time[-1], time[1] - time[0]
     inside = (time > begin - step) & (time < end + step)
     schedule = Schedule(Objective.of(robot, spec, motion.damping), motion.time, motion.target, motion.path)
     target = schedule.at(np.clip(time[inside], begin, end))
     targets = target.targets()
-    columns = {f"tip_{axis}": (values, "m") for axis, values in zip("xyz", robot.forward(q)[:, :3, 3].T, strict=True)}
+
+    def spread(values: Array) -> Array:
+        """Insert rows of nan outside the times of the targets."""
+        result = np.full((len(time), *values.shape[1:]), np.nan)
+        result[inside] = values
+        return result
+
+    def vectors(prefix: str, values: Array) -> Columns:
+        return {f"{prefix}_{axis}": (column, "m") for axis, column in zip("xyz", values.T, strict=True)}
+
+    columns: Columns = {"time": (time - time[0], "s")}
+    for quantity, values, per in motion.control_states:
+        for name, unit, column in zip(motion.joint_names, motion.joint_units, values.T, strict=True):
+            columns[f"{name}_{quantity}"] = column, unit + per
+    columns |= vectors("tip", robot.forward(q)[:, :3, 3])
     columns |= _entries("achieved", robot.ellipsoids(q, spec), spec)
-    columns |= _entries("target", _spread(target.ellipsoids, inside), spec)
-    columns["distance"] = _spread(targets.distance(q[inside]), inside), ""
+    columns |= _entries("target", spread(target.ellipsoids), spec)
+    columns["distance"] = spread(targets.distance(q[inside])), ""
     error = targets.tip_error(q[inside])
     if target.positions is not None and error is not None:
-        positions = _spread(target.positions, inside)
-        columns |= {f"path_{axis}": (values, "m") for axis, values in zip("xyz", positions.T, strict=True)}
-        columns["tip_error"] = _spread(error, inside), "m"
-    return columns
+        columns |= vectors("path", spread(target.positions))
+        columns["tip_error"] = spread(error), "m"
+    fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
+    about = {"robot": motion.arm, "tip": motion.frame, "damping": repr(motion.damping.epsilon)}
+    about |= {"kind": spec.kind, "part": spec.part}
+    table = arrow.table(
+        [arrow.array(values, from_pandas=True) for values, _ in columns.values()],  # nan becomes null
+        schema=arrow.schema(fields, metadata=about),
+    )
+    with written_whole(path) as temporary:
+        parquet.write_table(table, temporary, compression="zstd")
 
 
 def _entries(prefix: str, ellipsoids: Array, spec: EllipsoidSpec) -> Columns:
@@ -154,13 +146,6 @@ def _entries(prefix: str, ellipsoids: Array, spec: EllipsoidSpec) -> Columns:
     unit = f"({spec.unit})²" if spec.unit else ""
     rows = zip(*np.triu_indices(len(names)), strict=True)
     return {f"{prefix}_{names[i]}{names[j]}": (ellipsoids[:, i, j], unit) for i, j in rows}
-
-
-def _spread(values: Array, where: NDArray[np.bool_]) -> Array:
-    """Insert rows where a mask is true, nan elsewhere."""
-    result = np.full((len(where), *values.shape[1:]), np.nan)
-    result[where] = values
-    return result
 
 
 class Format(NamedTuple):
@@ -194,17 +179,14 @@ def export_motion(
 ) -> None:
     """Write the control steps of a motion, with time from 0, in a format of `FORMATS`.
 
-    - ``"ros2"``, suffix ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second with
-      positions, velocities and accelerations, as ``ros2 topic pub`` and ``rosidl`` take it.
-    - ``"mcap"``, suffix ``.mcap``: about 100 messages a second on the topic ``/joint_states``, named as in
-      ``sensor_msgs/msg/JointState``, with accelerations, as JSON with its schema, for Foxglove and Rerun. It is
-      not the binary encoding of ROS, which ``ros2 bag play`` requires.
-    - ``"mujoco"``, suffix ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), at every control step, ``joint_names`` and
-      ``timestep`` [s]; with the robot also its locked joints, ``held_names`` and ``held_positions``.
-    - ``"parquet"``, suffix ``.parquet``: a row for every control step with ``time``, position, velocity and
-      acceleration of every joint, position of the end effector, entries of the achieved and target ellipsoids, their
-      distance with the motion's damping, and target position and its error where there is a path. Columns have units
-      in their metadata. Targets are interpolated on geodesics; outside the times of the profile they are null.
+    - ``"ros2"``, ``.yaml``: one ``trajectory_msgs/msg/JointTrajectory`` of about 100 points a second.
+    - ``"mcap"``, ``.mcap``: about 100 messages a second on ``/joint_states``, named as in
+      ``sensor_msgs/msg/JointState``, as JSON with its schema, not in the binary encoding of ROS.
+    - ``"mujoco"``, ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), ``joint_names`` and ``timestep`` [s]; with the
+      robot also its locked joints, ``held_names`` and ``held_positions``.
+    - ``"parquet"``, ``.parquet``: a row for every control step with joints, end effector, ellipsoids, their distance
+      with the motion's damping, and position errors; units are in the metadata of the columns. Targets are interpolated
+      on geodesics; outside the times of the profile they are null.
 
     The first and the last control step are always included.
 

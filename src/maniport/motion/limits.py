@@ -51,14 +51,8 @@ class BrakingLimit:
     def bounds(self, q: Array, velocity: Array, last_dt: float, dt: float, speed_share: float = 1.0) -> Array:
         """Return the smallest and the largest velocities of the next step, shape (2, dof).
 
-        Parameters
-        ----------
-        q, velocity : ndarray, shape (dof,)
-            Configuration, and velocity of the step before.
-        last_dt, dt : float
-            Durations of the step before and of the next step [s].
-        speed_share : float
-            Share of the velocity limits that may be used. A faster joint slows down as its acceleration allows.
+        `velocity` is that of the step before, `last_dt` and `dt` the durations of that and the next step [s]. A joint
+        that is faster than the share of the velocity limits that may be used slows down as its acceleration allows.
         """
         bounds = np.empty((2, len(q)))
         _fill_bounds(q, velocity, self._limits, last_dt, dt, speed_share, bounds)
@@ -113,10 +107,8 @@ class CollisionLimit:
     ----------
     collisions : Collisions
         Collision model of the arm or group.
-    margin : float
-        [m].
-    reach : float
-        Largest distance of pairs that count [m].
+    margin, reach : float
+        Smallest distance of pairs, and largest distance of pairs that count [m].
     time_constant : float
         Time constant with which the clearance is used up [s].
     separation_share : float
@@ -158,33 +150,22 @@ class CollisionLimit:
         self.reset()
 
     def __repr__(self) -> str:
-        return (
-            f"CollisionLimit({self.collisions!r}, margin={self.margin}, reach={self.reach}, "
-            f"time_constant={self.time_constant})"
-        )
+        options = ", ".join(f"{name}={getattr(self, name)}" for name in ("margin", "reach", "time_constant"))
+        return f"CollisionLimit({self.collisions!r}, {options})"
 
     def reset(self) -> None:
         """Discard distances computed for earlier configurations."""
         self._q: Array | None = None
         self._distance, self._slope = np.empty(0), np.empty((0, 0))
 
-    def near(self, q: Array) -> tuple[Array, Array]:
-        """Return distances (k,) of the pairs within reach at q (dof,) [m], and their derivatives (k, dof)."""
-        offset = None if self._q is None else q - self._q
-        if offset is None or offset @ offset > 0.045**2:
-            self._q = q.copy()
-            self._distance, self._slope = self.collisions.gradient(q[None], self.reach, scaled=True)[1:]
-            return self._distance, self._slope
-        return self._distance + self._slope @ offset, self._slope
-
     def inequalities(self, q: Array, dt: float) -> tuple[Array, Array]:
         """Return G and h of G Δq ≤ h, shapes (k, dof) and (k,), for the k pairs within reach."""
-        distance, slope = self.near(q)
-        if not len(distance):
+        if self._q is None or (q - self._q) @ (q - self._q) > 0.045**2:
+            self._q = q.copy()
+            self._distance, self._slope = self.collisions.gradient(q[None], self.reach, scaled=True)[1:]
+        slope = self._slope
+        if not len(slope):
             return np.empty((0, len(q))), np.empty(0)
+        distance = self._distance + slope @ (q - self._q)
         allowed = -np.expm1(-dt / self.time_constant) * (distance - self.margin)
         return -slope, np.maximum(allowed, -self.separation_share * dt * np.abs(slope) @ self._speeds)
-
-    def free(self, q: Array) -> bool:
-        """Return whether none of the configurations (n, dof) collides."""
-        return not self.collisions.collides(q).any()

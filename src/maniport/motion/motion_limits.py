@@ -13,22 +13,15 @@ from maniport.errors import FileFormatError, InvalidInputError
 from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
 from maniport.util.files import read_settings, require_mapping
-from maniport.util.validation import Array, Bounds, as_finite, as_number, as_times
-
-PANDA = {
-    "panda_joint1": {"acceleration": 15.0, "jerk": 7500.0},
-    "panda_joint2": {"acceleration": 7.5, "jerk": 3750.0},
-    "panda_joint3": {"acceleration": 10.0, "jerk": 5000.0},
-    "panda_joint4": {"acceleration": 12.5, "jerk": 6250.0},
-    "panda_joint5": {"acceleration": 15.0, "jerk": 7500.0},
-    "panda_joint6": {"acceleration": 20.0, "jerk": 10000.0},
-    "panda_joint7": {"acceleration": 20.0, "jerk": 10000.0},
-}
-"""[rad/s² and rad/s³], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
-PANDA_SOURCE = "Franka's limits of the Panda (FER)"
+from maniport.util.validation import Array, as_finite, as_number, as_times
 
 DERIVATIVES = ("velocity", "acceleration", "jerk")
 QUANTITIES = ("position", *DERIVATIVES)
+PANDA = {
+    f"panda_joint{i}": {"acceleration": acceleration, "jerk": 500.0 * acceleration}
+    for i, acceleration in enumerate((15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0), 1)
+}
+"""[rad/s² and rad/s³], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +31,7 @@ class MotionLimits:
     Attributes
     ----------
     arm : Arm or ArmGroup
-        The arm, or the pair of them, with narrowed position limits, which include the margin.
+        With narrowed position limits, which include the margin.
     velocity, acceleration, jerk : ndarray, shape (dof,)
         Largest magnitudes, positive and finite [rad or m, per second, second² and second³].
     sources : dict of str to str
@@ -86,26 +79,53 @@ class MotionLimits:
         is_file = isinstance(given, str | os.PathLike)
         where = str(given) if is_file else "limits"
         try:
-            content = {} if given is None else read_settings(given, _KEYS) if is_file else given  # type: ignore[arg-type]
+            content: Any = {} if given is None else given
+            content = read_settings(content, ("joints", "default")) if is_file else content
             joints, default = _checked(content, arm, where)
         except (InvalidInputError, FileFormatError) as error:
             raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
+        own_names, free = list(arm.joint_names), set[str]()  # in the descriptions of the robots
+        for member, columns in zip(as_group(arm).arms, as_group(arm).columns, strict=True):
+            free |= set(member.chain.unlimited)
+            for column, name in zip(columns, member.joint_names, strict=True):
+                own_names[column] = name
         inside = share * (arm.upper - arm.lower)
         ends = np.stack([arm.lower + inside, arm.upper - inside])
-        for i, name in enumerate(arm.joint_names):
-            for side, key in enumerate(("lower", "upper")):
-                ends[side, i] = joints.get(name, {}).get(key, ends[side, i])
-        found: dict[str, Array] = {}
-        sources: dict[str, str] = {}
-        assumed = {"position": tuple(n for n in _unlimited(arm) if not {"lower", "upper"} <= joints.get(n, {}).keys())}
-        for quantity in DERIVATIVES:
-            found[quantity], sources[quantity], assumed[quantity] = _look_up(
-                arm, quantity, joints, default, where, found
-            )
-        return cls(arm.narrowed(*ends), sources=sources, assumed=assumed, **found)
+        limits: dict[str, Array] = {quantity: np.zeros(arm.dof) for quantity in DERIVATIVES}
+        joints_by_source: dict[str, dict[str, list[str]]] = {quantity: {} for quantity in DERIVATIVES}
+        assumed: dict[str, list[str]] = {quantity: [] for quantity in QUANTITIES}
+        for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, own_names, strict=True)):
+            numbers = joints.get(name, {})
+            ends[:, i] = numbers.get("lower", ends[0, i]), numbers.get("upper", ends[1, i])
+            if own in free and not {"lower", "upper"} <= numbers.keys():
+                assumed["position"].append(name)
+            described = np.inf if arm.velocity_limits is None else float(arm.velocity_limits[i])
+            sources = {
+                where: numbers,
+                f"{where} (default)": default,
+                "Franka's limits of the Panda (FER)": PANDA.get(own, {}),
+                "the robot's description": {"velocity": described} if np.isfinite(described) else {},
+            }
+            for quantity in DERIVATIVES:
+                source = next((source for source, values in sources.items() if quantity in values), None)
+                if source is not None:
+                    value = sources[source][quantity]
+                else:
+                    assumed[quantity].append(name)
+                    value, source = _assumed(quantity, unit, {key: limits[key][i] for key in limits})
+                limits[quantity][i] = value
+                joints_by_source[quantity].setdefault(source, []).append(name)
+        texts = {
+            quantity: "; ".join(f"{source} ({', '.join(names)})" for source, names in by_source.items())
+            if len(by_source) > 1
+            else next(iter(by_source))
+            for quantity, by_source in joints_by_source.items()
+        }
+        names = {quantity: tuple(own) for quantity, own in assumed.items()}
+        return cls(arm.narrowed(*ends), sources=texts, assumed=names, **limits)
 
     def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
-        """Return the limits of one arm of a pair; `columns` are its joints in the pair."""
+        """Return the limits of one arm of a group; `columns` are its joints in the group."""
         names = [self.arm.joint_names[column] for column in columns]
         own = dict(zip(names, arm.joint_names, strict=True))
         assumed = {quantity: tuple(own[n] for n in found if n in own) for quantity, found in self.assumed.items()}
@@ -148,16 +168,15 @@ class MotionLimits:
                 f"time must have a constant rate; found steps of {steps.min():g} to {steps.max():g} s"
             )
         middle, half = 0.5 * (self.lower + self.upper), np.maximum(0.5 * (self.upper - self.lower), 1e-12)
-        shares, at = [np.abs(values - middle) / half], [times]
-        for order, quantity in enumerate(DERIVATIVES, start=1):
-            values = np.diff(values, axis=0) / step
-            shares.append(np.abs(values) / getattr(self, quantity))
-            at.append(times[: len(values)] + 0.5 * order * step)
-        when = [
-            t[share.argmax(axis=0)] if len(share) else np.full(self.arm.dof, times[0])
-            for share, t in zip(shares, at, strict=True)
-        ]
-        return LimitUse(self.arm.joint_names, np.array([s.max(axis=0, initial=0.0) for s in shares]), np.array(when))
+        shares, at = np.zeros((4, self.arm.dof)), np.full((4, self.arm.dof), times[0])
+        for order, quantity in enumerate(QUANTITIES):
+            if order:
+                values = np.diff(values, axis=0) / step
+            if len(values):
+                share = np.abs(values) / getattr(self, quantity) if order else np.abs(values - middle) / half
+                shares[order] = share.max(axis=0)
+                at[order] = times[share.argmax(axis=0)] + 0.5 * order * step
+        return LimitUse(self.arm.joint_names, shares, at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,79 +211,30 @@ class LimitUse:
         return bool(self.shares.max() <= 1.0 + 1e-9)
 
 
-_KEYS = ("joints", "default")
-
-
 def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
     """Numbers for joints by name, and for those that are not named."""
-    content = require_mapping(dict(content) if isinstance(content, Mapping) else content, _KEYS, where)
-    default = _numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
+
+    def numbers(content: Any, keys: tuple[str, ...], name: str) -> dict[str, float]:
+        return {
+            key: as_number(value, f"{name}: {key}", **({"above": 0.0} if key in DERIVATIVES else {}))
+            for key, value in require_mapping(content, keys, name).items()
+        }
+
+    content = dict(content) if isinstance(content, Mapping) else content
+    content = require_mapping(content, ("joints", "default"), where)
+    default = numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
     entries = require_mapping(content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}")
-    joints = {n: _numbers(e, (*DERIVATIVES, "lower", "upper"), f"{where}: joints: {n}") for n, e in entries.items()}
-    for name, numbers in joints.items():
-        i = arm.joint_names.index(name)
-        least, most = float(arm.lower[i]), float(arm.upper[i])
-        for key in ("lower", "upper"):
-            if key in numbers:
-                as_number(numbers[key], f"{where}: joints: {name}: {key}", minimum=least, maximum=most)
-        if numbers.get("lower", least) >= numbers.get("upper", most):
-            raise InvalidInputError(
-                f"{where}: joints: {name}: lower must be below upper; found {numbers.get('lower', least):g} and "
-                f"{numbers.get('upper', most):g}"
-            )
+    joints = {}
+    for name, entry in entries.items():
+        own, i = f"{where}: joints: {name}", arm.joint_names.index(name)
+        joints[name] = numbers(entry, (*DERIVATIVES, "lower", "upper"), own)
+        bounds = {"lower": float(arm.lower[i]), "upper": float(arm.upper[i])}
+        for key in bounds.keys() & joints[name].keys():
+            as_number(joints[name][key], f"{own}: {key}", minimum=bounds["lower"], maximum=bounds["upper"])
+        lower, upper = (joints[name].get(key, bound) for key, bound in bounds.items())
+        if lower >= upper:
+            raise InvalidInputError(f"{own}: lower must be below upper; found {lower:g} and {upper:g}")
     return joints, default
-
-
-def _numbers(content: Any, keys: tuple[str, ...], where: str) -> dict[str, float]:
-    return {
-        key: as_number(value, f"{where}: {key}", **(Bounds(above=0.0) if key in DERIVATIVES else Bounds()))
-        for key, value in require_mapping(content, keys, where).items()
-    }
-
-
-def _own_names(arm: Arm | ArmGroup) -> list[str]:
-    """What the joints are called in the descriptions of their robots."""
-    names = list(arm.joint_names)
-    group = as_group(arm)
-    for one, columns in zip(group.arms, group.columns, strict=True):
-        for column, name in zip(columns, one.joint_names, strict=True):
-            names[column] = name
-    return names
-
-
-def _unlimited(arm: Arm | ArmGroup) -> list[str]:
-    """Names of the joints whose position the description does not limit."""
-    free = {name for one in as_group(arm).arms for name in one.chain.unlimited}
-    return [name for name, own in zip(arm.joint_names, _own_names(arm), strict=True) if own in free]
-
-
-def _look_up(
-    arm: Arm | ArmGroup,
-    quantity: str,
-    joints: dict[str, dict[str, float]],
-    default: dict[str, float],
-    where: str,
-    found: dict[str, Array],
-) -> tuple[Array, str, tuple[str, ...]]:
-    """Limits of one quantity for all joints, the sentence about their source, and the assumed ones."""
-    values, names_by_source, assumed = np.zeros(arm.dof), dict[str, list[str]](), list[str]()
-    for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, _own_names(arm), strict=True)):
-        described = np.inf if arm.velocity_limits is None else float(arm.velocity_limits[i])
-        known = (
-            (joints.get(name, {}).get(quantity), where),
-            (default.get(quantity), f"{where} (default)"),
-            (PANDA.get(own, {}).get(quantity), PANDA_SOURCE),
-            (described if quantity == "velocity" and np.isfinite(described) else None, "the robot's description"),
-        )
-        value, source = next((one for one in known if one[0] is not None), (None, ""))
-        if value is None:
-            assumed.append(name)
-            value, source = _assumed(quantity, unit, {key: found[key][i] for key in found})
-        values[i] = value
-        names_by_source.setdefault(source, []).append(name)
-    sources = [f"{source} ({', '.join(names)})" for source, names in names_by_source.items()]
-    text = next(iter(names_by_source)) if len(sources) == 1 else "; ".join(sources)
-    return values, text, tuple(assumed)
 
 
 def _assumed(quantity: str, unit: str, lower: Mapping[str, float]) -> tuple[float, str]:

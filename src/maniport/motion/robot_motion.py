@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from maniport.util.validation import Array
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RobotMotion(NotebookDisplay):
-    """The motion of one or several arms; made by `plan_motion`.
+    """The motion of one or several arms; made by `plan_motion` and `track`.
 
     Attributes
     ----------
@@ -32,12 +32,6 @@ class RobotMotion(NotebookDisplay):
         Of all joints of the group.
     arms : tuple of ArmMotion
         The same motion of each arm, and its errors.
-    limits : MotionLimits or None
-        Limits of all joints; None for a motion of the controller.
-    limit_use : LimitUse or None
-        Largest shares of these limits.
-    clearance : Clearance
-        Of all arms, with each other and their surroundings.
     coupled : bool
         Whether several arms were optimized together, since they share joints or costs, or come near one another.
     relative, relative_error : ndarray, shapes (n, n_arms - 1, 3) and (n, n_arms - 1), or None
@@ -48,9 +42,6 @@ class RobotMotion(NotebookDisplay):
     group: ArmGroup
     trajectory: Trajectory
     arms: tuple[ArmMotion, ...]
-    limits: MotionLimits | None = None
-    limit_use: LimitUse | None = None
-    clearance: Clearance = field(default_factory=Clearance)
     coupled: bool = False
     relative: Array | None = None
     relative_error: Array | None = None
@@ -63,27 +54,39 @@ class RobotMotion(NotebookDisplay):
         trajectory: Trajectory,
         collisions: Collisions | None,
         velocity_limits: Array,
-        limits: MotionLimits | None = None,
         held: NDArray[np.bool_] | None = None,
         position_tolerance: float = ENOUGH_METRES,
         pointwise_bests: Sequence[Array] | None = None,
         **relative: Any,
     ) -> "RobotMotion":
-        """Compare the trajectory of a group with the targets of its arms; `limits` are those of a planned motion."""
+        """Compare the trajectory of a group with the targets of its arms."""
         clearance, arms = Clearance.of(collisions, trajectory), []
         for i, (schedule, columns) in enumerate(zip(schedules, group.columns, strict=True)):
-            arm, plan = schedule.objective.arm, dict[str, Any](clearance=clearance)
-            if limits is not None:
-                plan |= {"demonstrated_time": schedule.time, "limits": limits.of_joints(arm, columns)}
+            own, plan = trajectory.of_arm(schedule.objective.arm, columns), dict[str, Any](clearance=clearance)
+            if trajectory.limits is not None:
+                plan["demonstrated_time"] = schedule.time
             if pointwise_bests is not None:
                 plan["pointwise_best"] = pointwise_bests[i]
-            own, speeds = trajectory.of_arm(arm, columns), velocity_limits[columns]
-            arms.append(ArmMotion.of(schedule, own, speeds, held, position_tolerance, **plan))
-        use = None if limits is None else limits.use(trajectory.control_time, trajectory.control_positions)
-        return cls(group, trajectory, tuple(arms), limits, use, clearance, **relative)
+            arms.append(ArmMotion.of(schedule, own, velocity_limits[columns], held, position_tolerance, **plan))
+        return cls(group, trajectory, tuple(arms), **relative)
 
     def __repr__(self) -> str:
         return f"RobotMotion({', '.join(map(repr, self.arms))})"
+
+    @property
+    def limits(self) -> MotionLimits | None:
+        """Limits of all joints; None for a motion of the controller."""
+        return self.trajectory.limits
+
+    @property
+    def limit_use(self) -> LimitUse | None:
+        """Largest shares of these limits."""
+        return self.trajectory.limit_use
+
+    @property
+    def clearance(self) -> Clearance:
+        """Collisions and clearance of all arms, with each other and their surroundings."""
+        return self.arms[0].clearance
 
     @property
     def pointwise_ratio(self) -> float:

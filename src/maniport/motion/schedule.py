@@ -1,6 +1,6 @@
 """Target time series of an arm: checked, and sampled at control steps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.spatial.transform import Rotation, Slerp
 
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.joint_space import JointSpace
 from maniport.errors import InvalidInputError
-from maniport.motion.objective import Objective, Targets
+from maniport.motion.arm_model import require_trackable
+from maniport.motion.objective import Damping, Objective, Targets
 from maniport.spd.affine_invariant import geodesic
 from maniport.spd.matrix_functions import apply, congruence, roots, symmetrize
 from maniport.util.validation import Array, as_metres, as_positive_semidefinite, as_rotation, as_square, as_times
@@ -28,39 +30,6 @@ class Schedule:
     weights: Array | None = None  # (n, m, m), of the directions of the ellipsoids' residual
     rotations: Array | None = None  # (n, 3, 3), of the end effector
     configurations: Array | None = None  # (n, dof), reference configurations [rad or m]
-
-    @classmethod
-    def checked(
-        cls,
-        objective: Objective,
-        profile: ArrayLike,
-        time: ArrayLike,
-        path: ArrayLike | None,
-        weights: ArrayLike | None,
-        rotations: ArrayLike | None = None,
-        configurations: Array | None = None,
-    ) -> "Schedule":
-        """Check arguments; errors name the argument."""
-        d, times = objective.spec.size, as_times(time, fewest=2)
-        m = d * (d + 1) // 2
-        objective.checked(profile, "profile", minimum=2)
-        targets = as_square(profile, "profile", d)
-        positions = None if path is None else as_metres(path, "path")
-        metric = None if weights is None else as_positive_semidefinite(weights, "weights", m)
-        axes = None if rotations is None else as_square(rotations, "rotations", 3)
-        require_rows(
-            len(times),
-            profile=(targets, (d, d)),
-            path=(positions, (3,)),
-            weights=(metric, (m, m)),
-            rotations=(axes, (3, 3)),
-            reference=(configurations, (objective.arm.dof,)),
-        )
-        if axes is not None:
-            axes = np.array([as_rotation(axis, f"rotations[{i}]", 3) for i, axis in enumerate(axes)])
-        # copies: results keep them, and later changes of the caller's arrays must not change them
-        rest = (None if array is None else array.copy() for array in (positions, metric, axes, configurations))
-        return cls(objective, times.copy(), targets.copy(), *rest)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -115,6 +84,56 @@ class Schedule:
         )
 
 
+def schedules_of(
+    arms: Arm | ArmGroup,
+    time: ArrayLike,
+    spec: EllipsoidSpec,
+    damping: Damping,
+    position_weight: float,
+    axes: tuple[float, float, float],
+    arrays: Mapping[str, Any],
+    reference: Array | None = None,
+) -> list[Schedule]:
+    """Check the targets of each arm; errors name the argument.
+
+    `axes` are weights of the end effector's axes. `arrays` are ellipsoids, positions, weights and rotations by the
+    names of the arguments: of an arm, or sequences with an item for each arm of a group. `reference` (n, dof) are
+    configurations of all joints.
+    """
+    group = as_group(arms)
+    columns = [
+        (value,) if isinstance(arms, Arm) else of_each(value, name, len(group)) for name, value in arrays.items()
+    ]
+    specs = (spec,) if isinstance(arms, Arm) else group.specs(spec)
+    schedules = []
+    for arm, own, joints, (profile, path, weights, rotations) in zip(
+        group.arms, specs, group.columns, zip(*columns, strict=True), strict=True
+    ):
+        require_trackable(arm, own)
+        objective = Objective.of(arm, own, damping, position_weight, positive=True)
+        d, times = own.size, as_times(time, fewest=2)
+        m = d * (d + 1) // 2
+        objective.checked(profile, "profile", minimum=2)
+        values = {
+            "profile": (as_square(profile, "profile", d), (d, d)),
+            "path": (None if path is None else as_metres(path, "path"), (3,)),
+            "weights": (None if weights is None else as_positive_semidefinite(weights, "weights", m), (m, m)),
+            "rotations": (None if rotations is None else _as_rotations(rotations), (3, 3)),
+            "reference": (None if reference is None else reference[..., joints], (arm.dof,)),
+        }
+        require_rows(len(times), **values)
+        # copies: results keep them, and later changes of the caller's arrays must not change them
+        targets, *rest = (None if array is None else array.copy() for array, _ in values.values())
+        assert targets is not None
+        schedules.append(Schedule(replace(objective, axis_weights=axes), times.copy(), targets, *rest))
+    return schedules
+
+
+def _as_rotations(value: ArrayLike) -> Array:
+    rotations = as_square(value, "rotations", 3)
+    return np.array([as_rotation(rotation, f"rotations[{i}]", 3) for i, rotation in enumerate(rotations)])
+
+
 def require_few(samples: float, most: int = 3_000_000) -> None:
     """Raise InvalidInputError when a motion has too many samples."""
     if not samples <= most:
@@ -134,14 +153,14 @@ def require_rows(count: int, **arrays: tuple[Array | None, tuple[int, ...]]) -> 
             )
 
 
-def of_each(value: Sequence[Any] | None, name: str, count: int) -> Sequence[Any]:
+def of_each(value: Any, name: str, count: int) -> Sequence[Any]:
     """Require one value for each of `count` arms, or none."""
     if value is None:
         return (None,) * count
     if not hasattr(value, "__len__") or len(value) != count:
         size = f"{len(value)} of them" if hasattr(value, "__len__") else type(value).__name__
         raise InvalidInputError(f"{name} must be a sequence of {count}, one for each arm of the group; found {size}")
-    return value
+    return value  # type: ignore[no-any-return]
 
 
 def as_limits(arm: JointSpace, value: ArrayLike | None, name: str) -> Array:

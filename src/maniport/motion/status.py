@@ -1,5 +1,7 @@
 """Status of each waypoint of a motion, from good to bad."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,30 +27,20 @@ ENOUGH_METRES = 1e-3
 
 
 def statuses_of(
-    time: Array,
-    distance: Array,
-    off_path: NDArray[np.bool_],
-    control_time: Array,
-    held: NDArray[np.bool_],
-    at_stop: NDArray[np.bool_],
-    at_speed: NDArray[np.bool_],
+    time: Array, distance: Array, off_path: NDArray[np.bool_], control_time: Array, *steps: NDArray[Any]
 ) -> tuple[str, ...]:
-    """Status at each time (n,); the last three, (m,), are of control steps: held, and a joint at a limit."""
-    slack = 1e-9 * (control_time[-1] - control_time[0])
-    ends = np.searchsorted(control_time, time + slack, side="right")
+    """Status at each time (n,); `steps` (m,) are control steps that were held, at a joint limit or a velocity limit."""
+    ends = np.searchsorted(control_time, time + 1e-9 * (control_time[-1] - control_time[0]), side="right")
     ends[-1] = len(control_time)
-
-    def since_last(happened: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether something happened at a control step after the time before and until each time."""
-        total = np.concatenate([[0], np.cumsum(happened)])[ends]
-        return np.asarray(np.diff(total, prepend=0) > 0)
-
+    held, at_stop, at_speed = (  # since the time before
+        np.diff(np.concatenate([[0], np.cumsum(happened)])[ends], prepend=0) > 0 for happened in steps
+    )
+    missed = (distance > NEAR_DISTANCE) | off_path
     words = np.full(len(time), FOLLOWED, dtype=object)
     words[distance > ENOUGH_DISTANCE] = NEARLY_FOLLOWED
     words[distance > NEAR_DISTANCE] = ELLIPSOID
     words[off_path] = PATH
-    missed = (distance > NEAR_DISTANCE) | off_path
-    words[missed & since_last(at_stop)] = JOINT_LIMIT
-    words[missed & since_last(at_speed)] = VELOCITY_LIMIT
-    words[since_last(held)] = HELD
+    words[missed & at_stop] = JOINT_LIMIT
+    words[missed & at_speed] = VELOCITY_LIMIT
+    words[held] = HELD
     return tuple(words)

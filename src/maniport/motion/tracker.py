@@ -1,6 +1,6 @@
 """An arm, or a group of arms, follows target ellipsoids and paths step by step with the `Controller`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -12,24 +12,18 @@ from threadpoolctl import ThreadpoolController
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.arm_model import require_trackable
 from maniport.motion.controller import LM_DAMPING, Controller, ControlProblem, ControlState
-from maniport.motion.effort import QUICK
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import (
-    FOLLOWING_WEIGHT,
-    ORIENTATION_WEIGHT,
-    POINTING,
-    Damping,
-    Objective,
-    axis_weights,
-)
+from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
+from maniport.motion.plan.plan_control import QUICK
 from maniport.motion.plan.plan_motion import plan_motion
 from maniport.motion.plan.planner import Planner
-from maniport.motion.problem import Cost, as_costs
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule, as_limits, of_each, speed_limits
+from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
@@ -81,7 +75,7 @@ class Control:
         as_number(self.rate, "rate", above=0.0)
         as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
         as_number(self.position_cost, "position_cost", above=0.0)
-        axis_weights(self.orientation_axes, as_number(self.orientation_weight, "orientation_weight", above=0.0))
+        axis_weights(self.orientation_axes, self.orientation_weight)
         as_number(self.lm_damping, "lm_damping", minimum=0.0)
         for name in ("costs", "limits"):
             if not isinstance(getattr(self, name), Sequence) or isinstance(getattr(self, name), str):
@@ -152,8 +146,11 @@ def track(
         bank.require_fits(group.arms[0], spec)
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    schedules = _schedules(arm, settings, time, spec, damping, arrays, near)
-    begin = _as_start(group, near[0] if start is None and near is not None else start)
+    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    schedules = schedules_of(arm, time, spec, damping, settings.position_cost, axes, arrays, near)
+    begin = near[0] if start is None and near is not None else start
+    if begin is not None:
+        begin = np.clip(group.require_within_limits(begin, "start", single=True), group.lower, group.upper)
     speeds = speed_limits(arm, settings.velocity_limits)
     accelerations = as_limits(arm, settings.acceleration_limits, "acceleration_limits")
     braking = BrakingLimit(arm.lower, arm.upper, speeds, accelerations)
@@ -171,29 +168,6 @@ def track(
     return result
 
 
-def _schedules(
-    arm: Arm | ArmGroup,
-    settings: Control,
-    time: ArrayLike,
-    spec: EllipsoidSpec,
-    damping: Damping,
-    arrays: Mapping[str, Any],
-    reference: Array | None,
-) -> list[Schedule]:
-    """Check the targets of each arm."""
-    group, alone = as_group(arm), isinstance(arm, Arm)
-    columns = [(value,) if alone else of_each(value, name, len(group)) for name, value in arrays.items()]
-    specs = (spec,) if alone else group.specs(spec)
-    schedules = []
-    for i, (profile, path, weights, rotations) in enumerate(zip(*columns, strict=True)):
-        require_trackable(group.arms[i], spec)
-        objective = Objective.of(group.arms[i], specs[i], damping, settings.position_cost, positive=True)
-        objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
-        near = None if reference is None else reference[..., group.columns[i]]
-        schedules.append(Schedule.checked(objective, profile, time, path, weights, rotations, near))
-    return schedules
-
-
 def follow(
     controller: Controller, start: Array, schedules: Sequence[Schedule], progress: Part = nobody
 ) -> tuple[Array, NDArray[np.bool_]]:
@@ -205,6 +179,7 @@ def follow(
     dt = (times[-1] - times[0]) / (len(times) - 1)
     targets = [schedule.targets() for schedule in schedules]
     has_reference = schedules[0].configurations is not None
+    posture_weight = 0.3 if has_reference else 1e-2  # a little for joints that no other cost determines
     references = np.tile(start, (len(times), 1))
     for schedule, columns in zip(schedules, controller.columns, strict=True):
         if schedule.configurations is not None:
@@ -217,8 +192,7 @@ def follow(
             problem = ControlProblem(
                 tuple(own[i : i + 1] for own in targets),
                 tuple(None if own.positions is None else own.positions[i - 1] for own in schedules),
-                references[i],
-                0.3 if has_reference else 1e-2,  # a little for joints that no other cost determines
+                PostureCost(references[i], posture_weight),
                 float(times[i]),
             )
             state = controller.step(problem, state, dt)
@@ -263,12 +237,3 @@ def _planned_start(
         random_state=random,
     )
     return np.asarray(plan.trajectory.joint_positions[0])
-
-
-def _as_start(group: ArmGroup, start: ArrayLike | None) -> Array | None:
-    if start is None:
-        return None
-    q = group.require_within_limits(start, "start")
-    if q.ndim != 1:
-        raise InvalidInputError(f"start must be one configuration, shape ({group.dof},); found shape {q.shape}")
-    return np.clip(q, group.lower, group.upper)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.collisions import Collisions
 from maniport.arms.joint_space import JointSpace
+from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.util.atomic_io import written_whole
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.subsample import evenly_spaced
@@ -33,6 +34,8 @@ class Trajectory(NotebookDisplay):
         Times of the control steps [s].
     control_positions, control_velocities, control_accelerations : ndarray, shape (m, dof)
         At the control steps [rad] or [m], per second and per second².
+    limits : MotionLimits or None
+        Limits of a planned motion.
     """
 
     joint_names: tuple[str, ...]
@@ -43,6 +46,7 @@ class Trajectory(NotebookDisplay):
     control_positions: Array
     control_velocities: Array
     control_accelerations: Array
+    limits: MotionLimits | None = None
 
     @classmethod
     def of_positions(
@@ -53,20 +57,32 @@ class Trajectory(NotebookDisplay):
         positions: Array,
         velocities: Array | None = None,
         accelerations: Array | None = None,
+        limits: MotionLimits | None = None,
     ) -> "Trajectory":
         """Make a trajectory of control steps, with differences of the positions instead of missing derivatives."""
         if velocities is None:
             velocities = np.gradient(positions, control_time, axis=0)
         if accelerations is None:
             accelerations = _second_differences(control_time, positions)
+        control = control_time, positions, velocities, accelerations
         at_waypoints = interpolated(control_time, positions, time)
-        names, units = joints.joint_names, joints.joint_units
-        return Trajectory(names, units, time, at_waypoints, control_time, positions, velocities, accelerations)
+        return Trajectory(joints.joint_names, joints.joint_units, time, at_waypoints, *control, limits)
 
     def of_arm(self, arm: Arm, columns: NDArray[np.integer]) -> "Trajectory":
         """Return the trajectory of one arm of a group, whose joints are some columns."""
-        parts = {name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)}
+        parts: dict[str, Any] = {name: getattr(self, name)[:, columns] for name in ("joint_positions", *_CONTROL)}
+        if self.limits is not None:
+            parts["limits"] = self.limits.of_joints(arm, columns)
         return replace(self, joint_names=arm.joint_names, joint_units=arm.joint_units, **parts)
+
+    def at_waypoints(self, rows: NDArray[np.intp]) -> "Trajectory":
+        """Return the trajectory with some of its waypoints."""
+        return replace(self, time=self.time[rows], joint_positions=self.joint_positions[rows])
+
+    @property
+    def limit_use(self) -> LimitUse | None:
+        """Largest shares of the limits; None without limits."""
+        return None if self.limits is None else self.limits.use(self.control_time, self.control_positions)
 
     @property
     def jerk(self) -> Array:

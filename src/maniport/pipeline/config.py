@@ -1,19 +1,26 @@
 """Configuration of a run: all options, from Python, the command line or a YAML file such as ``run.yaml``."""
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import Any, Self
 
 import yaml
 
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.pipeline.options import HumanOptions, LearningOptions, MotionOptions, RobotOptions, TransferOptions
-from maniport.util import defaults
+from maniport.pipeline.option import Option, Options, option, options_of, plain
+from maniport.pipeline.options import (
+    BatchOptions,
+    HumanOptions,
+    LearningOptions,
+    MotionOptions,
+    PlacementOptions,
+    RobotOptions,
+    TransferOptions,
+)
 from maniport.util.atomic_io import written_whole
+from maniport.util.defaults import BATCH_EFFORT
 from maniport.util.files import line_of, read_settings
-from maniport.util.options import Option, Options, absolute, option, options_of, plain
 from maniport.version import __version__
 
 CONFIG = "run.yaml"  # file of the configuration in a result folder
@@ -25,12 +32,16 @@ class Config(Options):
 
     Attributes
     ----------
-    recording : str or tuple of str, optional
+    recording : tuple of str
         Files, or names of bundled recordings.
-    human, robot, transfer, motion, learning
+    profile, path : str or None
+        Files of a target profile and path, instead of a recording.
+    human, robot, transfer, motion, placement, learning, batch
         Sections of options.
     seed : int
         Random seed.
+    verb : str
+        Command that a saved configuration repeats.
 
     Raises
     ------
@@ -39,12 +50,17 @@ class Config(Options):
     """
 
     recording: tuple[str, ...] = option((), "Recording: file, folder of keypoints, or bundled name", is_file=True)
+    profile: str | None = option(None, "Target velocity ellipsoids, .npz", is_file=True)
+    path: str | None = option(None, "Positions of the hand, one for each ellipsoid, .npz", is_file=True, common=True)
     human: HumanOptions = field(default_factory=HumanOptions)
     robot: RobotOptions = field(default_factory=RobotOptions)
     transfer: TransferOptions = field(default_factory=TransferOptions)
     motion: MotionOptions = field(default_factory=MotionOptions)
+    placement: PlacementOptions = field(default_factory=PlacementOptions)
     learning: LearningOptions = field(default_factory=LearningOptions)
+    batch: BatchOptions = field(default_factory=BatchOptions)
     seed: int = option(0, "Random seed", minimum=0, common=True)
+    verb: str = field(default="transfer", compare=False)
 
     def changed(self, **options: Any) -> Self:
         """Return the same with other values of options, by their names in any section.
@@ -64,33 +80,37 @@ class Config(Options):
         own = parts.pop("", {})
         return replace(self, **own, **{name: replace(getattr(self, name), **part) for name, part in parts.items()})
 
-    def words(self, section: str) -> list[str]:
-        """Return the arguments of the command line for the options of a section that differ from their defaults."""
-        part, usual = getattr(self, section), SECTIONS[section]()
-        return [
-            word
-            for name, option in options_of(SECTIONS[section]).items()
-            if getattr(part, name) != getattr(usual, name)
-            for word in option.words(getattr(part, name))
-        ]
+    def value(self, name: str) -> Any:
+        """Return the value of an option in any section."""
+        section = OPTIONS[name][0]
+        return getattr(getattr(self, section) if section else self, name)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the configuration as YAML, with absolute paths; objects of Python become their names."""
-        with written_whole(path) as temporary:
-            Path(temporary).write_text(self.as_yaml(), encoding="utf-8")
+    def changes(self, section: str) -> list[Option]:
+        """Return the options of a section that differ from their defaults."""
+        part, usual = getattr(self, section), SECTIONS[section]()
+        described = options_of(SECTIONS[section])
+        return [item for name, item in described.items() if getattr(part, name) != getattr(usual, name)]
 
     def as_yaml(self) -> str:
-        """Return the content of the file that `save` writes."""
+        """Return the configuration as a file's text, with absolute paths; objects of Python become their names."""
+        method: Any = self.transfer.method
+        if not isinstance(method, str):
+            from maniport.transfer import name_of
+
+            method = name_of(method)
+        named = replace(self, robot=self.robot.named(), transfer=replace(self.transfer, method=method))
         content: dict[str, Any] = {}
         for name, (section, described) in OPTIONS.items():
-            part: Any = self.robot.named() if section == "robot" else getattr(self, section) if section else self
-            value = plain(absolute(getattr(part, name)) if described.is_file else getattr(part, name))
-            if name == "method":
-                value = part.method_name
             if described.typed:
-                (content.setdefault(section, {}) if section else content)[name] = value
-        head = f"# maniport {__version__}; SI units. Repeat: maniport transfer --config run.yaml -o FOLDER\n"
+                part = content.setdefault(section, {}) if section else content
+                part[name] = plain(named.value(name), described.is_file)
+        head = f"# maniport {__version__}; SI units. Repeat: maniport {self.verb} --config {CONFIG} -o FOLDER\n"
         return head + str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the configuration as YAML."""
+        with written_whole(path) as temporary:
+            temporary.write_text(self.as_yaml(), encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], base: "Config | None" = None, names: Collection[str] = ()) -> "Config":
@@ -109,17 +129,22 @@ class Config(Options):
         FileFormatError
             When the file is no readable YAML, has an unknown key or a value that is not allowed.
         """
-        config = base or cls()
-        for section, name, value in _entries(path):
-            allowed = {key: option for key, option in options_of(SECTIONS.get(section, cls)).items() if option.typed}
-            try:
-                if name not in allowed:
-                    raise unknown_name("key", name, allowed)
-                allowed[name].check(value)
-                if name in names or not names:
-                    config = config.changed(**{name: value})
-            except InvalidInputError as error:
-                raise FileFormatError(f"{os.fspath(path)}{line_of(path, section, name)}: {error}") from None
+        config, file = base or cls(), os.fspath(path)
+        for key, value in read_settings(path, [item.name for item in fields(cls) if item.name != "verb"]).items():
+            if key in SECTIONS and not isinstance(value, dict):
+                found = type(value).__name__
+                raise FileFormatError(f"{file}{line_of(path, key)}: {key} must be a mapping of options; found {found}")
+            section = key if key in SECTIONS else ""
+            described = {name: item for name, (place, item) in OPTIONS.items() if place == section and item.typed}
+            for name, setting in value.items() if section else [(key, value)]:
+                try:
+                    if name not in described:
+                        raise unknown_name("key", name, described)
+                    described[name].check(setting)
+                    if name in names or not names:
+                        config = config.changed(**{name: setting})
+                except InvalidInputError as error:
+                    raise FileFormatError(f"{file}{line_of(path, section, name)}: {error}") from None
         return config
 
 
@@ -128,7 +153,9 @@ SECTIONS = {
     "robot": RobotOptions,
     "transfer": TransferOptions,
     "motion": MotionOptions,
+    "placement": PlacementOptions,
     "learning": LearningOptions,
+    "batch": BatchOptions,
 }
 OPTIONS: dict[str, tuple[str, Option]] = {
     name: (section, described)
@@ -138,20 +165,8 @@ OPTIONS: dict[str, tuple[str, Option]] = {
 """Sections and descriptions of all options by name."""
 
 BATCH = Config(
-    transfer=TransferOptions(method=defaults.BATCH_METHOD),
-    motion=MotionOptions(planning_effort=defaults.BATCH_EFFORT, rate=defaults.BATCH_RATE),
+    transfer=TransferOptions(method="length-field"),  # one for all pairs, since a selection takes seconds for each
+    motion=MotionOptions(planning_effort=BATCH_EFFORT, rate=100.0),  # [Hz], as data for learning
+    verb="batch",
 )
 """Defaults of a batch."""
-
-
-def _entries(path: str | os.PathLike[str]) -> Iterator[tuple[str, Any, Any]]:
-    """Yield section, name and value of each option in a file."""
-    content = read_settings(path, [item.name for item in fields(Config)])
-    for key, value in content.items():
-        if key not in SECTIONS:
-            yield "", key, value
-        elif not isinstance(value, dict):
-            where = f"{os.fspath(path)}{line_of(path, key)}"
-            raise FileFormatError(f"{where}: {key} must be a mapping of options; found {type(value).__name__}")
-        else:
-            yield from ((key, name, item) for name, item in value.items())

@@ -1,8 +1,9 @@
 """Several people's recordings, or several times of one, become one profile."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +14,22 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError, argument
-from maniport.learning import Alignment, ProfileGMM, align
+from maniport.learning import ProfileGMM, align
 from maniport.learning.agreement import agreement
-from maniport.learning.mixture import points_each
-from maniport.mocap import Recording, fit_arm, read_recording
+from maniport.mocap import HumanMotion, Recording, fit_arms, read_recording
 from maniport.mocap.arm_ik import require_person
-from maniport.pipeline.learned import Demonstration, LearnedProfile
+from maniport.mocap.directions import SEGMENTS
+from maniport.pipeline.learned import Demonstration, LearnedProfile, block_diagonal
 from maniport.spd.regularization import Regularization
-from maniport.util.defaults import AUTO, DAMPING, KEEP, PERSON
+from maniport.util.defaults import AUTO, BOTH, DAMPING, KEEP, PERSON
 from maniport.util.progress import Progress, Step, counted
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_count, as_numbers
+from maniport.util.validation import as_choice, as_count, as_numbers
 
-FEWEST = 10  # A demonstration has at least so many frames
+MIN_FRAMES = 10  # Fewest frames of a demonstration
+RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
+MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
+CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
 
 Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
 
@@ -50,9 +54,11 @@ def learn(
 ) -> LearnedProfile:
     """Learn one profile of ellipsoids, and one path of the hand, from several demonstrations of a motion.
 
-    An arm is fitted to each recording. Demonstrations are brought to common times by `maniport.learning.align`; a
-    `maniport.learning.ProfileGMM` over time gives the ellipsoid at each time and how much it may vary. How alike the
-    demonstrations are is measured, also by leaving each one out. Left and right may be mixed: the rarer are mirrored.
+    One arm or both are fitted to each recording. The ellipsoids of both are blocks of one matrix, of which d² is the
+    sum of the d² of the arms, so that the arms are aligned together. Demonstrations are brought to common times by
+    `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives the ellipsoid at each time and how much
+    it may vary. How alike the demonstrations are is measured, also by leaving each one out. Left and right may be
+    mixed: the rarer are mirrored.
 
     Parameters
     ----------
@@ -62,7 +68,7 @@ def learn(
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
         (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
     person, markers, side, height, smooth, jumps : optional
-        For all recordings; see `fit_arm`.
+        For all recordings; see `fit_arms`.
     spec : EllipsoidSpec
         Which ellipsoids.
     lengths : {"mean", "own"}
@@ -80,44 +86,71 @@ def learn(
     ManiportError
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
-    require_person(person, side, height, smooth, jumps)
+    require_person(person, AUTO if side == BOTH else side, height, smooth, jumps)
     as_choice(lengths, "lengths", ("mean", "own"))
     regularization = Regularization(damping, eigenvalue_floor)
     seed = as_count(random_state, "random_state", minimum=0)
-    count = None if components is None else as_count(components, "components")
-    parts = _checked(recordings, segments)
-    whose = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
-    shown = _demonstrations(recordings, parts, whose, progress)
-    arm = _common_arm(person, shown)
-    own = [human_arm(person, arm.side or RIGHT, lengths=one.fit.segment_lengths) for one in shown]
-    arms = own if lengths == "own" else [arm] * len(shown)
-    thin = [evenly_spaced(len(one.fit), _count(one.fit.time)) for one in shown]
-    joints = [one.fit.joint_angles[some] for one, some in zip(shown, thin, strict=True)]
-    made = [body.ellipsoids(q, spec) for body, q in zip(arms, joints, strict=True)]
-    regularization = regularization.fitted(np.concatenate(made))
-    profiles = [regularization.apply(one, "the ellipsoids of a demonstration") for one in made]
-    times = [one.fit.time[some] for one, some in zip(shown, thin, strict=True)]
+    components = None if components is None else as_count(components, "components")
+    options = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
+    demonstrations = _demonstrations(recordings, _intervals(recordings, segments), options, progress)
+    motions = [demonstration.motion for demonstration in demonstrations]
+    arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
+    times, ellipsoids, hands = [], [], []
+    for motion in motions:
+        number = np.ceil(np.ptp(motion.time) * RATE) + 1
+        rows = evenly_spaced(len(motion), int(np.clip(number, MIN_FRAMES, MAX_ELLIPSOIDS)))
+        bodies = arms
+        if lengths == "own":
+            bodies = [human_arm(person, arm.side or RIGHT, lengths=fit.segment_lengths)
+                      for arm, fit in zip(arms, motion.arms, strict=True)]  # fmt: skip
+        pairs = [(body, fit.joint_angles[rows]) for body, fit in zip(bodies, motion.arms, strict=True)]
+        times.append(motion.time[rows])
+        ellipsoids.append(block_diagonal([body.ellipsoids(q, spec) for body, q in pairs]))
+        paths = [body.forward(q)[:, :3, 3] + base for (body, q), base in zip(pairs, bases, strict=True)]
+        hands.append(np.concatenate(paths, axis=1))
+    regularization = regularization.fitted(np.concatenate(ellipsoids))
+    profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
     alignment = align(profiles, times, progress=progress)
-    model = _fitted(count, alignment, seed, progress)
-    time = shown[alignment.reference].fit.time
+    mixture = ProfileGMM(components, MAX_COMPONENTS, random_state=seed)
+    model = mixture.fit(*alignment.stacked(), progress=progress)
+    time = motions[alignment.reference].time
     profile, covariance = model.predict(time, return_covariance=True)
-    paths = alignment.warp([body.forward(q)[:, :3, 3] for body, q in zip(arms, joints, strict=True)])
+    warped = alignment.warp(hands)
+    # An alignment goes in steps, a hand does not: a spline with half the amplitude at `CUTOFF`.
+    strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
+    path = [make_smoothing_spline(alignment.time, axis, lam=strength)(time) for axis in warped.mean(axis=0).T]
     return LearnedProfile(
-        tuple(shown), arm, lengths, spec, regularization, alignment, paths, model, time, np.asarray(profile),
-        covariance, _smoothed(alignment, paths, time), agreement(profiles, alignment, model, progress), seed,
+        demonstrations, tuple(arms), bases, lengths, spec, regularization, alignment, warped, model, time,
+        np.asarray(profile), covariance, np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), seed,
     )  # fmt: skip
 
 
-def _checked(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[Any]:
-    """Segments of each recording, [None] for the whole, or "auto"."""
+def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[Any]:
+    """Check the segments; return those of each recording, [None] for the whole, or "auto"."""
     if isinstance(recordings, str | Path | Recording) or not len(recordings):
         raise InvalidInputError("recordings must be a sequence of at least one recording")
-    given = [segments] * len(recordings) if segments is None or segments == AUTO else segments
-    if isinstance(given, str) or len(given) != len(recordings):
+    parts: list[Any] = [segments] * len(recordings) if segments is None or segments == AUTO else list(segments)
+    if (isinstance(segments, str) and segments != AUTO) or len(parts) != len(recordings):
         raise InvalidInputError(
             f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
         )
-    parts = [[None] if one is None else one if one == AUTO else _intervals(one) for one in given]
+    for index, part in enumerate(parts):
+        if part is None or part == AUTO:
+            parts[index] = part or [None]
+            continue
+        if isinstance(part, str):
+            raise InvalidInputError(f"{argument('segments')} must be {AUTO!r} or (start, stop) [s]; found {part!r}")
+        times = [tuple(map(float, as_numbers(pair, "a segment (start, stop) [s]", 2))) for pair in part]
+        for start, stop in times:
+            if not start < stop:
+                raise InvalidInputError(f"a segment must begin before it ends; found {start:g} to {stop:g} s")
+        for (_, before), (after, _) in pairwise(sorted(times)):
+            if after < before:
+                raise InvalidInputError(
+                    f"segments must not overlap, or they agree by themselves; found one up to {before:g} s "
+                    f"and one from {after:g} s"
+                )
+        parts[index] = times
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
@@ -131,106 +164,50 @@ def _require_two(count: int) -> None:
         )
 
 
-def _intervals(given: str | Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    if isinstance(given, str):
-        raise InvalidInputError(f"{argument('segments')} must be {AUTO!r} or (start, stop) [s]; found {given!r}")
-    found = []
-    for one in given:
-        start, stop = as_numbers(one, "a segment (start, stop) [s]", 2)
-        if not start < stop:
-            raise InvalidInputError(f"a segment must begin before it ends; found {start:g} to {stop:g} s")
-        found.append((float(start), float(stop)))
-    for (_, before), (after, _) in zip(sorted(found), sorted(found)[1:], strict=False):
-        if after < before:
-            raise InvalidInputError(
-                f"segments must not overlap, or they agree by themselves; found one up to {before:g} s "
-                f"and one from {after:g} s"
-            )
-    return found
-
-
 def _demonstrations(
-    recordings: Sequence[Recording | str | Path],
-    parts: list[Any],
-    whose: dict[str, Any],
-    progress: Progress | None,
-) -> list[Demonstration]:
-    """Fit an arm to each recording, and cut the fits."""
-    found: list[Demonstration] = []
+    recordings: Sequence[Recording | str | Path], parts: list[Any], options: dict[str, Any], progress: Progress | None
+) -> tuple[Demonstration, ...]:
+    """Fit the person's arms to each recording, and cut the fits."""
+    demonstrations: list[Demonstration] = []
     step = Step(progress, "Fit human arms")
-    for given, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
-        recording = given if isinstance(given, Recording) else read_recording(given)
-        found += _cut(recording, segments, whose)
-    _require_two(len(found))
-    step.end(f"{len(found)} demonstrations in {len(recordings)} recording{'s' if len(recordings) > 1 else ''}")
-    again = Counter(one.name for one in found)
-    return [
-        replace(one, name=f"{one.name} ({number})") if again[one.name] > 1 else one
-        for number, one in enumerate(found, 1)
-    ]
+    for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
+        recording = source if isinstance(source, Recording) else read_recording(source)
+        name = Path(recording.source).name or "a recording"
+        first, last = recording.time[0], recording.time[-1]
+        for start, stop in [] if segments == AUTO else filter(None, segments):
+            if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
+                raise InvalidInputError(
+                    f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
+                )
+        motion = fit_arms(recording, **options)
+        texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
+        for segment in motion.repetitions() if segments == AUTO else segments:
+            start, stop = segment or (first, last)
+            frames = int(np.sum((motion.time >= start) & (motion.time <= stop)))
+            if frames < MIN_FRAMES:
+                raise InvalidInputError(
+                    f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
+                    f"a demonstration needs at least {MIN_FRAMES}"
+                )
+            title = name if segment is None else f"{name} {start:.4g}–{stop:.4g} s"
+            demonstrations.append(Demonstration(title, recording, motion.crop(start, stop), texts))
+    _require_two(len(demonstrations))
+    step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
+    again = Counter(demonstration.name for demonstration in demonstrations)
+    return tuple(
+        replace(own, name=f"{own.name} ({number})") if again[own.name] > 1 else own
+        for number, own in enumerate(demonstrations, 1)
+    )
 
 
-def _cut(recording: Recording, segments: Any, whose: dict[str, Any]) -> Iterator[Demonstration]:
-    """Demonstrations in a recording, its segments or those that are found in it."""
-    source = Path(recording.source).name or "a recording"
-    first, last = recording.time[0], recording.time[-1]
-    for start, stop in [] if segments == AUTO else filter(None, segments):
-        if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
-            raise InvalidInputError(
-                f"segments of {source} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
-            )
-    fit = fit_arm(recording, **whose)
-    quality_warnings = tuple(f"{source}: {doubt}" for doubt in (*recording.quality_warnings, *fit.quality_warnings))
-    for segment in fit.repetitions() if segments == AUTO else segments:
-        start, stop = segment or (first, last)
-        frames = int(np.sum((fit.time >= start) & (fit.time <= stop)))
-        if frames < FEWEST:
-            raise InvalidInputError(
-                f"{source} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is seen; "
-                f"a demonstration needs at least {FEWEST}"
-            )
-        name = source if segment is None else f"{source} {start:.4g}–{stop:.4g} s"
-        yield Demonstration(name, recording, fit.crop(start, stop), quality_warnings)
-
-
-def _common_arm(person: str, shown: Sequence[Demonstration]) -> Arm:
-    """An arm of the side that most demonstrations show, with the mean of the lengths that are known."""
-    sides = Counter(one.fit.arm.side for one in shown)
-    known: dict[str, list[float]] = {}
-    for one in shown:
-        for segment, length in one.fit.segment_lengths.items():
-            known.setdefault(segment, []).append(length)
-    means = {segment: float(np.mean(each)) for segment, each in known.items()}
-    return human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means)
-
-
-def _count(time: Array, rate: float = 30.0, most: int = 1500) -> int:
-    """Return the number of ellipsoids of a demonstration that are compared; arms move below 10 Hz."""
-    return int(np.clip(np.ceil(np.ptp(time) * rate) + 1, FEWEST, most))
-
-
-def _fitted(count: int | None, alignment: Alignment, seed: int, progress: Progress | None) -> ProfileGMM:
-    """Fit a mixture of so many Gaussians, by default of the number with the least BIC."""
-    step, data = Step(progress, "Learn profile"), alignment.stacked()
-    room = len(data[1]) // points_each(data[1].shape[-1])
-    tried = [one for one in (1, 2, 4, 8, 16, 32) if one <= max(room, 1)] if count is None else [count]
-    best: ProfileGMM | None = None
-    for one in counted(tried, len(tried), step):
-        model = ProfileGMM(one, random_state=seed).fit(*data)
-        if best is not None and model.bic_curve_[0] >= best.bic_curve_[0]:
-            break
-        best = model
-    assert best is not None
-    step.end(f"{best.n_components_} Gaussians")
-    return best
-
-
-def _smoothed(alignment: Alignment, paths: Array, time: Array, cutoff: float = 8.0) -> Array:
-    """Return the mean of the hands (k, m, 3) at times (n,), as a spline with half the amplitude at the cutoff [Hz].
-
-    An alignment goes in steps, a hand does not.
-    """
-    step = float(np.median(np.diff(alignment.time)))
-    strength = 1.0 / (step * (2.0 * np.pi * cutoff) ** 4)
-    mean = paths.mean(axis=0)
-    return np.stack([make_smoothing_spline(alignment.time, one, lam=strength)(time) for one in mean.T], axis=-1)
+def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
+    """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
+    arms = []
+    for fits in zip(*(motion.arms for motion in motions), strict=True):
+        sides = Counter(fit.arm.side for fit in fits)
+        recorded = {
+            name: [fit.segment_lengths[name] for fit in fits if name in fit.segment_lengths] for name in SEGMENTS
+        }
+        means = {name: float(np.mean(lengths)) for name, lengths in recorded.items() if lengths}
+        arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
+    return arms

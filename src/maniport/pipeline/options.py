@@ -7,17 +7,17 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from maniport.errors import FileFormatError, InvalidInputError, argument
+from maniport.pipeline.option import Options, option
 from maniport.util import defaults
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.input_limits import SETTINGS_BYTES, read_whole
-from maniport.util.options import Options, option
 
 if TYPE_CHECKING:
     from maniport.arms import EllipsoidSpec
     from maniport.mocap import Recording
     from maniport.motion import PlanControl
 
-FREE, DEMONSTRATED, CONSTANT = "free", "demonstrated", "constant"  # orientations of the end effector
+FREE, CONSTANT = "free", "constant"  # orientation of the end effector, or tilt of the base
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,16 +71,12 @@ class HumanOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotOptions(Options):
-    """Robot, or two arms (left first), and the joints that move."""
+    """Robot, of one or several arms (of two the left one first), and the joints that move."""
 
     robot: tuple[str, ...] = option(
-        (defaults.ROBOT,),
-        "Name, or URDF, MJCF or xacro file; repeatable",
-        metavar="NAME",
-        repeated=True,
-        is_file=True,
-        common=True,
-    )
+        (defaults.ROBOT,), "Name, or URDF, MJCF or xacro file; repeatable", metavar="NAME", repeated=True,
+        is_file=True, common=True,
+    )  # fmt: skip
     frame: tuple[str, ...] = option((), "End-effector frame; of two arms LEFT,RIGHT", metavar="FRAME", common=True)
     joints: tuple[str, ...] = option((), "Moving joints; the others are fixed", metavar="J1,J2,…")
     base: str | None = option(None, "First frame of the chain, such as a torso")
@@ -88,8 +84,8 @@ class RobotOptions(Options):
         None, "Fixed joint and its position [deg, or m]; repeatable", metavar="JOINT=POSITION", unchecked=True
     )
     pose: tuple[tuple[float, ...], ...] = option(
-        (), "Base of each of two robots [m, m, m, deg]; repeatable", metavar="X,Y,Z,YAW", count=4, repeated=True,
-        unchecked=True,
+        (), "Base of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
+        repeated=True, unchecked=True,
     )  # fmt: skip
     tips: str = option(
         "placed", "Two arms: placed on the hands' paths, or relative positions", choices=("placed", "relative")
@@ -110,31 +106,37 @@ class RobotOptions(Options):
         source = chain.source or arm.name
         return RobotOptions(robot=(source,), frame=(arm.frame,), base=base, lock=dict(chain.locked) or None)
 
+    @property
+    def several(self) -> bool:
+        """Whether the options name several arms."""
+        return bool(self.pose) or len(self.robot) > 1 or len(self.frame) > 1
+
     def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
-        """Load the arm, or with `both` two arms; side and height are those of a human arm."""
+        """Load the arm, or the group where `both` or other options mean several; side and height: of a human arm."""
         from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 
         robot: Any = self.robot[0]
-        options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
         if isinstance(robot, Arm | ArmGroup):
             return robot
-        several = [name for name in ("robot", "frame") if len(getattr(self, name)) > 1]
-        several += [name for name in ("pose", "tips") if getattr(self, name) != getattr(RobotOptions(), name)]
-        if not both:
-            if several:
-                raise InvalidInputError(f"{argument(several[0])} of two arms needs {argument('side', BOTH)}")
+        options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
+        if not (both or self.several):
             person: dict[str, Any] = {"side": None if side == AUTO else side, "height": height}
-            frame = self.frame[0] if self.frame else None
-            return load_arm(robot, frame, base=self.base, **options, **person)
+            return load_arm(robot, self.frame[0] if self.frame else None, base=self.base, **options, **person)
         if self.base is not None:
             raise InvalidInputError(f"{argument('base')} is for one arm; the base of each robot is {argument('pose')}")
         if len(self.robot) > 1 and not self.pose:
-            raise InvalidInputError(f"{argument('robot')} of two robots needs {argument('pose')} of each")
+            raise InvalidInputError(f"{argument('robot')} of several robots needs {argument('pose')} of each")
         robots = robot if len(self.robot) == 1 else self.robot
-        group = load_arms(robots, self.frame or None, bases=self.pose or None, **options)
-        if len(group) != 2:
-            raise InvalidInputError(f"{argument('side', BOTH)} needs two arms; found {len(group)}")
-        return group
+        return load_arms(robots, self.frame or None, bases=self.pose or None, **options)
+
+    def load_arm(self, side: str = AUTO, height: float | None = None) -> Any:
+        """Load the arm; raise where options name several."""
+        from maniport.arms import ArmGroup
+
+        arm = self.load(False, side, height)
+        if isinstance(arm, ArmGroup):
+            raise InvalidInputError(f"{argument('robot')} must be one arm here; found {len(arm)}: {arm.name}")
+        return arm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,14 +169,6 @@ class TransferOptions(Options):
         return EllipsoidSpec(self.kind, self.part, self.joint_weights)
 
     @property
-    def method_name(self) -> str:
-        """Name of the method, also where it is an adapter."""
-        from maniport.transfer import name_of
-
-        method: Any = self.method
-        return method if isinstance(method, str) else name_of(method)
-
-    @property
     def regularization(self) -> dict[str, float | None]:
         """Arguments of a transfer method; a floor replaces the damping."""
         damping = self.damping or None if self.eigenvalue_floor is None else None
@@ -183,7 +177,6 @@ class TransferOptions(Options):
     @property
     def rotation(self) -> Any:
         """Base rotation as a matrix, shape (3, 3)."""
-        import numpy as np
         from scipy.spatial.transform import Rotation
 
         from maniport.util.validation import as_finite, as_rotation
@@ -191,7 +184,7 @@ class TransferOptions(Options):
         value = as_finite(self.base_rotation, "base_rotation")
         if value.shape == (3,):
             return Rotation.from_euler("xyz", value).as_matrix()
-        return as_rotation(np.asarray(value), "base_rotation", 3)
+        return as_rotation(value, "base_rotation", 3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,17 +197,14 @@ class MotionOptions(Options):
     )
     speed_scale: float = option(1.0, "Largest relative speed", above=0.0, common=True)
     orientation: str | tuple[float, ...] = option(
-        FREE, "free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, DEMONSTRATED, CONSTANT),
+        FREE, "free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
         metavar="WORD|X,Y,Z", count=3, common=True,
     )  # fmt: skip
     orientation_axes: str = option("pointing", "Constrained axes: z or all", choices=("pointing", "whole"))
     orientation_weight: float = option(10.0, "Weight of the orientation error", "1/rad", above=0.0)
     planning_effort: str = option(defaults.EFFORT, "Planning effort", choices=("full", "quick"), common=True)
     rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
-    limits: str | None = option(
-        None, "YAML file of joint limits", is_file=True, common=True,
-        unchecked=True,
-    )  # fmt: skip
+    limits: str | None = option(None, "YAML file of joint limits", is_file=True, common=True, unchecked=True)
     joint_limit_margin: float = option(
         defaults.MARGIN, "Share of joint ranges kept free at either end", "%", minimum=0.0, maximum=0.4
     )
@@ -276,6 +266,17 @@ class MotionOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlacementOptions(Options):
+    """Placement of a path without a person."""
+
+    place: bool = option(False, "Place the path first", common=True)
+    tilt: str | float | None = option(
+        None, "Tilt of the base, or free to search it", "deg", (FREE,), metavar="deg|free", common=True
+    )
+    rank: int = option(1, "Rank of the placement that is written", minimum=1, common=True)
+
+
+@dataclass(frozen=True, kw_only=True)
 class LearningOptions(Options):
     """Learning of a profile from several demonstrations."""
 
@@ -285,3 +286,11 @@ class LearningOptions(Options):
     )  # fmt: skip
     components: int | None = option(None, "Number of Gaussians; default: minimum of the BIC", minimum=1, common=True)
     lengths: str = option("mean", "Segment lengths of all persons", choices=("mean", "own"), common=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(Options):
+    """Results of each pair of a batch."""
+
+    profile_rate: float = option(10.0, "Largest rate of ellipsoids of a recording", "Hz", above=0.0, common=True)
+    pages: bool = option(False, "Write a report for each pair", common=True)

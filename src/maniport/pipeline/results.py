@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
@@ -16,7 +15,7 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation import Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
-from maniport.motion.placement.placed_path import DATA_FILES as PLACED_FILES
+from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
 from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.atomic_io import folder_written_whole
@@ -199,11 +198,13 @@ class MotionResult(RobotResult[ArmResult]):
     random_state : int
     config : Config or None
         Options that the result was requested with.
-    sources : tuple of str
-        Files of the profile and the path.
     """
 
-    sources: tuple[str, ...] = ()
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Files of the profile and the path, where it was requested with files."""
+        config = self.config
+        return () if config is None else tuple(file for file in (config.profile, config.path) if file is not None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -251,15 +252,7 @@ class MeanDistance(NamedTuple):
 
 def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
     """Return the motion of a group of one arm."""
-    use = None
-    if motion.limits is not None:
-        use = motion.limits.use(motion.control_time, motion.control_positions)
-    return RobotMotion(group, motion, (motion,), motion.limits, use, motion.clearance)
-
-
-def placement_rows(count: int, most: int = 80) -> NDArray[np.intp]:
-    """Rows of the waypoints that a path is placed by, evenly spaced; more of them change little."""
-    return np.arange(0, count, 1 + (count - 1) // most)
+    return RobotMotion(group, motion, (motion,))
 
 
 def _write_joint_angles(path: Path, fit: ArmFit) -> None:

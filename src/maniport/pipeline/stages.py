@@ -5,7 +5,6 @@
 One arm is a group of one: values that belong to an arm are tuples over the arms, for two arms of a person left first.
 """
 
-import copy
 import time as clock
 import warnings
 from collections.abc import Sequence
@@ -21,7 +20,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import choose
 from maniport.evaluation import evaluate as compared_with_baselines
 from maniport.feasibility import knowing
-from maniport.mocap import HumanMotion, Recording, fit_arm, fit_arms, read_recording
+from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
     Placement,
@@ -30,59 +29,66 @@ from maniport.motion import (
     feasibility_gap,
     place_path,
     plan_motion,
-)
+    track,
+)  # fmt: skip
 from maniport.motion.arm_model import require_trackable
-from maniport.motion.effort import as_effort
 from maniport.motion.plan.plan_motion import PLACED
+from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult, placement_rows
-from maniport.pipeline.targets import MotionTargets, targets_of
-from maniport.pipeline.tracking import tracked
+from maniport.pipeline.results import ArmTransfer, TransferResult, motion_of_arm
+from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
-from maniport.util.defaults import BOTH
 from maniport.util.progress import Progress
 from maniport.util.validation import Array
 
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
-    """Read a recording."""
+    """Read a recording, or the part of it that is used."""
     settings.progress("Read recording", 0.0)
-    motion = recording if isinstance(recording, Recording) else read_recording(recording)
+    motion = settings.config.human.read(recording)
     _require_frames(motion, len(motion), "frames")
-    text = f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz"
-    settings.progress("Read recording", 1.0, text)
+    settings.progress("Read recording", 1.0, f"{len(motion)} frames, {motion.duration:.1f} s at {motion.rate:.4g} Hz")
     return motion
 
 
 def fit_human(recording: Recording | LearnedProfile, settings: Settings) -> Human:
-    """Fit one or both arms of the person; a learned profile has its arm already."""
+    """Fit one or both arms of the person; a learned profile has its arms already."""
     if isinstance(recording, LearnedProfile):
         if recording.spec != settings.spec:
             raise InvalidInputError(
                 f"spec must be that of the learned profile, {recording.spec}; found {settings.spec}"
             )
-        reference = recording.reference
-        motion = HumanMotion((reference.fit,), np.zeros((1, 3)))
-        return Human(reference.recording, motion, (recording.profile,), (recording.path,))
-    options = {**settings.config.human.fit_options, "progress": settings.progress}
-    if options["side"] == BOTH:
-        del options["side"]
-        motion = fit_arms(recording, **options)
+        parts, reference = recording.each_arm(), recording.reference
+        profiles, hands = [part.profile for part in parts], [part.path for part in parts]
+        recording, motion = reference.recording, reference.motion
     else:
-        motion = HumanMotion((fit_arm(recording, **options),), np.zeros((1, 3)))
-        if len(settings.arms) > 1:  # each robot arm moves in front of its own base
-            stands = [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in settings.arms]
-            motion = HumanMotion(motion.arms * len(stands), np.array(stands) - np.mean(stands, axis=0))
-    _require_frames(recording, len(motion), "frames with the arm fully observed")
-    profiles = tuple(fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms)
-    return Human(recording, motion, profiles, tuple(motion.hands))
+        motion = fit_arms(recording, **settings.config.human.fit_options, progress=settings.progress)
+        _require_frames(recording, len(motion), "frames with the arm fully observed")
+        profiles = [fit.arm.ellipsoids(fit.joint_angles, settings.spec) for fit in motion.arms]
+        hands = list(motion.hands)
+    own, count = len(motion.arms), len(settings.arms)
+    if own > count:
+        raise InvalidInputError(f"the profile is of {own} arms, and the robot has {count}")
+    if own < count:  # each robot arm moves in front of its own base
+        stands = np.array(settings.stands)
+        bases = stands - stands.mean(axis=0)
+        motion, profiles = HumanMotion(motion.arms * count, bases), profiles * count
+        hands = [hands[0] + base for base in bases]
+    return Human(recording, motion, tuple(profiles), tuple(hands))
 
 
 def sample_robot(settings: Settings) -> SampledRobot:
     """Make the planner, unless the robot cannot or shall not move, and sample the robot's domains."""
-    generator = np.random.default_rng(settings.config.seed)
-    planner = planner_of(settings, generator) if _is_trackable(settings) else None
+    generator, planner = np.random.default_rng(settings.config.seed), None
+    if settings.control is not None:
+        try:
+            for arm, spec in zip(settings.arms, settings.specs, strict=True):
+                require_trackable(arm, spec)
+        except InvalidInputError as error:
+            warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
+        else:
+            planner = planner_of(settings, generator)
     step, count, seed = "Sample robot ellipsoids", settings.config.transfer.n_student, settings.config.seed + 1
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
@@ -92,19 +98,6 @@ def sample_robot(settings: Settings) -> SampledRobot:
         domains = (sample_domain(settings.robot, count, seed, **options),)
     settings.progress(step, 1.0, f"{count} ellipsoids of {settings.robot.name}")
     return SampledRobot(planner, domains, generator)
-
-
-def _is_trackable(settings: Settings) -> bool:
-    """Return whether the robot is to be moved and can be; warn where it cannot."""
-    if settings.control is None:
-        return False
-    try:
-        for arm, spec in zip(settings.arms, settings.specs, strict=True):
-            require_trackable(arm, spec)
-    except InvalidInputError as error:
-        warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
-        return False
-    return True
 
 
 def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
@@ -163,23 +156,23 @@ def place(
     planner: Planner,
     settings: Settings,
     generator: np.random.Generator,
-    whole: bool = False,
+    rank: int = 1,
 ) -> tuple[Placement, ...]:
-    """Place the paths relative to the robot, by some of their waypoints; `whole`: all of them are to be reached."""
+    """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
     assert targets.paths is not None
     assert settings.control is not None
-    rows, arms = placement_rows(len(targets.time)), planner.arms
+    rows, arms = targets.placement_rows(), planner.arms
     return place_path(
         [path[rows] for path in targets.paths],
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms],
         time=targets.time[rows],
-        whole=targets.paths if whole else None,
         turn=targets.turn,
         workspace=settings.control.workspace,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
         planning_effort=settings.control.planning_effort,
+        rank=rank,
         spec=targets.spec,
         damping=targets.damping,
         random_state=generator,
@@ -212,39 +205,52 @@ def plan(
         free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
     motion = planned(rotations, settings.progress)
     if options.tracking is not None:
-        motion = tracked(motion, planner, rotations, settings)
+        motion = follow(motion, planner, rotations, settings)
     return Moved(motion, free, placements if tips == PLACED else None)
+
+
+def follow(
+    planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: Settings
+) -> RobotMotion:
+    """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
+    (plan,) = planned.arms
+    (motion,) = track(
+        planner.arms[0].limits.arm, plan.target, time=plan.time, path=plan.path, reference=plan.joint_positions,
+        rotations=None if rotations is None else rotations[0], spec=plan.spec, damping=plan.damping,
+        progress=settings.progress, **settings.config.motion.control_options,
+    ).arms  # fmt: skip
+    kept = {name: getattr(plan, name) for name in ("demonstrated_time", "limits", "pointwise_best")}
+    motion = replace(motion, clearance=Clearance.of(planner.collisions, motion), **kept)
+    return motion_of_arm(planned.group, motion)
 
 
 def place_and_plan(
     targets: MotionTargets, planner: Planner, settings: Settings, generator: np.random.Generator
 ) -> Moved:
-    """Place the paths and plan a motion; where that collides, again with a placement that reaches all waypoints."""
+    """Place the paths and plan a motion; where that collides, again with the second best placement."""
     placements = place(targets, planner, settings, generator)
     moved = plan(targets, placements, planner, settings, generator)
-    if moved.motion.clearance.share == 0.0:
+    if moved.motion.clearance.share == 0.0 or len(placements[0].candidates) < 2:
         return moved
-    others = place(targets, planner, settings, generator, whole=True)
-    if all(np.array_equal(own.path, other.path) for own, other in zip(placements, others, strict=True)):
-        return moved
+    others = place(targets, planner, settings, generator, rank=2)
     again = plan(targets, others, planner, settings, generator)
     return min(moved, again, key=lambda result: result.motion.clearance.share)
 
 
-def measure(moved: Moved, names: Sequence[str], planner: Planner, settings: Settings) -> tuple[ArmResult, ...]:
-    """Measure the feasibility gap of the targets of each arm; return what belongs to each arm."""
+def measure(moved: Moved, planner: Planner, settings: Settings) -> list[dict[str, Any]]:
+    """Measure the feasibility gap of the targets of each arm; return what an `ArmResult` has of its motion."""
     assert settings.control is not None
-    effort, results = as_effort(settings.control.planning_effort).of_gap, []
-    for i, (name, arm, own) in enumerate(zip(names, settings.arms, planner.arms, strict=True)):
-        motion = moved.motion.arms[i]
+    effort, results = settings.control.budget, []
+    for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
         gap = feasibility_gap(
             own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, **effort,
+            progress=settings.progress, n_points=effort.gap_points, n_starts=effort.gap_starts,
         )  # fmt: skip
-        result = ArmResult(name=name, robot=arm, motion=motion, gap=gap, collisions=own.collisions)
         placement = None if moved.placements is None else moved.placements[i]
-        results.append(replace(result, placement=placement, free=None if moved.free is None else moved.free.arms[i]))
-    return tuple(results)
+        free = None if moved.free is None else moved.free.arms[i]
+        result = {"motion": motion, "free": free, "placement": placement, "gap": gap, "collisions": own.collisions}
+        results.append(result)
+    return results
 
 
 def evaluate(
@@ -256,38 +262,29 @@ def evaluate(
     baselines: bool = True,
 ) -> TransferResult:
     """Compare each map with baselines, and measure the motion."""
-    names = [str(fit.arm.side or arm.name) for fit, arm in zip(human.fits, settings.arms, strict=True)]
+    names, transfers = [str(fit.arm.side or arm.name) for fit, arm in zip(human.fits, settings.arms, strict=True)], []
     if len(set(names)) < len(names):
         names = list(as_group(settings.robot).names)
-    results = tuple(ArmResult(name=name, robot=own) for name, own in zip(names, settings.arms, strict=True))
+    measured: list[dict[str, Any]] = [{}] * len(names)
     if moved is not None and robot.planner is not None:
-        results = measure(moved, names, robot.planner, settings)
-    transfers = []
-    for i, (result, own) in enumerate(zip(results, maps, strict=True)):
+        measured = measure(moved, robot.planner, settings)
+    for i, (name, arm, own, profile) in enumerate(zip(names, settings.arms, maps, human.profiles, strict=True)):
         evaluation = None if own.choice is None else own.choice.evaluation
         if evaluation is None and baselines:
             evaluation = compared_with_baselines(
-                own.adapter, own.teacher, robot.domains[i], human.profiles[i], robot=result.robot,
+                own.adapter, own.teacher, robot.domains[i], profile, robot=arm,
                 spec=settings.specs[i], bank=robot.bank(i, settings.spec), n_domain=0,
                 random_state=settings.config.seed, progress=settings.progress,
             )  # fmt: skip
         transfers.append(
             ArmTransfer(
-                **{field.name: getattr(result, field.name) for field in fields(result)},
-                fit=human.fits[i],
-                person_base=human.motion.bases[i],
-                method=name_of(own.adapter),
-                adapter=own.adapter,
-                choice=own.choice,
-                evaluation=evaluation,
-                time=human.fits[i].time,
-                demonstrated_profile=human.profiles[i],
-                target_profile=own.adapter.transform(human.profiles[i]),
-                teacher_domain=own.teacher,
-                student_domain=robot.domains[i],
-                seconds_to_fit=own.seconds,
+                name=name, robot=arm, **measured[i],
+                fit=human.fits[i], person_base=human.motion.bases[i], time=human.fits[i].time,
+                method=name_of(own.adapter), adapter=own.adapter, choice=own.choice, evaluation=evaluation,
+                demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
+                teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
             )
-        )
+        )  # fmt: skip
     return TransferResult(
         robot=as_group(settings.robot),
         arms=tuple(transfers),
@@ -297,17 +294,6 @@ def evaluate(
         spec=settings.spec,
         base_rotation=settings.config.transfer.rotation,
     )
-
-
-def transfer(
-    human: Human, robot: SampledRobot, maps: Sequence[FittedMap], settings: Settings, baselines: bool = True
-) -> TransferResult:
-    """Run the stages from the fitted maps on."""
-    moved = None
-    if robot.planner is not None:
-        generator = copy.deepcopy(robot.random)
-        moved = place_and_plan(targets_of(human, maps, settings), robot.planner, settings, generator)
-    return evaluate(human, robot, maps, moved, settings, baselines)
 
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:

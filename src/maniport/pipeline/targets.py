@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maniport.arms import EllipsoidSpec
 from maniport.arms.human import hand_rotations
@@ -13,7 +14,6 @@ from maniport.motion import Placement
 from maniport.motion.objective import Damping
 from maniport.motion.search.descent import interpolated_distance
 from maniport.pipeline.options import CONSTANT, FREE
-from maniport.pipeline.results import placement_rows
 from maniport.pipeline.values import FittedMap, Human, Settings
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.defaults import DAMPING
@@ -34,10 +34,15 @@ class MotionTargets:
     direction: Array | None = None  # z axis of the end effectors in the base frame (3,), instead of rotations
     pointwise_bests: tuple[Array, ...] | None = None  # distances of the pointwise optima (n,), once placed
 
-    def placed(self, placements: Sequence[Placement]) -> "MotionTargets":
-        """Return the targets in the robot's base frame."""
+    def placement_rows(self, most: int = 80) -> NDArray[np.intp]:
+        """Rows of the waypoints that a path is placed by, evenly spaced; more of them change little."""
+        count = len(self.time)
+        return np.arange(0, count, 1 + (count - 1) // most)
+
+    def placed(self, placements: tuple[Placement, ...]) -> "MotionTargets":
+        """Return the targets where the paths were placed, in the robot's base frame."""
         assert self.paths is not None
-        rows, count, rotations = placement_rows(len(self.time)), len(self.time), self.rotations
+        rows, count, rotations = self.placement_rows(), len(self.time), self.rotations
         if rotations is not None:
             pairs = zip(placements, rotations, strict=True)
             rotations = tuple(np.asarray(own.rotation @ own.turn @ rotation) for own, rotation in pairs)
@@ -54,22 +59,38 @@ class MotionTargets:
         """Target orientations in the base frame (n, 3, 3) of each arm, None where they are free."""
         if self.direction is None:
             return self.rotations
-        return (np.tile(facing(self.direction), (len(self.time), 1, 1)),) * len(self.profiles)
+        z = self.direction / np.linalg.norm(self.direction)
+        across = np.linalg.svd(z[None])[2][1]
+        rotation = np.stack([across, np.cross(z, across), z], axis=1)
+        return (np.tile(rotation, (len(self.time), 1, 1)),) * len(self.profiles)
 
 
-def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings) -> MotionTargets:
-    """Map the demonstrated ellipsoids; collect all targets of the robot's motion."""
+def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, largest_turn: float = 5.0) -> MotionTargets:
+    """Map the demonstrated ellipsoids; collect all targets of the robot's motion.
+
+    All paths get the mean rotation of the maps, with a warning where two differ by more than `largest_turn` [deg].
+    """
     force = settings.spec.kind == "force"  # the inverse of a velocity ellipsoid, at the same distances
     adapters, orientation = [own.adapter for own in maps], settings.config.motion.orientation
     profiles = [adapter.transform(profile) for adapter, profile in zip(adapters, human.profiles, strict=True)]
     strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
+    turn = adapters[0].map_rotation_
+    if len(adapters) > 1:
+        turns = [adapter.map_rotation_ for adapter in adapters]
+        angle = max(float(np.degrees(rotation_angle(turn, other))) for other in turns)
+        if angle > largest_turn:
+            text = (
+                f"the adapters rotate ellipsoids by up to {angle:.0f}° differently; the paths get their mean rotation"
+            )
+            warnings.warn(text, ManiportWarning, stacklevel=2)
+        turn = orthonormal(np.sum(turns, axis=0))
     targets = MotionTargets(
         human.fits[0].time,
         tuple(np.asarray(np.linalg.inv(profile)) if force else profile for profile in profiles),
         human.hands,
         settings.spec.velocity,
         strongest if strongest.epsilon > 0.0 and not force else DAMPING,
-        _common_rotation([adapter.map_rotation_ for adapter in adapters]),
+        turn,
     )
     if not isinstance(orientation, str):
         return replace(targets, direction=np.array(orientation))
@@ -79,21 +100,3 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings) -> M
     if orientation == CONSTANT:
         hands = [np.broadcast_to(hand[0], hand.shape) for hand in hands]
     return replace(targets, rotations=tuple(hands))
-
-
-def _common_rotation(turns: Sequence[Array], largest: float = 5.0) -> Array:
-    """Return the mean rotation of several adapters; warn where two differ by more than `largest` [deg]."""
-    if len(turns) == 1:
-        return turns[0]
-    angle = max(float(np.degrees(rotation_angle(turns[0], turn))) for turn in turns)
-    if angle > largest:
-        text = f"the adapters rotate ellipsoids by up to {angle:.0f}° differently; the paths get their mean rotation"
-        warnings.warn(text, ManiportWarning, stacklevel=2)
-    return orthonormal(np.sum(turns, axis=0))
-
-
-def facing(direction: Array) -> Array:
-    """Return a rotation with its z axis in a direction (3,), shape (3, 3)."""
-    z = direction / np.linalg.norm(direction)
-    across = np.linalg.svd(z[None])[2][1]
-    return np.stack([across, np.cross(z, across), z], axis=1)

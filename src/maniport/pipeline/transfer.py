@@ -1,5 +1,6 @@
 """The main job as one function: a recording in, a frozen result out; and its last stages alone."""
 
+import copy
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
@@ -20,9 +21,9 @@ from maniport.pipeline import stages
 from maniport.pipeline.config import Config
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.options import FREE
-from maniport.pipeline.results import MotionResult, TransferResult
-from maniport.pipeline.targets import MotionTargets
-from maniport.pipeline.values import Settings
+from maniport.pipeline.results import ArmResult, MotionResult, TransferResult
+from maniport.pipeline.targets import MotionTargets, targets_of
+from maniport.pipeline.values import FittedMap, Human, SampledRobot, Settings
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, no_progress
@@ -52,7 +53,7 @@ def transfer_recording(
     progress : callable, optional
         Called with the name of a stage, the fraction done and, at its end, a message.
     **options
-        Options by name, which override those of `config`; `maniport.pipeline.options` describes them. ``robot`` may
+        Options by name, which override those of `config`; `maniport.pipeline.config` describes them. ``robot`` may
         also be an `Arm` or an `ArmGroup`, ``method`` a `DomainAdapter`, ``base_rotation`` a matrix (3, 3) from the
         person's trunk frame (x forward, y left, z up) to the robot's base frame. ``costs`` are further costs of the
         motion, see `maniport.motion.Cost`; with ``tracking``, a mapping of options of `maniport.motion.Control`, a
@@ -69,8 +70,6 @@ def transfer_recording(
     """
     config = _with_source((config or Config()).changed(**options), recording)
     settings = settings_of(config, progress)
-    if not isinstance(recording, LearnedProfile):
-        recording = config.human.read(recording)
     with threadpool_limits(1):  # sums round alike with any number of cores, and threads would wait for one another
         result, texts = recorded(lambda: run(recording, settings))
     return replace(result, warnings=texts, config=config)
@@ -100,6 +99,8 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
 def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanControl:
     """Look up limits and collisions, and check the options of the motion for the robot."""
     motion = config.motion
+    if config.robot.tips == RELATIVE and len(as_group(robot)) == 1:
+        raise InvalidInputError(f"{argument('tips', RELATIVE)} needs several arms; found {robot.name}")
     if config.robot.tips == RELATIVE and motion.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with tips='relative'")
     if motion.tracking is not None:
@@ -130,7 +131,18 @@ def run(recording: Recording | LearnedProfile | str | Path, settings: Settings) 
     human = stages.fit_human(recording, settings)
     robot = stages.sample_robot(settings)
     maps = stages.fit_transfer(human, robot, settings)
-    return stages.transfer(human, robot, maps, settings)
+    return follow_person(human, robot, maps, settings)
+
+
+def follow_person(
+    human: Human, robot: SampledRobot, maps: Sequence[FittedMap], settings: Settings, baselines: bool = True
+) -> TransferResult:
+    """Run the stages from the fitted maps on."""
+    moved = None
+    if robot.planner is not None:
+        generator = copy.deepcopy(robot.random)
+        moved = stages.place_and_plan(targets_of(human, maps, settings), robot.planner, settings, generator)
+    return stages.evaluate(human, robot, maps, moved, settings, baselines)
 
 
 def follow_profile(
@@ -175,7 +187,7 @@ def follow_profile(
     """
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
-    config = (config or Config()).changed(**options)
+    config = replace((config or Config()).changed(**options), verb="track")
     orientation, spec = config.motion.orientation, config.transfer.spec
     if isinstance(orientation, str) and orientation != FREE:
         found = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
@@ -206,8 +218,11 @@ def follow_profile(
     else:
         moved = stages.plan(targets, None, planner, settings, generator)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
-    results = stages.measure(moved, names, planner, settings)
-    return MotionResult(robot=group, arms=results, motion=moved.motion, random_state=config.seed, config=config)
+    measured = stages.measure(moved, planner, settings)
+    arms = tuple(
+        ArmResult(name=name, robot=arm, **own) for name, arm, own in zip(names, group.arms, measured, strict=True)
+    )
+    return MotionResult(robot=group, arms=arms, motion=moved.motion, random_state=config.seed, config=config)
 
 
 def recorded(work: Callable[[], T]) -> tuple[T, tuple[str, ...]]:

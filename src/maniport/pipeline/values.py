@@ -33,6 +33,11 @@ class Settings:
         return as_group(self.robot).arms
 
     @property
+    def stands(self) -> list[Array]:
+        """Origin of the base of each arm in the robot's frame [m]."""
+        return [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in self.arms]
+
+    @property
     def spec(self) -> EllipsoidSpec:
         """Ellipsoids of the robot."""
         return self.config.transfer.spec
@@ -63,7 +68,7 @@ class Human:
         rows = evenly_spaced(len(self.motion), count)
         return replace(
             self,
-            motion=replace(self.motion, arms=tuple(fit.thinned(count) for fit in self.fits)),
+            motion=replace(self.motion, arms=tuple(fit.only(rows) for fit in self.fits)),
             profiles=tuple(profile[rows] for profile in self.profiles),
             hands=tuple(hand[rows] for hand in self.hands),
         )
@@ -97,5 +102,5 @@ class Moved:
     """Motion of all arms, and where their paths were placed."""
 
     motion: RobotMotion
-    free: RobotMotion | None
+    free: RobotMotion | None  # with a free orientation, where an orientation was requested
     placements: tuple[Placement, ...] | None

@@ -1,20 +1,121 @@
-"""The registry of metrics and of red warnings, and reports of objects.
+"""The registry of a motion's metrics with their grades and warnings, and `report_of`.
 
-`report_of` makes a `Report` of a result. Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page
-(`maniport.report.page`) and the table of a batch render the same report.
+Terminal, Markdown, JSON and notebook (`maniport.report.renderings`), the page (`maniport.report.page`) and the table of
+a batch render the same `Report`.
 """
 
 import importlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import singledispatch
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.motion.status import NEAR_DISTANCE
-from maniport.report.values import AMBER, GREEN, NOTE, RED, WARNING, Metric, Report, Table, at_time
+from maniport.motion.status import ENOUGH_DISTANCE, NEAR_DISTANCE
+from maniport.report.values import ERROR, WARNING, Metric, Report, statistics, warning
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A metric of a robot's motion: its words, its grades, and from which level on it is a warning."""
+
+    label: str
+    description: str
+    unit: str = ""
+    main: bool = False
+    text: str = ""  # format of the value; without one, the metric is statistics over the waypoints
+    level: Callable[[Any], float] = itemgetter("median")  # number of the value that is graded
+    grades: Mapping[str, float] = field(default_factory=dict)  # largest levels by words
+    warn_above: float = np.inf  # level
+    warning_key: str = ""
+    warning: str = ""  # format of the value
+    severity: str = WARNING
+
+
+MISSED_SHARE = 0.05
+"""Largest share of waypoints that may be missed without a warning."""
+
+METRICS = {
+    "distance": Definition(
+        "Ellipsoid distance", "0.1: one axis is 5 % too long; 1: 65 %.", main=True,
+        grades={"ellipsoids tracked": ENOUGH_DISTANCE, "ellipsoids approximated": NEAR_DISTANCE,
+                "ellipsoids approximated in part": 1.2, "ellipsoids not tracked": np.inf}),  # 1.2: 82 % too long
+    "position_error": Definition(
+        "Position error", "Of the end effector; it has priority over ellipsoids.", "mm", main=True,
+        level=lambda value: value.get("far_share", 0.0), warn_above=0.0, warning_key="position-error",
+        warning="the position error is up to {max:.1f} mm (at {max_at_s:.1f} s); tolerance {tolerance:g} mm",
+        grades={"position tracked": 0.0, "position mostly tracked": MISSED_SHARE, "position not tracked": np.inf}),
+    "orientation_error": Definition(
+        "Orientation error", "Between the constrained axes and their target.", "°", main=True),
+    "duration": Definition(
+        "Duration", "Time-scaled to satisfy the limits; other times are demonstrated.", "s", main=True,
+        text="{robot:.1f} s (human {person:.1f} s)"),
+    "limits": Definition(
+        "Limits", "Largest value relative to the limit.", main=True, text="{_text}",
+        level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
+        warning_key="limits-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}"),
+    "collisions": Definition(
+        "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
+        level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
+        warning="the robot collides in {share:.1%} of the time: {_pair}"),
+    "mean_distance": Definition(
+        "Mean distance", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
+        "Motion: added by limits.", main=True, text="{_text}"),
+    "waypoints": Definition(
+        "Waypoints", f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance.",
+        text="{_reached} of {count} reached{_reasons}", level=lambda value: value["missed"] / value["count"],
+        warn_above=MISSED_SHARE, warning_key="targets-missed",
+        warning="{missed} of {count} waypoints are missed{_reasons}"),
+    "pointwise_ratio": Definition(
+        "Ratio to the best pointwise distances found", "Of root mean squares; no bound.", text="{:.2f}"),
+    "feasibility_gap": Definition(
+        "Distance to the feasible set", "Of the target; an upper bound.", warn_above=NEAR_DISTANCE,
+        warning_key="infeasible-targets",
+        warning="the targets are infeasible: median distance to the feasible set {median:.2f}"),
+    "major_axis_angle": Definition(
+        "Angle between longest axes", "Where both ellipsoids have a longest axis.", "°", warn_above=30.0,
+        warning_key="longest-axis",
+        warning="the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"),
+    "jumps": Definition("Jumps of the recording", "Mostly errors of the recording or of its fit.", text="{_text}"),
+    "orientation_cost": Definition(
+        "Cost of the orientation", "Mean distance with and without the constraint.",
+        text="{_difference:+.2f}: {kept:.2f} instead of {free:.2f}"),
+    "lowest_point": Definition(
+        "Lowest point", "Of the moving links, above the base plane.", text="{height_mm:.0f} mm, {link} at {at_s:.1f} s",
+        level=itemgetter("_depth"), warn_above=0.0, warning_key="below-base-plane",
+        warning="{link} is up to {_depth:.0f} mm below the base plane (at {at_s:.1f} s). "
+        "{_option} keeps the robot above it"),
+    "relative_position_error": Definition(
+        "Relative position error", "From the scaled vector between the hands.", "mm"),
+}  # fmt: skip
+"""Metrics of a robot's motion by key, in the order in which they are reported."""
+
+
+def measure(key: str, values: Any = None, time: ArrayLike | None = None, **entries: Any) -> list[Metric]:
+    """Return a registered metric, after the warning that it gives.
+
+    `values` are a number, or one for each waypoint at times [s]; `entries` of the value with a leading underscore are
+    for the texts alone, and not in JSON.
+    """
+    definition, value = METRICS[key], {name: item for name, item in entries.items() if name[0] != "_"}
+    if definition.text:
+        number = () if values is None else (values,)
+        text, value = definition.text.format(*number, **entries), value if values is None else values
+    else:
+        measured = statistics(definition.label, key, values, time, definition.unit)
+        text, value = measured.text, measured.value | value
+    words, graded = (value if isinstance(value, dict) else {}) | entries, definition.grades or definition.warning
+    level = definition.level(words) if graded else 0.0
+    grade = next((name for name, bound in definition.grades.items() if level <= bound), "")
+    metric = Metric(definition.label, text, definition.description, key, value, definition.unit,
+                    main=definition.main, grade=grade)  # fmt: skip
+    if level <= definition.warn_above:
+        return [metric]
+    return [warning(definition.warning_key, definition.warning.format(**words), definition.severity), metric]
+
 
 MODULES = {
     "arms": "robot",
@@ -22,57 +123,9 @@ MODULES = {
     "transfer": "transfer",
     "evaluation": "transfer",
     "motion": "motion robot",
-    "pipeline": "runs learning",
+    "pipeline": "results learning",
 }
 """Modules of this package that describe the classes of another package; they are imported when they are needed."""
-
-METRICS = {
-    metric.key: metric
-    for metric in (
-        Metric("Ellipsoid distance", "", "0.1: one axis is 5 % too long; 1: 65 %.", "distance", main=True),
-        Metric("Position error", "", "Of the end effector; it has priority over ellipsoids.", "position_error",
-               unit="mm", main=True),
-        Metric("Orientation error", "", "Between the constrained axes and their target.", "orientation_error",
-               unit="°", main=True),
-        Metric("Duration", "", "Time-scaled to satisfy the limits; other times are demonstrated.", "duration",
-               unit="s", main=True),
-        Metric("Limits", "", "Largest value relative to the limit.", "limits", main=True),
-        Metric("Collisions", "", "Between convex hulls of links, table and obstacles.", "collisions", main=True),
-        Metric("Mean distance", "", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
-               "Motion: added by limits.", "mean_distance", main=True),
-        Metric("Waypoints", "", f"Distance at most {NEAR_DISTANCE:g}, position error within the tolerance.",
-               "waypoints"),
-        Metric("Ratio to the best pointwise distances found", "", "Of root mean squares; no bound.",
-               "pointwise_ratio"),
-        Metric("Distance to the feasible set", "", "Of the target; an upper bound.", "feasibility_gap"),
-        Metric("Angle between longest axes", "", "Where both ellipsoids have a longest axis.", "major_axis_angle",
-               unit="°"),
-        Metric("Jumps of the recording", "", "Mostly errors of the recording or of its fit.", "jumps"),
-        Metric("Cost of the orientation", "", "Mean distance with and without the constraint.", "orientation_cost"),
-        Metric("Lowest point", "", "Of the moving links, above the base plane.", "lowest_point"),
-        Metric("Relative position error", "", "From the scaled vector between the hands.",
-               "relative_position_error", unit="mm"),
-    )
-}  # fmt: skip
-"""Metrics of a robot's motion by key, in the order in which they are reported."""
-
-PROHIBITIVE = frozenset({"collision", "limits-exceeded", "held"})
-"""Keys of the warnings that make the status of a result red; all others make it amber."""
-
-
-def status_of(keys: Iterable[str]) -> str:
-    """Return the status of a result whose warnings have these keys."""
-    found = set(keys)
-    return RED if found & PROHIBITIVE else AMBER if found else GREEN
-
-
-def as_metric(key: str, value: ArrayLike | tuple[str, Any], time: ArrayLike | None = None) -> Metric:
-    """Return a registered metric of a value for each waypoint at times [s], or of a text and its value for JSON."""
-    template = METRICS[key]
-    if isinstance(value, tuple):
-        return replace(template, text=value[0], value=value[1])
-    measured = statistics(template.label, key, value, time, template.unit)
-    return replace(template, text=measured.text, value=measured.value)
 
 
 def report_of(thing: Any) -> Report:
@@ -101,61 +154,9 @@ def describe(thing: Any) -> Report:
     return Report(type(thing).__name__, repr(thing))
 
 
-def warning(key: str, text: str) -> Metric:
-    """Return a warning with a stable key for programs."""
-    return Metric("", sentence(text), key=key, severity=WARNING)
-
-
-def warnings_of(key: str, texts: Iterable[str]) -> tuple[Metric, ...]:
-    """Return warnings with one key."""
-    return tuple(warning(key, text) for text in texts)
-
-
-def notes(texts: Iterable[str]) -> list[Metric]:
-    """Return notes."""
-    return [Metric("", sentence(text), severity=NOTE) for text in texts]
-
-
-def numbers(**values: Any) -> list[Metric]:
-    """Return metrics that are in JSON only; the keys have the units."""
-    return [Metric("", "", key=key, value=value) for key, value in values.items()]
-
-
-def sentence(text: str) -> str:
-    """Let a text begin with a capital letter and end with a full stop."""
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
-
-
-def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "") -> Metric:
-    """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
-    array = np.asarray(values, dtype=float)
-    index = int(np.nanargmax(array))
-    where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
-    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
-    value = {"median": median, "p95": p95, "max": float(array[index]), **where}
-    suffix = f" {unit}" if unit and unit != "°" else unit
-    place = f"at index {index}" if time is None else at_time(where["max_at_s"])
-    texts = (f"{number:.2f}{suffix}" for number in (median, p95, array[index]))
-    text = "{} (median), {} (95th percentile), {} (max {})".format(*texts, place)
-    return Metric(label, text, "", key, value, unit)
-
-
-def table_of(
-    records: Sequence[Mapping[str, Any]], columns: Mapping[str, str], caption: str = "", key: str = ""
-) -> Table:
-    """Return a table of records: format strings by column name."""
-    rows = tuple(tuple(form.format(**record) for form in columns.values()) for record in records)
-    return Table(tuple(columns), rows, caption, key, list(records))
-
-
 def in_axes(distance: float) -> str:
     """Write a distance between ellipsoids as the error of one axis that has the same distance."""
     ratio = float(np.exp(0.5 * distance))
     return (
         f"one axis {ratio:.1f} times as long" if ratio >= 1.95 else f"one axis {100.0 * (ratio - 1.0):.0f} % too long"
     )
-
-
-def listed(values: Iterable[object]) -> str:
-    """Write values with commas between them."""
-    return ", ".join(map(str, values))

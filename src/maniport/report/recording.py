@@ -1,4 +1,4 @@
-"""Metrics of a recording and of the human arm fitted to it."""
+"""Reports of a recording and of the human arm fitted to it."""
 
 import json
 import shlex
@@ -25,9 +25,23 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.report.metrics import describe, listed, notes, numbers, statistics, table_of, warning, warnings_of
+from maniport.report.metrics import describe
 from maniport.report.renderings import escaped
-from maniport.report.values import Metric, Report, Section, Table, at_time
+from maniport.report.values import (
+    Metric,
+    Report,
+    Section,
+    Table,
+    at_time,
+    info,
+    listed,
+    notes,
+    numbers,
+    statistics,
+    table_of,
+    warning,
+    warnings_of,
+)
 from maniport.util.defaults import AUTO
 
 RECORDING, FIT = "recording", "human-model"
@@ -39,23 +53,37 @@ def recording_report(
     recording: Recording, markers: Mapping[str, Any] | None = None, side: str = AUTO, command: str = ""
 ) -> Report:
     """Describe a recording and the roles of its points."""
-    meant = RIGHT if side == AUTO else side
-    roles = {one: assigned_roles(recording, markers if one == meant else None, one) for one in SIDES}
-    whole = [one for one in SIDES if not missing_roles(roles[one][1])]
-    fitted = _fitted_side(recording, markers, side)
-    taken = fitted[0].value if fitted else None
-    best = max(SIDES, key=lambda one: (one == taken, one in whole, len(roles[one][1].keys() & {"elbow", "wrist"})))
-    assigned = {one: found for one, (_, found) in roles.items()}
+    markers_of = {name: markers if name == (RIGHT if side == AUTO else side) else None for name in SIDES}
+    roles = {name: assigned_roles(recording, markers_of[name], name) for name in SIDES}
+    complete = [name for name in SIDES if not missing_roles(roles[name][1])]
+    fitted, metrics = "", list[Metric]()
+    try:
+        fitted, reason, _ = find_side(recording, markers, side)
+        metrics.append(info("Fitted arm", "fitted", fitted, f"the {fitted} arm: {reason}"))
+    except RecordingError:
+        pass  # no arm can be fitted
+    best = max(
+        SIDES, key=lambda name: (name == fitted, name in complete, len(roles[name][1].keys() & {"elbow", "wrist"}))
+    )
+    assigned = {name: points for name, (_, points) in roles.items()}
     family = roles[best][0]
-    named = any(assigned.values())
-    metrics = [Metric("Names", f"as in {family}" if named else "", key="names" if named else "", value=family), *fitted]
-    for one in SIDES:
-        metrics += _arm(recording, assigned[one], markers if one == meant else None, one)
-    if not whole:
+    if any(assigned.values()):
+        metrics.insert(0, info("Names", "names", family, f"as in {family}"))
+    for name in SIDES:
+        metrics += _arm(recording, assigned[name], markers_of[name], name)
+    if not complete:
         metrics.append(warning("arm-incomplete", "No arm is complete, so that none can be fitted"))
+
+    def names(role: str, points: Any) -> str:
+        if points is None:
+            return "–"
+        return " to ".join(" + ".join(group) for group in points) if role in DIRECTIONS else " + ".join(points)
+
+    rows = tuple((role, *(names(role, assigned[name].get(role)) for name in SIDES)) for role in ROLES)
+    table = Table(("role", *(f"{name} arm" for name in SIDES)), rows)
     sections = (
         recording_section(recording, points=True),
-        Section("Roles of the points", tuple(metrics), (_role_table(assigned),), "arms"),
+        Section("Roles of the points", tuple(metrics), (table,), "arms"),
         _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
     quality_warnings = warnings_of(RECORDING, recording.quality_warnings)
@@ -67,65 +95,42 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
     gaps = {name: float(part) for name, part in zip(recording.names, recording.missing, strict=True) if part}
     rate = recording.rate if len(recording) > 1 else None
     frames = f"{len(recording)}, {recording.duration:.2f} s at {rate:.4g} Hz" if rate else "1"
-    source, names = Path(recording.source).name, list(recording.names)
-    missing = listed([f"{name} {100 * part:.1f} %" for name, part in gaps.items()])
+    names = list(recording.names)
+    missing = listed(f"{name} {100 * part:.1f} %" for name, part in gaps.items()) if points else ""
     metrics = [
-        Metric("File", source, key="source", value=source),
-        Metric("Format", recording.format.removeprefix(".").upper(), key="format", value=recording.format),
-        Metric("Frames", frames, key="frames", value=len(recording)),
+        info("File", "source", Path(recording.source).name),
+        info("Format", "format", recording.format, recording.format.removeprefix(".").upper()),
+        info("Frames", "frames", len(recording), frames),
         *numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3)),
-        Metric("Vertical axis", recording.up, key="up", value=recording.up),
-        *([Metric("Points", f"{len(names)}: {listed(names)}", key="points", value=names)] if points else []),
-        Metric("Missing", missing if points else "", "Share of the frames.", "missing", gaps),
+        info("Vertical axis", "up", recording.up),
+        *([info("Points", "points", names, f"{len(names)}: {listed(names)}")] if points else []),
+        info("Missing", "missing", gaps, missing, "Share of the frames."),
     ]
     return Section("Recording", (*metrics, *notes(recording.notes)), key="recording")
 
 
-def _fitted_side(recording: Recording, markers: Mapping[str, Any] | None, side: str) -> list[Metric]:
-    """Return the arm that is fitted; nothing where none can be."""
-    try:
-        taken, reason, _ = find_side(recording, markers, side)
-    except RecordingError:
-        return []
-    return [Metric("Fitted arm", f"the {taken} arm: {reason}", key="fitted", value=taken)]
-
-
 def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, Any] | None, side: str) -> list[Metric]:
     """Describe one arm: its missing roles, its lengths, and contradictions."""
-    missing, lengths = missing_roles(roles), {}
+    missing, lengths, warned = missing_roles(roles), dict[str, float](), []
     for name, (start, end) in {"upper arm": ("shoulder", "elbow"), "forearm": ("elbow", "wrist")}.items():
         if start in roles and end in roles:
             step = role_position(recording, roles[end]) - role_position(recording, roles[start])
-            length = np.linalg.norm(step, axis=-1)
-            if np.isfinite(length).any():
+            if np.isfinite(length := np.linalg.norm(step, axis=-1)).any():
                 lengths[name] = round(float(np.nanmedian(length)), 4)
     texts = [f"lacks {listed(missing)}" if missing else "complete"]
     texts += [f"{name} {length:.3f} m" for name, length in lengths.items()]
     value = {"complete": not missing, "lacks": missing, "lengths_m": lengths, "markers": roles}
-    metrics = [Metric(f"{side.title()} arm", listed(texts), key=side, value=value)]
     if not missing:
         try:
             assign_roles(recording, markers, side)
         except RecordingError as error:
-            metrics.append(warning("markers", str(error)))
+            warned.append(warning("markers", str(error)))
     for name, length in lengths.items():
         low, high = adult_range(name)
         if not low <= length <= high:
             text = f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m"
-            metrics.append(warning("segment-lengths", f"the {side} arm: {text}"))
-    return metrics
-
-
-def _role_table(assigned: Mapping[str, Any]) -> Table:
-    """List the points of each role of the arms, and of the trunk, which both share."""
-
-    def names(role: str, points: Any) -> str:
-        if points is None:
-            return "–"
-        return " to ".join(" + ".join(group) for group in points) if role in DIRECTIONS else " + ".join(points)
-
-    rows = tuple((role, *(names(role, assigned[side].get(role)) for side in SIDES)) for role in ROLES)
-    return Table(("role", *(f"{side} arm" for side in SIDES)), rows)
+            warned.append(warning("segment-lengths", f"the {side} arm: {text}"))
+    return [info(f"{side.title()} arm", side, value, listed(texts)), *warned]
 
 
 def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, command: str) -> Section:
@@ -142,8 +147,8 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
             lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
     else:
         arm = myoarm()
-        held = listed([arm.joint_names[joint] for joint in unobservable_joints(arm, roles)])
-        undetermined = f", but {held} are undetermined and stay near neutral" if held else ""
+        joints = listed([arm.joint_names[joint] for joint in unobservable_joints(arm, roles)])
+        undetermined = f", but {joints} are undetermined and stay near neutral" if joints else ""
         title = "Additional roles"
         lines = [f"The {side} arm can be fitted as it is{undetermined}.",
                  f"Points for {listed(wanted)} would add information, if the recording has them."]  # fmt: skip
@@ -158,22 +163,19 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
 
 
 @describe.register
-def fit_report(fit: ArmFit) -> Report:
-    """Describe the fit of a human arm."""
-    quality_warnings = warnings_of(FIT, fit.quality_warnings)
-    return Report(
-        f"{fit.arm.name}, fitted to a person", sections=(person_section(fit),), data_warnings=quality_warnings
-    )
-
-
-@describe.register
-def fits_report(fits: HumanMotion) -> Report:
-    """Describe the fit of both human arms."""
-    apart = np.linalg.norm(fits.hands[1] - fits.hands[0], axis=-1)
-    both = Section("Both arms", (statistics("Distance between the hands", "between_hands", apart, fits.time, "m"),))
-    each = [replace(person_section(fit), title=f"Human {fit.arm.side} arm", key=str(fit.arm.side)) for fit in fits.arms]
-    title = f"{' and '.join(fit.arm.name for fit in fits.arms)}, fitted to a person"
-    return Report(title, sections=(both, *each), data_warnings=warnings_of(FIT, fits.quality_warnings))
+def fit_report(fit: ArmFit | HumanMotion) -> Report:
+    """Describe the fit of one or both human arms."""
+    data_warnings = warnings_of(FIT, fit.quality_warnings)
+    if isinstance(fit, ArmFit):
+        return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),), data_warnings=data_warnings)
+    both = []
+    if len(fit.arms) > 1:
+        apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
+        distance = statistics("Distance between the hands", "between_hands", apart, fit.time, "m")
+        both.append(Section("Both arms", (distance,)))
+    arms = [replace(person_section(one), title=f"Human {one.arm.side} arm", key=str(one.arm.side)) for one in fit.arms]
+    title = f"{' and '.join(one.arm.name for one in fit.arms)}, fitted to a person"
+    return Report(title, sections=(*both, *arms), data_warnings=data_warnings)
 
 
 def person_section(fit: ArmFit) -> Section:
@@ -185,24 +187,25 @@ def person_section(fit: ArmFit) -> Section:
     for name, reason in fit.unobservable.items():
         by_reason.setdefault(reason, []).append(name)
     texts = [f"The recording does not determine {listed(names)}: {why}" for why, names in by_reason.items()]
-    metrics = [
+    frames = f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s"
+    metrics = (
         *warnings_of("undetermined-joints", texts),
-        Metric("Model", f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s",
-               key="model", value=fit.arm.name),
-        Metric("Arm", f"{fit.arm.side}: {fit.side_reason}", key="side", value=fit.arm.side),
+        info("Model", "model", fit.arm.name, frames),
+        info("Arm", "side", fit.arm.side, f"{fit.arm.side}: {fit.side_reason}"),
         *numbers(frames=len(fit), joints_not_determined=fit.unobservable),
-        Metric("Segments", listed([f"{name} {length:.3f} m" for name, length in lengths.items()]),
-               "The model is scaled to these lengths.", "segment_lengths", lengths, "m"),
-        Metric("Largest joint step", f"{step:.1f}° {at_time(step_at)}", "Between successive frames.",
-               "largest_joint_step", step, "°"),
-        Metric("Saturated joints", listed([f"{name} {100 * part:.0f} %" for name, part in at_limit.items()]),
-               "Share of the frames; the true angle may exceed the limit.", "fraction_at_limit", at_limit),
+        info("Segments", "segment_lengths", lengths,
+             listed(f"{name} {length:.3f} m" for name, length in lengths.items()),
+             "The model is scaled to these lengths.", "m"),
+        info("Largest joint step", "largest_joint_step", step, f"{step:.1f}° {at_time(step_at)}",
+             "Between successive frames.", "°"),
+        info("Saturated joints", "fraction_at_limit", at_limit,
+             listed(f"{name} {100 * part:.0f} %" for name, part in at_limit.items()),
+             "Share of the frames; the true angle may exceed the limit."),
         *notes(fit.notes),
-    ]  # fmt: skip
+    )  # fmt: skip
     residuals = fit.residual_summary()
     columns = {"direction of": "{name}", "median": "{median:.2f}°", "95 %": "{p95:.2f}°", "max": "{max:.2f}°",
                "when": "at {max_at_s:.1f} s"}  # fmt: skip
-    table = table_of([{"name": name, **one} for name, one in residuals.items()], columns)
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
-    table = replace(table, caption=caption, key="residual_deg", value=residuals)
-    return Section("Human arm", tuple(metrics), (table,), "person")
+    table = table_of([{"name": name, **one} for name, one in residuals.items()], columns, caption, "residual_deg")
+    return Section("Human arm", metrics, (replace(table, value=residuals),), "person")

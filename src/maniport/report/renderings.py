@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import printable
-from maniport.report.metrics import report_of, sentence
-from maniport.report.values import INFO, WARNING, Metric, Report, Section, Table
+from maniport.report.metrics import report_of
+from maniport.report.values import INFO, SUFFIXES, Report, Section, Table, sentence
 from maniport.util.atomic_io import written_whole
 
 SUMMARY, PAGE = "summary.json", "report.html"
@@ -52,13 +52,13 @@ def as_markdown(report: Report, details: bool = False) -> str:
     summary = report.summary
     if summary is not None:
         command = f" `{printable(summary.command_for())}`" if summary.command else ""
-        texts = [escaped(summary.status_text), escaped(summary.text), escaped(summary.advice) + command]
+        texts = [escaped(report.status_text), escaped(summary.text), escaped(summary.advice) + command]
         lines += [f"## {escaped(summary.title)}", "", *(line for text in texts if text for line in (text, ""))]
     if report.warnings:
         lines += ["## Warnings", "", *(f"- {escaped(text)}" for text in report.warnings), ""]
     if summary is not None and not details:
         visible = [metric for section in report.sections if not section.folded for metric in section.metrics]
-        lines += _section(Section("Arms", tuple(metric for metric in summary.metrics if metric not in visible)))
+        lines += _section(Section("Arms", tuple(metric for metric in report.main_metrics if metric not in visible)))
     for section in report.sections:
         lines += _section(section) if details or not section.folded else []
     if summary is not None and not details:
@@ -77,62 +77,56 @@ def as_numbers(report: Report) -> dict[str, Any]:
     -------
     dict
     """
-    suffixes = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
     result: dict[str, Any] = {"title": report.title}
     if (summary := report.summary) is not None:
-        texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command", "reasons")}
-        result |= {"status": summary.status or None, "summary": texts}
+        texts = {name: getattr(summary, name) for name in ("title", "text", "advice", "command")}
+        reasons = report.warning_keys if report.status else ()
+        result |= {"status": report.status or None, "summary": texts | {"reasons": reasons}}
     result["warnings"] = [{"key": metric.key, "text": metric.text} for metric in report.warning_metrics]
-    result["notes"] = list(report.notes)
+    result["notes"] = report.notes
     for section in report.sections:
-        metrics = [metric for metric in section.metrics
-                   if metric.key and (metric.severity != WARNING or metric.value is not None)]  # fmt: skip
-        entries = {metric.key + suffixes.get(metric.unit, ""): metric.value for metric in metrics}
+        entries = {metric.key + SUFFIXES.get(metric.unit, ""): metric.value for metric in section.metrics
+                   if metric.key and (not metric.is_warning or metric.value is not None)}  # fmt: skip
         entries |= {table.key: table.value for table in section.tables if table.key}
-        if entries and section.key:
-            result.setdefault(section.key, {}).update(entries)
-        else:
-            result |= entries
+        place = result.setdefault(section.key, {}) if entries and section.key else result
+        place.update(entries)
     return dict(plain(result))
 
 
 def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool = False, most_warnings: int = 3) -> str:
     """Render the summary of a result for a terminal: outcome, main metrics, warnings and files."""
-    summary = report.summary
+    summary, metrics = report.summary, report.main_metrics
     assert summary is not None
+    wide = max((len(metric.heading) for metric in metrics), default=0)
+    table = []
+    if any(metric.is_statistics for metric in metrics):
+        table.append(f"  {'':<{wide}}{'median':>9}{'95th':>9}{'max':>9}")
+    for metric in metrics:
+        text = f"  {metric.text}"
+        if metric.is_statistics:
+            text = "".join(f"{cell:>9}" for cell in metric.cells) + f"  ({metric.where.removeprefix('at ')})"
+        table.append(f"  {metric.heading:<{wide}}{text}")
     if table_only:
-        return "\n".join(_columns(summary.metrics))
-    paragraphs = [f"Result: {summary.title[:1].lower()}{summary.title[1:]}", summary.status_text]
-    lines = [line for text in paragraphs if text for line in textwrap.wrap(printable(text), width)]
-    lines += _columns(summary.metrics)
-    lines += textwrap.wrap(printable(summary.text), width)
+        return "\n".join(table)
+
+    def wrapped(*texts: str) -> list[str]:
+        return [line for text in texts if text for line in textwrap.wrap(printable(text), width)]
+
+    lines = wrapped(f"Result: {summary.title[:1].lower()}{summary.title[1:]}", report.status_text)
+    lines += [*table, *wrapped(summary.text)]
     for text in report.warnings[:most_warnings]:
         lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ", max_lines=2, placeholder=" …")
     if (more := len(report.warnings) - most_warnings) > 0:
         lines.append(f"! {more} more warning{'s'[: more != 1]} in summary.md")
-    lines += textwrap.wrap(printable(summary.advice), width)
-    files = {"Next": printable(summary.command_for(folder)) if summary.command else ""}
     joints = Path(folder, "joints.csv")
-    files |= {
+    files = {
+        "Next": printable(summary.command_for(folder)) if summary.command else "",
         "Report": str(Path(folder, PAGE)),
         "Motion": str(joints) if joints.exists() else "",
         "Details": str(Path(folder, "summary.md")),
     }
-    return "\n".join([*lines, *(f"{name:<8} {text}" for name, text in files.items() if text)])
-
-
-def _columns(metrics: Sequence[Metric]) -> list[str]:
-    """Write metrics as lines: statistics in columns, others as text."""
-    wide = max((len(metric.heading) for metric in metrics), default=0)
-    lines = []
-    if any(metric.is_statistics for metric in metrics):
-        lines.append(f"  {'':<{wide}}{'median':>9}{'95th':>9}{'max':>9}")
-    for metric in metrics:
-        text = f"  {metric.text}"
-        if metric.is_statistics:
-            text = "".join(f"{cell:>9}" for cell in metric.cells()) + f"  ({metric.where.removeprefix('at ')})"
-        lines.append(f"  {metric.heading:<{wide}}{text}")
-    return lines
+    lines += [*wrapped(summary.advice), *(f"{name:<8} {text}" for name, text in files.items() if text)]
+    return "\n".join(lines)
 
 
 def write_report(path: str | os.PathLike[str], report: Report) -> None:
@@ -173,30 +167,27 @@ def as_html(thing: Any) -> str:
 
 
 def _section(section: Section) -> list[str]:
-    metrics = [metric for metric in section.metrics if metric.text and metric.severity != WARNING]
+    """Write the metrics of a section in Markdown: statistics as a table, others as a list."""
+    metrics = [metric for metric in section.metrics if metric.text and not metric.is_warning]
     if not (metrics or section.tables or section.text):
         return []
     lines = [f"## {escaped(section.title)}", ""] if section.title else []
     lines += [line for text in section.text.split("\n") if text for line in (printable(text), "")]
-    rows = [(metric.heading, *metric.cells(), metric.where) for metric in metrics if metric.is_statistics]
-    if rows:
-        lines += [*_table(Table(("", "median", "95th percentile", "max", "max at"), tuple(rows))), ""]
-    texts = [_line(metric) for metric in metrics if not metric.is_statistics]
-    lines += [*texts, *([""] if texts else [])]
-    return [*lines, *(line for table in section.tables for line in (*_table(table), ""))]
-
-
-def _line(metric: Metric) -> str:
-    if metric.severity != INFO or not metric.label:
-        return f"- {escaped(metric.text)}"
-    text = sentence(escaped(f"{metric.label}: {metric.text}"))
-    return f"- {text} {escaped(metric.description)}".rstrip()
+    rows = tuple((metric.heading, *metric.cells, metric.where) for metric in metrics if metric.is_statistics)
+    statistics = Table(("", "median", "95th percentile", "max", "max at"), rows)
+    texts = []
+    for metric in (metric for metric in metrics if not metric.is_statistics):
+        text = escaped(metric.text)
+        if metric.severity == INFO and metric.label:
+            text = f"{sentence(escaped(f'{metric.label}: {metric.text}'))} {escaped(metric.description)}".rstrip()
+        texts.append(f"- {text}")
+    lines += [*(_table(statistics) if rows else []), *texts, *([""] if texts else [])]
+    return [*lines, *(line for table in section.tables for line in _table(table))]
 
 
 def _table(table: Table) -> list[str]:
+    def line(texts: Sequence[str]) -> str:
+        return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
+
     caption = [escaped(table.caption), ""] if table.caption else []
-    return [*caption, _cells(table.columns), _cells(["---"] * len(table.columns)), *map(_cells, table.rows)]
-
-
-def _cells(texts: Sequence[str]) -> str:
-    return f"| {' | '.join(escaped(text).replace('|', chr(92) + '|') for text in texts)} |"
+    return [*caption, line(table.columns), line(["---"] * len(table.columns)), *map(line, table.rows), ""]

@@ -1,4 +1,4 @@
-"""Metrics of arms and of placements."""
+"""Reports of arms, of files of robots, and of placements."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,13 +16,13 @@ from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement
 from maniport.motion.motion_limits import QUANTITIES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import as_metric, describe, listed, numbers, table_of, warning
-from maniport.report.values import Metric, Report, Section, Table
+from maniport.report.metrics import describe, measure
+from maniport.report.values import Metric, Report, Section, Table, info, listed, numbers, table_of, warning
 
 
 @describe.register
 def arm_report(arm: Arm) -> Report:
-    """Describe an arm: its joints with their limits, fixed joints, and frames."""
+    """Describe an arm: its joints with their limits, coupled and fixed joints, and frames."""
     speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
     rows = []
     for name, unit, low, high, speed in zip(
@@ -32,12 +32,17 @@ def arm_report(arm: Arm) -> Report:
         limit = f"{speed:.3g} {unit}/s" if speed < np.inf else "unknown"
         rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", limit))
     limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
+    chain, coupled = arm.chain, dict[str, str]()
+    for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
+        if joint.name not in (*chain.coordinates, *chain.locked):
+            terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
+            coupled[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset or not terms else [])])
     metrics = (
-        Metric("Arm", arm.name + (f", a human {arm.side} arm" if arm.side else ""), key="arm", value=arm.name),
-        Metric("Degrees of freedom", str(arm.dof), key="degrees_of_freedom", value=arm.dof),
+        info("Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")),
+        info("Degrees of freedom", "degrees_of_freedom", arm.dof),
         *chain_metrics(arm),
-        *_coupled(arm),
-        Metric("Frames", listed(arm.frames), key="frames", value=list(arm.frames)),
+        info("Coupled joints", "following", coupled, listed(f"{name} = {rule}" for name, rule in coupled.items())),
+        info("Frames", "frames", list(arm.frames)),
         # no motion of a person is planned
         *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),
     )
@@ -49,36 +54,34 @@ def arm_report(arm: Arm) -> Report:
 def group_report(arms: ArmGroup) -> Report:
     """Describe a group of arms: shared joints, and each arm."""
     metrics = (
-        Metric("Arms", arms.name, key="arms", value=arms.name),
-        Metric("Degrees of freedom", str(arms.dof), key="degrees_of_freedom", value=arms.dof),
-        Metric("Shared", listed(arms.shared), "Joints that move several arms.", "shared", list(arms.shared)),
+        info("Arms", "arms", arms.name),
+        info("Degrees of freedom", "degrees_of_freedom", arms.dof),
+        info("Shared", "shared", list(arms.shared), description="Joints that move several arms."),
     )
-    each = zip(arms.names, arms.arms, strict=True)
-    sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side) for side, arm in each]
+    sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side)
+                for side, arm in zip(arms.names, arms.arms, strict=True)]  # fmt: skip
     return Report(arms.name, "", (Section("", metrics), *sections))
 
 
 def chain_metrics(arm: Arm) -> list[Metric]:
     """Return base frame, end effector and fixed joints."""
-    held = {name: float(value) for name, value in arm.chain.locked.items()}
-    texts = [f"{name} at {value:.3g} m" if _is_prismatic(arm, name) else f"{name} at {np.degrees(value):.3g}°"
-             for name, value in held.items()]  # fmt: skip
+    chain = arm.chain
+    still = (name for name, at in chain.frames.items() if not at.joint and np.allclose(at.placement, np.eye(4)))
+    base = chain.base or next(still, "the base")  # the first frame at its place where none was chosen
+    sliding = {joint.name for joint in chain.joints if joint.kind == PRISMATIC}
+    locked = {name: float(value) for name, value in chain.locked.items()}
+    texts = [f"{name} at {value:.3g} m" if name in sliding else f"{name} at {np.degrees(value):.3g}°"
+             for name, value in locked.items()]  # fmt: skip
     return [
-        Metric("Base", base_of(arm), "Frame of positions and directions.", "base", base_of(arm)),
-        Metric("End effector", arm.frame, key="frame", value=arm.frame),
-        Metric("Fixed joints", listed(texts), key="held", value=held),
+        info("Base", "base", base, description="Frame of positions and directions."),
+        info("End effector", "frame", arm.frame),
+        info("Fixed joints", "held", locked, listed(texts)),
     ]
-
-
-def base_of(arm: Arm) -> str:
-    """Return the base frame of an arm; the first one at its place where none was chosen."""
-    fixed = (name for name, at in arm.chain.frames.items() if not at.joint and np.allclose(at.placement, np.eye(4)))
-    return arm.chain.base or next(fixed, "the base")
 
 
 def assumed_limits(limits: MotionLimits) -> list[Metric]:
     """Warn of limits that are assumed, with their values and how to give real ones."""
-    arm, found, real = limits.arm, [], f"Give the real ones with {argument('motion_limits', option='--limits')}"
+    arm, warned, advice = limits.arm, [], f"Give the real ones with {argument('motion_limits', option='--limits')}"
     for suffix, quantity in zip(("", "/s", "/s²", "/s³"), QUANTITIES, strict=True):
         joints_of: dict[str, list[str]] = {}
         for name in limits.assumed[quantity]:
@@ -87,12 +90,11 @@ def assumed_limits(limits: MotionLimits) -> list[Metric]:
                      else f"{getattr(limits, quantity)[i]:.4g}")  # fmt: skip
             joints_of.setdefault(f"{value} {arm.joint_units[i]}{suffix}", []).append(name)
         if joints_of:
-            each = "; ".join(
-                f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
-                for text, joints in joints_of.items()
-            )
-            found.append(warning(f"assumed-{quantity}-limits", f"{quantity} limits are assumed: {each}. {real}"))
-    return found
+            texts = [f"{text} for {listed(joints) if len(joints) < arm.dof else 'all joints'}"
+                     for text, joints in joints_of.items()]  # fmt: skip
+            text = f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}"
+            warned.append(warning(f"assumed-{quantity}-limits", text))
+    return warned
 
 
 def collision_warnings(checked: Collisions | Clearance, unchecked: Sequence[str] = ()) -> list[Metric]:
@@ -100,14 +102,12 @@ def collision_warnings(checked: Collisions | Clearance, unchecked: Sequence[str]
     if not checked.known:
         return [warning("unchecked-collisions", f"collisions are not checked: {checked.why}")]
     links = listed(checked.unchecked if isinstance(checked, Collisions) else unchecked)
-    meshes, found = listed(checked.stand_ins), []
-    if meshes:
-        text = f"meshes of {meshes} are missing; the collision shapes of these links are checked instead"
-        found.append(warning("missing-meshes", text))
-    if links:
-        text = f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet"
-        found.append(warning("unchecked-links", text))
-    return found
+    meshes = listed(checked.stand_ins)
+    texts = {
+        "missing-meshes": f"meshes of {meshes} are missing; the collision shapes of these links are checked instead",
+        "unchecked-links": f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet",
+    }
+    return [warning(key, text) for (key, text), names in zip(texts.items(), (meshes, links), strict=True) if names]
 
 
 def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
@@ -120,29 +120,15 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     title, text = "Other ends" if arm else "Ends", "Fingers are omitted. With --base the chain begins at a branch."
     ends = [Section(title, (), (table,), text=text)] if others else []
     places = () if name in (*ROBOTS, *PERSONS) else packages_with(name)
-    files = [Metric("From", listed(places), "The first one is used." if places[1:] else "", "from", list(places))]
+    files = info("From", "from", list(places), description="The first one is used." if places[1:] else "")
     if arm is None:
         arms = " or ".join(arm_names(name))
         lead = f"Several limbs are of equal length: choose one with --frame{f', or name {arms}' if arms else ''}."
-        return Report(name, lead, (Section("", tuple(files)), *ends))
+        return Report(name, lead, (Section("", (files,)), *ends))
     own, *more = arm_report(arm).sections
-    metrics = (*(files if places else ()), *own.metrics, *([] if arm.side else collision_warnings(Collisions.of(arm))))
+    unchecked = [] if arm.side else collision_warnings(Collisions.of(arm))
+    metrics = (*([files] if places else []), *own.metrics, *unchecked)
     return Report(arm.name, "", (replace(own, metrics=metrics), *more, *ends))
-
-
-def _coupled(arm: Arm) -> list[Metric]:
-    """Return the joints that are coupled to others."""
-    chain, rules = arm.chain, {}
-    for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
-        if joint.name not in (*chain.coordinates, *chain.locked):
-            terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
-            rules[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset or not terms else [])])
-    text = listed([f"{name} = {rule}" for name, rule in rules.items()])
-    return [Metric("Coupled joints", text, key="following", value=rules)]
-
-
-def _is_prismatic(arm: Arm, name: str) -> bool:
-    return any(joint.name == name and joint.kind == PRISMATIC for joint in arm.chain.joints)
 
 
 @describe.register
@@ -176,14 +162,14 @@ def placement_section(placed: Placement) -> Section:
     offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
+    path = (f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at ({listed(f'{value:.3f}' for value in offset)}) m "
+            "in the base frame")  # fmt: skip
     metrics = (
         *([warning("path-out-of-reach", text)] if out else []),
-        Metric("Path", f"scale {placed.scale:.3f}, yaw {yaw:.1f}°, middle at "
-               f"({listed(f'{value:.3f}' for value in offset)}) m in the base frame",
-               "The target ellipsoids are rotated with the path."),
-        Metric("Base", f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
-               "Rotation from the upright base about a horizontal axis.", "mount",
-               {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()}),
+        Metric("Path", path, "The target ellipsoids are rotated with the path."),
+        info("Base", "mount", {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()},
+             f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
+             "Rotation from the upright base about a horizontal axis."),
         *numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,
                  farthest_out_of_reach_mm=far),
     )  # fmt: skip
@@ -194,7 +180,7 @@ def placement_section(placed: Placement) -> Section:
 def feasible_report(nearest: FeasibleEllipsoids) -> Report:
     """Describe the nearest feasible ellipsoids."""
     count, d = nearest.ellipsoids.shape[:2]
-    metrics = [as_metric("distance", nearest.distance)]
+    metrics = measure("distance", nearest.distance)
     if nearest.position_error is not None:
-        metrics.append(as_metric("position_error", 1e3 * nearest.position_error))
+        metrics += measure("position_error", 1e3 * nearest.position_error)
     return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))

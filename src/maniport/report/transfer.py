@@ -1,7 +1,6 @@
-"""Metrics of a fitted adapter, of what the domains determine, and of the comparison with baselines."""
+"""Reports of a fitted adapter, of what the domains determine, and of the comparison with baselines."""
 
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -9,13 +8,12 @@ from maniport.evaluation.baselines import IDENTITY
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
-from maniport.report.metrics import describe, listed, notes, numbers, sentence, warnings_of
-from maniport.report.values import NOTE, WARNING, Metric, Report, Section, Table
+from maniport.report.metrics import describe
+from maniport.report.values import Metric, Report, Section, Table, info, listed, notes, numbers, sentence, warning
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import Identifiability
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.util.validation import Array
 
 
 @describe.register
@@ -30,28 +28,52 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
     parameters = [f"{name} {value}" for name, value in adapter.get_params(deep=False).items()
                   if name not in ("base_rotation", "damping", "eigenvalue_floor") and value is not None]  # fmt: skip
     name = type(adapter).__name__
-    method = Metric("Method", name, sentence(listed(parameters)) if parameters else "", "method", name)
+    method = info("Method", "method", name, description=f"{listed(parameters)}." if parameters else "")
     if not is_fitted(adapter):
         return Section("Adapter", (method, Metric("State", "not fitted; call fit(teacher, student)")), key="adapter")
     ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
     teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
-    base_rotation = None if adapter.base_rotation_ is None else np.asarray(adapter.base_rotation_)
+    rotation = None if adapter.base_rotation_ is None else np.asarray(adapter.base_rotation_)
+    rotated = "none"
+    if rotation is not None:
+        rotated = f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
+        if np.allclose(rotation, np.eye(len(rotation))):
+            rotated = "none: both base frames have the same orientation"
+    angle = np.degrees(rotation_angle(np.eye(len(adapter.map_rotation_)), adapter.map_rotation_))
+    added, floor, regularized = (
+        (float(adapter.teacher_damping_), float(adapter.student_damping_)),
+        adapter.eigenvalue_floor,
+        "none",
+    )
+    if floor is not None:
+        regularized = f"eigenvalues are raised to at least {floor:g}"
+    if adapter.damping is not None:
+        regularized = f"damping {adapter.damping:g}: adds {added[0]:.3g} to the teacher, {added[1]:.3g} to the student"
     ended = f"{adapter.stop_reason_} ({'' if adapter.converged_ else 'not '}converged)"
+    determined = []
+    if (found := getattr(adapter, "identifiability_", None)) is not None:
+        text, free = found.in_words(), not found.determined
+        if free and (mounted or rotation is not None):
+            text = f"the base orientation is taken as known, since {text}"
+        metric = warning("identifiability", text) if free else replace(notes([text])[0], key="identifiability")
+        determined.append(replace(metric, value=found.in_words()))
     metrics = (
-        *_identifiability(adapter, mounted or base_rotation is not None),
+        *determined,
         method,
         *more,
-        Metric("Base rotation", "none" if base_rotation is None else rotation_text(base_rotation),
-               "From the teacher's base frame to the student's.", "base_rotation",
-               None if base_rotation is None else base_rotation.round(6).tolist()),
-        Metric("Rotation", f"{_degrees(adapter.map_rotation_)} with the base rotation", "", "rotation",
-               np.asarray(adapter.rotation_).round(6).tolist()),
-        Metric("Dispersion", f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
-               "Root mean squared distance of the ellipsoids from their mean.", "dispersion_ratio", ratio),
-        *_regularization(adapter),
-        Metric("Fit", f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}; {ended}", "", "iterations",
-               int(adapter.n_iter_)),
-        *([Metric("Held-out samples", adapter.report_.in_words(), key="report", value=asdict(adapter.report_))]
+        info("Base rotation", "base_rotation", None if rotation is None else rotation.round(6).tolist(), rotated,
+             "From the teacher's base frame to the student's."),
+        info("Rotation", "rotation", np.asarray(adapter.rotation_).round(6).tolist(),
+             f"{angle:.1f}° with the base rotation"),
+        info("Dispersion", "dispersion_ratio", ratio,
+             f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
+             "Root mean squared distance of the ellipsoids from their mean."),
+        Metric("Regularization", regularized, "Distances need ellipsoids of full rank."),
+        *numbers(damping=adapter.damping, eigenvalue_floor=floor, teacher_damping=added[0], student_damping=added[1],
+                 released_damping=float(adapter.released_damping_)),
+        info("Fit", "iterations", int(adapter.n_iter_),
+             f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}; {ended}"),
+        *([info("Held-out samples", "report", asdict(adapter.report_), adapter.report_.in_words())]
           if hasattr(adapter, "report_") else []),
         *numbers(dimension=len(adapter.rotation_), teacher_dispersion=teacher, student_dispersion=student,
                  converged=bool(adapter.converged_), stop_reason=adapter.stop_reason_, cost_start=start, cost=end),
@@ -59,47 +81,10 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
     return Section("Adapter", metrics, key="adapter")
 
 
-def rotation_text(rotation: Array) -> str:
-    """Write a rotation, shape (d, d)."""
-    if np.allclose(rotation, np.eye(len(rotation))):
-        return "none: both base frames have the same orientation"
-    return f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
-
-
-def _regularization(adapter: DomainAdapter) -> list[Metric]:
-    teacher, student = float(adapter.teacher_damping_), float(adapter.student_damping_)
-    floor, text = adapter.eigenvalue_floor, "none"
-    if floor is not None:
-        text = f"eigenvalues are raised to at least {floor:g}"
-    if adapter.damping is not None:
-        text = f"damping {adapter.damping:g}: adds {teacher:.3g} to the teacher, {student:.3g} to the student"
-    return [
-        Metric("Regularization", text, "Distances need ellipsoids of full rank."),
-        *numbers(damping=adapter.damping, eigenvalue_floor=floor, teacher_damping=teacher, student_damping=student,
-                 released_damping=float(adapter.released_damping_)),
-    ]  # fmt: skip
-
-
-def _identifiability(adapter: DomainAdapter, mounted: bool) -> list[Metric]:
-    """Describe which part of the rotation the domains determine, as far as the fit examined it."""
-    found = getattr(adapter, "identifiability_", None)
-    if found is None:
-        return []
-    words, free = found.in_words(), not found.determined
-    text = f"the base orientation is taken as known, since {words}" if mounted and free else words
-    severity = WARNING if free else NOTE
-    return [Metric("", sentence(text), key="identifiability", value=words, severity=severity)]
-
-
 @describe.register
 def identifiability_report(found: Identifiability) -> Report:
     """Describe which directions of the rotation the domains determine."""
-    metric = Metric("Result", found.in_words(), key="identifiability", value=found.in_words())
-    return Report("", "", (Section("", (metric,)),))
-
-
-def _degrees(rotation: Array) -> str:
-    return f"{np.degrees(rotation_angle(np.eye(len(rotation)), rotation)):.1f}°"
+    return Report("", "", (Section("", (info("Result", "identifiability", found.in_words()),)),))
 
 
 COLUMNS = {
@@ -115,13 +100,14 @@ COLUMNS = {
 }  # fmt: skip
 """Columns of the comparison by name: measure of a row, its attributes, their format and meaning; JSON has all."""
 
-
-def _cell(row: Row, column: str) -> str:
-    """Return the text of a column for a row; empty where it was not measured."""
-    measure, attributes, form, _ = COLUMNS[column]
-    measured = getattr(row, measure)
-    values = [getattr(measured, name) for name in attributes] if measured is not None else [None]
-    return "" if None in values else form.format(*values)
+WEAKNESSES = {
+    "large_step": "largest successive distance {:.1f} times the teacher's",
+    "plateau": "at least half of the successive distances are zero where the teacher moves",
+    "rank_correlation": "rank correlation of distances {:.2f}",
+    "rotated_axes": "longest axes rotated by {:.0f}° (median)",
+    "identity_test": "changes the student's own ellipsoids by {:.3f}",
+}
+"""Weaknesses of a method by code; a lost order of distances is a warning."""
 
 
 @describe.register
@@ -139,30 +125,36 @@ def evaluation_report(found: Evaluation | Choice) -> Report:
 
 def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: Choice | None = None) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, summary, first = evaluation.rows, evaluation.summary, evaluation.rows[0]
-    columns = [column for column in COLUMNS if any(_cell(row, column) for row in rows)]
-    cells = [(row.name, *(_cell(row, column) or "–" for column in columns)) for row in rows]
+    rows, summary = evaluation.rows, evaluation.summary
+
+    def cell(row: Row, column: str) -> str:
+        measure, attributes, form, _ = COLUMNS[column]
+        measured = getattr(row, measure)
+        values = [getattr(measured, name) for name in attributes] if measured is not None else [None]
+        return "–" if None in values else form.format(*values)
+
+    columns = [column for column in COLUMNS if any(cell(row, column) != "–" for row in rows)]
+    cells = [(row.name, *(cell(row, column) for column in columns)) for row in rows]
     caption = " ".join(sentence(f"{column}: {COLUMNS[column][-1]}") for column in columns) if explained else ""
-    others = [f"{row.name}: {text}" for row in evaluation.rows[1:] for text in (row.note, *row.warnings) if text]
+    values = {row.name: {key: value for key, value in asdict(row).items() if key != "name"} for row in rows}
+    for row in rows:
+        if row.smoothness is not None:
+            ratios = {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
+            values[row.name]["smoothness"] |= ratios
+    name = label(summary.name)
+    weaknesses = {one.code: f"{name}: {WEAKNESSES[one.code].format(one.value)}" for one in summary.weaknesses}
+    lost_order = weaknesses.pop("rank_correlation", "")
     metrics = [
         _comparison(summary) if choice is None else _selection(choice),
-        *_weaknesses(summary),
-        *numbers(summary=summary.as_dict(), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
-        *warnings_of("evaluation", [f"{first.name}: {text}" for text in first.warnings]),
-        *notes(others),
+        *([warning("rank-correlation", lost_order)] if lost_order else []),
+        *notes(weaknesses.values()),
+        *numbers(summary=asdict(summary), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *(warning("evaluation", f"{rows[0].name}: {text}") for text in rows[0].warnings),
+        *notes(f"{row.name}: {text}" for row in rows[1:] for text in (row.note, *row.warnings) if text),
     ]
     measured = tuple(row for row in cells if set(row[1:]) != {"–"})
-    table = Table(("", *columns), measured, caption, "rows",
-                  {row.name: _values(row) for row in rows})  # fmt: skip
+    table = Table(("", *columns), measured, caption, "rows", values)
     return Section("Comparison with baselines", tuple(metrics), (table,), "evaluation")
-
-
-def _values(row: Row) -> dict[str, Any]:
-    """Return the measures of a row."""
-    values = {key: value for key, value in asdict(row).items() if key != "name"}
-    if row.smoothness is not None:
-        values["smoothness"] |= {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
-    return values
 
 
 def _selection(choice: Choice) -> Metric:
@@ -174,7 +166,7 @@ def _selection(choice: Choice) -> Metric:
     why = f"the length field was rejected: {'; '.join(choice.failures)}" if choice.failures else "it passes its checks"
     text = f"Selected {label(choice.method)}: {why}. Mean feasibility gap {summary.value or 0.0:.3f}{against}."
     value = {"method": choice.method, "failures": list(choice.failures)}
-    return Metric("", text, key="choice", value=value, severity=NOTE)
+    return replace(notes([text])[0], key="choice", value=value)
 
 
 def label(name: str) -> str:
@@ -186,8 +178,7 @@ def _comparison(summary: Summary) -> Metric:
     """Compare the method with the baselines, as a warning unless it is better."""
     name, own, identity = sentence(label(summary.name))[:-1], summary.value, summary.identity
     if own is None or identity is None:
-        text = f"{name} is not compared: neither the truth nor the robot is available."
-        return Metric("", text, severity=NOTE)
+        return notes([f"{name} is not compared: neither the truth nor the robot is available"])[0]
     measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[summary.measure]
     others = {row: value for row, value in summary.values.items() if row not in (summary.name, *summary.same_as)}
     best = min(others, key=lambda other: others[other], default="")
@@ -201,22 +192,6 @@ def _comparison(summary: Summary) -> Metric:
     else:
         text, better = f"{name} is better than all baselines: {compared}", True
     if better:
-        return Metric("", text, severity=NOTE)
+        return notes([text])[0]
     advice = f" Take {summary.recommended}." if summary.recommended and own != summary.best_value else ""
-    return Metric("", text + advice, key="not-better", severity=WARNING)
-
-
-def _weaknesses(summary: Summary) -> list[Metric]:
-    """Report weaknesses of the method; a lost order of distances is a warning."""
-    texts = {
-        "large_step": "largest successive distance {:.1f} times the teacher's",
-        "plateau": "at least half of the successive distances are zero where the teacher moves",
-        "rank_correlation": "rank correlation of distances {:.2f}",
-        "rotated_axes": "longest axes rotated by {:.0f}° (median)",
-        "identity_test": "changes the student's own ellipsoids by {:.3f}",
-    }
-    return [
-        Metric("", f"{sentence(label(summary.name))[:-1]}: {texts[one.code].format(one.value)}.",
-               severity=WARNING if one.code == "rank_correlation" else NOTE)
-        for one in summary.weaknesses
-    ]  # fmt: skip
+    return warning("not-better", text + advice)

@@ -1,14 +1,22 @@
 """Values that a report consists of: metrics, tables, sections and the summary."""
 
 import shlex
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from maniport.errors import InvalidInputError
+import numpy as np
+from numpy.typing import ArrayLike
 
-INFO, NOTE, WARNING = "info", "note", "warning"
+INFO, NOTE, WARNING, ERROR = SEVERITIES = ("info", "note", "warning", "error")
 GREEN, AMBER, RED = "green", "amber", "red"
-"""No warning; warnings to resolve before the motion runs; a motion that must not run."""
+STATUS = {INFO: GREEN, NOTE: GREEN, WARNING: AMBER, ERROR: RED}
+"""Status of a result by the worst severity of its metrics."""
+MEANING = {GREEN: "no warnings", AMBER: "see the warnings before it runs", RED: "do not run it"}
+
+
+SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
+"""Ends of keys in JSON by unit."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +34,12 @@ class Metric:
     value : number, str, list or dict
     unit : str
         Of all numbers in the value.
-    severity : {"info", "note", "warning"}
+    severity : {"info", "note", "warning", "error"}
+        An error is a warning that prohibits the execution of a motion.
     main : bool
         Whether the metric is in the summary of a result.
+    grade : str
+        The value in words, of some metrics.
     """
 
     label: str
@@ -39,6 +50,12 @@ class Metric:
     unit: str = ""
     severity: str = INFO
     main: bool = False
+    grade: str = ""
+
+    @property
+    def is_warning(self) -> bool:
+        """Whether the metric is a warning or an error."""
+        return self.severity in (WARNING, ERROR)
 
     @property
     def is_statistics(self) -> bool:
@@ -50,9 +67,10 @@ class Metric:
         """Time of the maximum of statistics; empty where there is none."""
         return at_time(self.value["max_at_s"]) if self.is_statistics and "max_at_s" in self.value else ""
 
-    def cells(self, decimals: int = 2) -> tuple[str, str, str]:
-        """Return median, 95th percentile and maximum of statistics as text."""
-        median, p95, largest = (f"{self.value[name]:.{decimals}f}" for name in ("median", "p95", "max"))
+    @property
+    def cells(self) -> tuple[str, str, str]:
+        """Median, 95th percentile and maximum of statistics as text."""
+        median, p95, largest = (f"{self.value[name]:.2f}" for name in ("median", "p95", "max"))
         return median, p95, largest
 
     @property
@@ -70,13 +88,6 @@ class Table:
     caption: str = ""
     key: str = ""
     value: Any = None
-
-    def __post_init__(self) -> None:
-        for row in self.rows:
-            if len(row) != len(self.columns):
-                raise InvalidInputError(
-                    f"every row of a table must have {len(self.columns)} cells, one for each column; found {len(row)}"
-                )
 
 
 @dataclass(frozen=True)
@@ -99,18 +110,7 @@ class Summary:
     text: str = ""  # what prevents a better outcome
     advice: str = ""  # the next step
     command: str = ""  # its command, in which ``{folder}`` stands for the folder of the results
-    status: str = ""  # "green", "amber" or "red", from the warnings alone; empty where there is no outcome
-    reasons: tuple[str, ...] = ()  # keys of the warnings that the status follows from
-    metrics: tuple[Metric, ...] = ()  # the most important ones first
-
-    @property
-    def status_text(self) -> str:
-        """The status with its meaning and its reasons in words; empty without a status."""
-        meaning = {GREEN: "no warnings", AMBER: "resolve the warnings before it runs", RED: "do not run it"}
-        if not self.status:
-            return ""
-        reasons = f" ({', '.join(key.replace('-', ' ') for key in self.reasons)})" if self.reasons else ""
-        return f"{self.status.capitalize()}: {meaning[self.status]}{reasons}."
+    graded: bool = True  # whether the result has a status
 
     def command_for(self, folder: str = "results") -> str:
         """Return the command with the folder of the results, quoted for a shell."""
@@ -128,7 +128,7 @@ class Report:
     sections : tuple of Section
         Metrics and tables by topic.
     summary : Summary, optional
-        Result, advice and reasons.
+        Outcome and advice.
     data_warnings : tuple of Metric
         Warnings about the data, which precede those of the sections.
     """
@@ -145,13 +145,20 @@ class Report:
         return tuple(metric for section in self.sections for metric in section.metrics)
 
     @property
+    def main_metrics(self) -> tuple[Metric, ...]:
+        """The metrics of the summary; statistics come first, those of one kind together."""
+        metrics = [metric for metric in self.metrics if metric.main and metric.text]
+        order = list(dict.fromkeys(metric.key for metric in metrics))
+        return tuple(sorted(metrics, key=lambda metric: (not metric.is_statistics, order.index(metric.key))))
+
+    @property
     def warning_metrics(self) -> tuple[Metric, ...]:
-        """The warnings, each text once."""
-        own = (metric for metric in self.metrics if metric.severity == WARNING and metric.text)
+        """The warnings, each text once; errors come first."""
         unique = dict[str, Metric]()
-        for metric in (*self.data_warnings, *own):
-            unique.setdefault(metric.text, metric)
-        return tuple(unique.values())
+        for metric in (*self.data_warnings, *self.metrics):
+            if metric.is_warning and metric.text:
+                unique.setdefault(metric.text, metric)
+        return tuple(sorted(unique.values(), key=lambda metric: metric.severity != ERROR))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -168,9 +175,78 @@ class Report:
         """Texts of the notes, each once."""
         return tuple(dict.fromkeys(metric.text for metric in self.metrics if metric.severity == NOTE and metric.text))
 
-    def metric(self, key: str) -> Metric:
-        """Return the first metric with this key; KeyError where there is none."""
-        return {metric.key: metric for metric in reversed(self.metrics)}[key]
+    @property
+    def status(self) -> str:
+        """``"green"``, ``"amber"`` or ``"red"``: the worst of all metrics; empty where there is no outcome."""
+        if self.summary is None or not self.summary.graded:
+            return ""
+        severities = [metric.severity for metric in (*self.data_warnings, *self.metrics)]
+        return STATUS[max(severities, key=SEVERITIES.index, default=INFO)]
+
+    @property
+    def status_text(self) -> str:
+        """The status with its meaning and the kinds of the warnings in words; empty without a status."""
+        kinds = ", ".join(key.replace("-", " ") for key in self.warning_keys)
+        return f"{self.status.capitalize()}: {MEANING[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
+
+
+def info(
+    label: str, key: str, value: Any, text: str | None = None, description: str = "", unit: str = "", main: bool = False
+) -> Metric:
+    """Return a metric of a setting or a number; its text is the value by default."""
+    written = (listed(value) if isinstance(value, list | tuple) else str(value)) if text is None else text
+    return Metric(label, written, description, key, value, unit, main=main)
+
+
+def warning(key: str, text: str, severity: str = WARNING) -> Metric:
+    """Return a warning with a stable key for programs."""
+    return Metric("", sentence(text), key=key, severity=severity)
+
+
+def warnings_of(key: str, texts: Iterable[str]) -> tuple[Metric, ...]:
+    """Return warnings with one key."""
+    return tuple(warning(key, text) for text in texts)
+
+
+def notes(texts: Iterable[str]) -> list[Metric]:
+    """Return notes."""
+    return [Metric("", sentence(text), severity=NOTE) for text in texts]
+
+
+def numbers(**values: Any) -> list[Metric]:
+    """Return metrics that are in JSON only; the keys have the units."""
+    return [Metric("", "", key=key, value=value) for key, value in values.items()]
+
+
+def sentence(text: str) -> str:
+    """Let a text begin with a capital letter and end with a full stop."""
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ":", "!", "?")) else ".")
+
+
+def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "") -> Metric:
+    """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
+    array = np.asarray(values, dtype=float)
+    index = int(np.nanargmax(array))
+    where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
+    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
+    metric = Metric(label, "", "", key, {"median": median, "p95": p95, "max": float(array[index]), **where}, unit)
+    suffix, place = "°" if unit == "°" else f" {unit}".rstrip(), metric.where or f"at index {index}"
+    names = ("median", "95th percentile", f"max {place}")
+    texts = [f"{cell}{suffix} ({name})" for cell, name in zip(metric.cells, names, strict=True)]
+    return replace(metric, text=listed(texts))
+
+
+def table_of(
+    records: Sequence[Mapping[str, Any]], columns: Mapping[str, str], caption: str = "", key: str = ""
+) -> Table:
+    """Return a table of records: format strings by column name."""
+    rows = tuple(tuple(form.format(**record) for form in columns.values()) for record in records)
+    return Table(tuple(columns), rows, caption, key, list(records))
+
+
+def listed(values: Iterable[object]) -> str:
+    """Write values with commas between them."""
+    return ", ".join(map(str, values))
 
 
 def at_time(time: float) -> str:

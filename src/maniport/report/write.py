@@ -1,7 +1,7 @@
 """Results written to a folder: data, summaries and the page, whole or not at all."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +70,14 @@ def write_results(
     """
     kinds = (TransferResult, MotionResult, LearnedProfile)
     if not isinstance(result, kinds):
-        names = ", ".join(dict.fromkeys(kind.__name__ for kind in kinds))
+        names = ", ".join(kind.__name__ for kind in kinds)
         raise InvalidInputError(f"result must be one of {names}; found {type(result).__name__}")
-    formats = export_files(exports)
+    formats, own = export_files(exports), LEARNED_FILES
     if formats and getattr(result, "motion", None) is None:
         raise InvalidInputError(f"exports are of a robot's motion, of which there is none; found {sorted(formats)}")
-    arms = [] if isinstance(result, LearnedProfile) else [arm.name for arm in result.arms]
-    own: tuple[str, ...] = LEARNED_FILES if isinstance(result, LearnedProfile) else (*result.data_files, *REPORT_FILES)
-    require_free_for_arms(Path(folder), arms if len(arms) > 1 else (), own, overwrite)
+    if not isinstance(result, LearnedProfile):
+        own = (*result.data_files, *REPORT_FILES)
+        require_free_results(Path(folder), [arm.name for arm in result.arms], overwrite, own)
     step, report = Step(progress, "Write results"), report_of(result)
     with folder_written_whole(folder, own, overwrite) as staging:
         write_run(result, report, formats, staging)
@@ -93,8 +93,14 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
     for name in SUMMARIES[:2]:
         write_report(folder / name, report)
     for name, file in formats.items():
-        if name != SCENE:
-            _export(result, name, file, folder)
+        if name == SCENE:
+            continue
+        if len(result.arms) > 1 and not FORMATS[name].needs_robot:
+            export_motion(folder / file, result.motion, name, result.robot)
+            continue
+        for arm in result.arms:  # these formats take one arm
+            place = folder / arm.name if len(result.arms) > 1 else folder
+            export_motion(place / file, arm.motion, name, arm.robot)
     if pages or SCENE in formats:
         from maniport.report.page import write_page  # slow to load
         from maniport.report.page.animation import animation_of
@@ -107,29 +113,15 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
             write_scene(folder / FORMATS[SCENE].file, animation)
 
 
-def _export(result: TransferResult | MotionResult, name: str, file: str, folder: Path) -> None:
-    """Write the motion in another format: of the robot, or of each arm where the format takes one arm."""
-    if FORMATS[name].needs_robot and len(result.arms) > 1:
-        for arm in result.arms:
-            assert arm.motion is not None
-            export_motion(folder / arm.name / file, arm.motion, name, arm.robot)
-    else:
-        assert result.motion is not None
-        robot = result.robot if len(result.arms) > 1 else result.arms[0].robot
-        export_motion(folder / file, result.motion, name, robot)
-
-
-def require_free_for_arms(folder: Path, arms: Iterable[str], own: tuple[str, ...], overwrite: bool) -> None:
-    """Raise `OutputError` unless results may be written to a folder and to those of arms without other files."""
-    require_free(folder, own, overwrite)
-    for name in arms:
+def require_free_results(
+    folder: Path, arms: Sequence[str], overwrite: bool, own: Collection[str] | None = None
+) -> None:
+    """Raise `OutputError` unless results of arms may replace what is in a folder, `own` files by default."""
+    several = (*arms, *JOINT_FILES, *REPORT_FILES)
+    require_free(folder, own or (several if len(arms) > 1 else RUN_FILES), overwrite)
+    for name in arms if len(arms) > 1 else ():
         if (folder / name).exists():
             require_free(folder / name, RUN_FILES, overwrite)
-
-
-def require_free_for_both(folder: Path, overwrite: bool, arms: tuple[str, ...] = ("left", "right")) -> None:
-    """Raise `OutputError` unless results of several arms may be written to a folder."""
-    require_free_for_arms(folder, arms, (*arms, *JOINT_FILES, *REPORT_FILES), overwrite)
 
 
 def export_files(formats: str | Iterable[str]) -> dict[str, str]:

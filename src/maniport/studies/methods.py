@@ -1,27 +1,42 @@
-"""Comparison of all transfer methods on six motions of a human arm, for the Panda."""
+"""Comparison of transfer methods on six motions of a human arm, for the Panda."""
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from maniport.errors import NotInvertibleError
-from maniport.evaluation import Evaluation, Row
-from maniport.evaluation.baselines import TRANSPORT
-from maniport.report.metrics import describe
+from maniport.arms import Arm, load_arm
+from maniport.domain import sample_domain
+from maniport.errors import ManiportWarning, NotInvertibleError
+from maniport.evaluation import Evaluation, choose, evaluate
+from maniport.evaluation.baselines import BASELINES, LOOKUP, TRANSPORT
+from maniport.feasibility import knowing
+from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
-from maniport.studies.human_to_panda import study
-from maniport.transfer import METHODS
+from maniport.studies.paper import trajectories
+from maniport.transfer import METHODS, DomainAdapter, method_of, name_of
 from maniport.transfer.length_field.field import KAPPA, released
-from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.util.notebook import NotebookDisplay
+from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.optional import optimal_transport
-from maniport.util.progress import Progress
+from maniport.util.progress import Progress, Step
+from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
+
+FITTED_METHODS = ("icp", "length-field")  # Methods in every table besides the baselines
+
+RECORDINGS = {"ladder": "a person climbs a ladder (BVH)", "freeform": "free arm motion (C3D)"}
+
+EVALUATIONS = {
+    "H-Eval-1": "sideways motion of the extended arm at 140° elevation",
+    "H-Eval-2": "elbow fold",
+    "H-Eval-3": "elbow and shoulder fold",
+    "H-Eval-4": "upward motion of the extended arm in the plane of 60°",
+}
 
 CAPTION = (
     "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "
@@ -31,105 +46,132 @@ CAPTION = (
 )
 
 
-@dataclass(frozen=True, repr=False)
-class Comparison(NotebookDisplay):
-    """Evaluations of the same rows, by motion."""
+@dataclass(frozen=True)
+class Motion:
+    """A motion of a human arm."""
 
-    evaluations: Mapping[str, Evaluation]
+    name: str
+    about: str
+    person: Arm  # its base frame is the trunk
+    profile: Array  # (n, 3, 3), velocity ellipsoids of the hand
 
-    def __repr__(self) -> str:
-        return f"Comparison({', '.join(self.evaluations)})"
+
+def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
+    """Return the evaluation motions of Reithmeir et al. 2022 (rHuMan) and the recordings, 150 ellipsoids each."""
+    selected = []
+    person, paths = trajectories.human_arm(), trajectories.human_evaluation()
+    for name in (*EVALUATIONS, *RECORDINGS) if names is None else names:
+        if name in EVALUATIONS:
+            selected.append(Motion(name, EVALUATIONS[name], person, person.manipulability(paths[name])))
+            continue
+        with warnings.catch_warnings():  # models and people differ
+            warnings.simplefilter("ignore", ManiportWarning)
+            fit = fit_arm(read_recording(shipped_recording(name)))
+        ellipsoids = fit.arm.manipulability(fit.joint_angles[evenly_spaced(len(fit), 150)])
+        selected.append(Motion(name, RECORDINGS[name], fit.arm, ellipsoids))
+    return tuple(selected)
+
+
+def study(
+    methods: Sequence[str] = (AUTO,),
+    names: Iterable[str] | None = None,
+    random_state: int = 0,
+    progress: Progress | None = None,
+    rows: Sequence[str | DomainAdapter] = (*BASELINES, LOOKUP, *FITTED_METHODS),
+) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
+    """Evaluate methods on the motions, by (motion, method)."""
+    robot, known = load_arm(ROBOT), {"damping": DAMPING, "base_rotation": np.eye(3)}
+    student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
+    for motion in motions(names):
+        teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
+        for method in methods:
+            step = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
+            if method == AUTO:
+                options: dict[str, Any] = {"robot": robot, "random_state": random_state, **known}
+                adapter = choose(teacher, student, motion.profile, **options).adapter
+            else:
+                adapter = knowing(method_of(method, random_state=random_state, **known), robot).fit(teacher, student)
+            evaluation = evaluate(
+                adapter,
+                teacher,
+                student,
+                motion.profile,
+                robot=robot,
+                person=motion.person,
+                name=name_of(adapter),
+                rows=rows,
+                random_state=random_state,
+            )
+            evaluated[motion.name, method] = (motion, evaluation)
+            step.end(f"{evaluation.adapter.name} and {len(evaluation.rows) - 1} more")
+    return evaluated
 
 
 def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
-) -> Comparison:
-    """Measure methods on the motions; if every row is requested, transports of whole clouds come last."""
-    further = {"gaussian-transport": GaussianTransport} if set(rows) >= set(METHODS) else None
-    found = study((TRANSPORT,), names, random_state, progress=progress, further=further, rows=rows)
-    return Comparison({motion: evaluation for (motion, _), (_, evaluation) in found.items()})
+) -> dict[str, Evaluation]:
+    """Evaluate methods by motion; if every method is requested, the transport between Gaussians comes last."""
+    further = [GaussianTransport(DAMPING, None, np.eye(3))] if set(rows) >= set(METHODS) else []
+    evaluated = study((TRANSPORT,), names, random_state, progress, rows=(*rows, *further))
+    return {motion: evaluation for (motion, _), (_, evaluation) in evaluated.items()}
 
 
-@describe.register
-def comparison_report(comparison: Comparison) -> Report:
+def methods_report(evaluations: Mapping[str, Evaluation]) -> Report:
     """Describe all methods, in a summary and by motion."""
     tables = (
         replace(evaluation_section(evaluation, explained=not index), title=motion, key=motion, metrics=())
-        for index, (motion, evaluation) in enumerate(comparison.evaluations.items())
+        for index, (motion, evaluation) in enumerate(evaluations.items())
     )
-    return Report("Comparison of methods", "", (replace(in_short(comparison), title="Summary"), *tables))
+    return Report("Comparison of methods", "", (replace(methods_section(evaluations), title="Summary"), *tables))
 
 
-def in_short(comparison: Comparison) -> Section:
+def methods_section(evaluations: Mapping[str, Evaluation]) -> Section:
     """One line for each method, over all motions."""
-    every = list(comparison.evaluations.values())
-    found = {row.name: [one.row(row.name) for one in every] for row in every[0].rows if row.feasibility_gap is not None}
+    every, values, cells = list(evaluations.values()), dict[str, dict[str, float]](), []
+    for name in (row.name for row in every[0].rows if row.feasibility_gap is not None):
+        rows = [evaluation.row(name) for evaluation in every]
+        gaps = [row.feasibility_gap for row in rows if row.feasibility_gap is not None]
+        held = [row.domain_feasibility_gap for row in rows if row.domain_feasibility_gap is not None]
+        kept = [row.preservation for row in rows if row.preservation is not None]
+        values[name] = own = {
+            "gap": float(np.mean([gap.mean for gap in gaps])),
+            "gap_p95": max(gap.p95 for gap in gaps),
+            "held_out": float(np.mean([gap.mean for gap in held])),
+            "held_out_p95": max(gap.p95 for gap in held),
+            "step": float(np.mean([row.smoothness.median_ratio for row in rows if row.smoothness is not None])),
+            "rank_correlation": min(own.rank_correlation for own in kept),
+            "turn_deg": max(own.major_axis_angle or 0.0 for own in kept),
+            "identity": float(np.mean([row.identity for row in rows if row.identity is not None])),
+        }
+        form = "{gap:.3f} / {gap_p95:.3f}|{held_out:.3f} / {held_out_p95:.3f}|{step:.2f}|{rank_correlation:.3f}"
+        cells.append((name, *f"{form}|{{turn_deg:.1f}}°|{{identity:.3f}}".format(**own).split("|")))
     columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn", "identity test")
-    values = {name: _summary(rows) for name, rows in found.items()}
-    cells = tuple((name, *_cells(one)) for name, one in values.items())
-    return Section("Metrics", (), (Table(columns, cells, CAPTION, "rows", values),), "methods")
+    return Section("Metrics", (), (Table(columns, tuple(cells), CAPTION, "rows", values),), "methods")
 
 
-def _summary(rows: Sequence[Row]) -> dict[str, float]:
-    gaps, held = ([getattr(row, name) for row in rows] for name in ("feasibility_gap", "domain_feasibility_gap"))
-    kept, steps = [row.preservation for row in rows], [row.smoothness for row in rows]
-    return {
-        "gap": float(np.mean([one.mean for one in gaps])),
-        "gap_p95": max(one.p95 for one in gaps),
-        "held_out": float(np.mean([one.mean for one in held])),
-        "held_out_p95": max(one.p95 for one in held),
-        "step": float(np.mean([one.median_ratio for one in steps if one is not None])),
-        "rank_correlation": min(one.rank_correlation for one in kept if one is not None),
-        "turn_deg": max(one.major_axis_angle or 0.0 for one in kept if one is not None),
-        "identity": float(np.mean([row.identity for row in rows if row.identity is not None])),
-    }
-
-
-def _cells(one: Mapping[str, float]) -> tuple[str, ...]:
-    pairs = (f"{one[name]:.3f} / {one[f'{name}_p95']:.3f}" for name in ("gap", "held_out"))
-    return (
-        *pairs,
-        f"{one['step']:.2f}",
-        f"{one['rank_correlation']:.3f}",
-        f"{one['turn_deg']:.1f}°",
-        f"{one['identity']:.3f}",
-    )
-
-
-class GaussianTransport(RigidAdapter):
+class GaussianTransport(DomainAdapter):
     """The linear transport between Gaussians with the means and covariances of two clouds of log-vectors."""
 
-    scale, dispersion = True, "mean"
-
-    def _fit_rotation(self, teacher: Array, student: Array) -> None:
-        clouds = self._rigid_map().apply(teacher), student
-        start, goal = (log_vectors(cloud, self.student_mean_) for cloud in clouds)
+    def _fit(self, teacher: Array, student: Array) -> None:
+        self._describe(teacher, student)
+        start, goal = _log_vectors(teacher, self.teacher_mean_), _log_vectors(student, self.student_mean_)
         self._solver = optimal_transport().da.LinearTransport().fit(Xs=start, Xt=goal)
         self._set_closed_form("closed form")
-
-    def _settle(self) -> None:
         self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
 
     def _map(self, points: Array) -> tuple[Array, float]:
-        moved = self._solver.transform(Xs=log_vectors(self._rigid_map().apply(points), self.student_mean_))
-        return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp)), self.released_damping_
+        moved = self._solver.transform(Xs=_log_vectors(points, self.teacher_mean_))
+        images = congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp))
+        return images, self.released_damping_
 
     def _images(self, points: Array) -> Array:
-        images, epsilon = self._map(points)[0], float(self.student_damping_)
-        if epsilon == 0.0:
-            return images
-        values, vectors = eigh(images)
-        return compose(released(values, epsilon), vectors)
+        values, vectors = eigh(self._map(points)[0])
+        return compose(released(values, float(self.student_damping_)), vectors)
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError(f"{type(self).__name__} has no inverse")
 
-    def compiled(self) -> Any:
-        """Return `transform`."""
-        self._dimension()
-        return self.transform
 
-
-def log_vectors(points: Array, center: Array) -> Array:
+def _log_vectors(points: Array, center: Array) -> Array:
     """Return Mandel vectors of log(C^-½ X C^-½), shape (n, d (d + 1) / 2)."""
     return to_vector(logarithm(congruence(roots(center)[1], points)))

@@ -24,21 +24,18 @@ try:
 except ImportError:  # Windows: no locks, hence no removal
     fcntl = None  # type: ignore[assignment]
 
-EARLIER = ".earlier"  # Suffix of the former target where two folders cannot be exchanged in one operation
+EARLIER = ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
 
-_targets: dict[Path, Path] = {}  # Targets that this process is writing, by temporary path
+_targets: dict[Path, Path] = {}  # targets that this process is writing, by temporary path
 _last: Path | None = None
 
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary path next to `path`; when the block ends well it takes the place of `path`."""
-    file = as_path(path)
-    with _output_errors(file):
-        target = _writable_target(file)
-        with temporary_beside(target) as temporary:
-            yield temporary
-            place(temporary, target)
+    with _writable_target(as_path(path)) as target, temporary_beside(target) as temporary:
+        yield temporary
+        place(temporary, target)
 
 
 @contextmanager
@@ -50,8 +47,7 @@ def folder_written_whole(
     An existing folder is replaced only with `overwrite`, and only if it holds no other entries than `own`.
     """
     path = as_path(folder, "folder")
-    with _output_errors(path):
-        target = _writable_target(path, folder=True)
+    with _writable_target(path, folder=True) as target:
         _require_own(path, own, overwrite)
         with temporary_beside(target, folder=True) as staging:
             yield staging
@@ -61,8 +57,7 @@ def folder_written_whole(
 
 def require_room(path: str | os.PathLike[str], folder: bool = False) -> None:
     """Raise `OutputError` unless a file or folder can be written at `path`; called before any long work starts."""
-    file = as_path(path)
-    with _output_errors(file), temporary_beside(_writable_target(file, folder), folder):
+    with _writable_target(as_path(path), folder) as target, temporary_beside(target, folder):
         pass
 
 
@@ -77,18 +72,28 @@ def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
     """Give a new empty file or folder in the folder of `target`; when the block ends it is removed."""
     clean(target)
     lock = None
-    while lock is None:
+    while lock is None:  # another process may take a new one for a leftover before it is locked
         path = target.with_name(f"{_prefix(target)}{secrets.token_hex(4)}{target.suffix}")
         _targets[path] = target  # registered first, so that an interruption finds it
         try:
-            lock = _create_locked(path, folder)
+            if folder:
+                path.mkdir()
+            else:
+                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+            with suppress(BlockingIOError, FileNotFoundError):
+                lock = _lock(path)
+            if lock is not None and not path.exists():
+                os.close(lock)
+                lock = None
         finally:
             if lock is None:
-                _forget(path)
+                _remove(path, target)
+                del _targets[path]
     try:
         yield path
     finally:
-        _forget(path)
+        _remove(path, target)
+        del _targets[path]
         os.close(lock)
 
 
@@ -97,8 +102,7 @@ def place(temporary: Path, target: Path) -> None:
     if not target.is_dir():
         os.replace(temporary, target)
     elif not _exchange(temporary, target):
-        earlier = _earlier(temporary)
-        os.rename(target, earlier)
+        os.rename(target, temporary.with_name(temporary.name + EARLIER))
         os.rename(temporary, target)
     global _last
     if not any(other in target.parents for other in _targets):  # a part of a larger result does not count
@@ -111,13 +115,21 @@ def clean(target: Path) -> None:
     with suppress(OSError):  # a folder that cannot be listed is mostly not writable either, which is reported there
         leftovers = [entry for entry in os.listdir(target.parent) if name.fullmatch(entry)]
         for path in {target.with_name(entry.removesuffix(EARLIER)) for entry in leftovers}:
-            _clean_one(path, target)
+            try:
+                lock = _lock(path, needed=True)
+            except FileNotFoundError:  # it took its place, and only the former target is left
+                _remove(path, target)
+            except OSError:  # a process is writing it
+                continue
+            else:
+                _remove(path, target)
+                os.close(lock)
 
 
 def discard() -> None:
     """Remove whatever this process is writing; it must not write afterwards."""
-    for path in list(_targets):
-        _forget(path)
+    for path, target in _targets.items():
+        _remove(path, target)
 
 
 def last_result() -> Path | None:
@@ -126,52 +138,47 @@ def last_result() -> Path | None:
 
 
 @contextmanager
-def _output_errors(target: Path) -> Iterator[None]:
-    """Raise the operating system's errors as `OutputError` with the name of the target."""
+def _writable_target(path: Path, folder: bool = False) -> Iterator[Path]:
+    """Follow symbolic links to a place where something can be written; errors of the system become `OutputError`."""
+    refused = f"cannot write {str(path)!r}"
     try:
-        yield
+        target = Path(os.path.realpath(path))
+        if not target.name:
+            raise OutputError(f"{refused}: it is the root of the file system")
+        if not target.parent.is_dir():
+            raise OutputError(f"{refused}: there is no folder {str(target.parent)!r}")
+        with suppress(FileNotFoundError):
+            os.stat(target)  # a name may be too long, links may form a loop
+        if target.is_dir() and not folder:
+            raise OutputError(f"{refused}: it is a folder")
+        if target.exists() and not (target.is_dir() or target.is_file()):
+            raise OutputError(f"{refused}: it is a pipe, a socket or a device")
+        yield target
     except OutputError:
         raise
     except OSError as error:
-        raise OutputError(f"cannot write {str(target)!r}: {error.strerror or error}") from None
-
-
-def _writable_target(path: Path, folder: bool = False) -> Path:
-    """Follow symbolic links; raise `OutputError` or `OSError` where nothing can be written. Writes nothing."""
-    target = Path(os.path.realpath(path))
-    if not target.name:
-        raise OutputError(f"cannot write {str(path)!r}: it is the root of the file system")
-    if not target.parent.is_dir():
-        raise OutputError(f"cannot write {str(path)!r}: there is no folder {str(target.parent)!r}")
-    with suppress(FileNotFoundError):
-        os.stat(target)  # a name may be too long, links may form a loop
-    if target.is_dir() and not folder:
-        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
-    if target.exists() and not (target.is_dir() or target.is_file()):
-        raise OutputError(f"cannot write {str(path)!r}: it is a pipe, a socket or a device")
-    return target
+        raise OutputError(f"{refused}: {error.strerror or error}") from None
 
 
 def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
     """Raise `OutputError` where the content of `folder` must not be replaced."""
+
+    def listed(names: list[str]) -> str:
+        return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"cannot write {str(folder)!r}: it is a file")
     if folder.is_dir():
         held = sorted(entry.name for entry in folder.iterdir())
         if others := [name for name in held if name not in own]:
-            raise OutputError(f"{str(folder)!r} holds other things ({_some(others)}); give a new folder with -o")
+            raise OutputError(f"{str(folder)!r} holds other things ({listed(others)}); give a new folder with -o")
         if held and not overwrite:
             raise OutputError(
-                f"{str(folder)!r} holds an earlier result ({_some(held)}); give {argument('overwrite')} to replace it, "
-                "or a new folder"
+                f"{str(folder)!r} holds an earlier result ({listed(held)}); give {argument('overwrite')} to replace "
+                "it, or a new folder"
             )
     if folder.exists() and not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
-
-
-def _some(names: list[str]) -> str:
-    """List the first names, and count the others."""
-    return ", ".join(map(repr, names[:5])) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def _prefix(target: Path) -> str:
@@ -179,63 +186,32 @@ def _prefix(target: Path) -> str:
     return f".{target.stem[:50]}.{zlib.crc32(platform.node().encode()):08x}-"
 
 
-def _earlier(temporary: Path) -> Path:
-    return temporary.with_name(temporary.name + EARLIER)
+def _lock(path: Path, needed: bool = False) -> int:
+    """Return the descriptor that locks a file or folder; raises `OSError` when it is locked or gone.
 
-
-def _create_locked(path: Path, folder: bool) -> int | None:
-    """Create a file or folder; return the descriptor that locks it, None if another process has removed it."""
-    if folder:
-        path.mkdir()
-    else:
-        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    Where nothing can be locked, it is a descriptor of the null device, or, if `needed`, an error.
+    """
     try:
-        lock = _lock(path)
+        if fcntl is None:
+            raise OSError("no locks")
+        descriptor = os.open(path, (os.O_RDONLY if path.is_dir() else os.O_RDWR) | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            raise
     except (BlockingIOError, FileNotFoundError):
-        return None
-    except OSError:  # no locks here
-        return os.open(os.devnull, os.O_RDONLY)
-    if path.exists():
-        return lock
-    os.close(lock)
-    return None
-
-
-def _lock(path: Path) -> int:
-    """Lock a file or folder; raises `OSError` when it is locked, gone, or nothing can be locked here."""
-    if fcntl is None:
-        raise OSError("no locks")
-    descriptor = os.open(path, (os.O_RDONLY if path.is_dir() else os.O_RDWR) | os.O_NOFOLLOW)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
         raise
-    return descriptor
-
-
-def _clean_one(path: Path, target: Path) -> None:
-    """Remove one temporary file or folder, unless a process is writing it."""
-    try:
-        lock = _lock(path)
-    except FileNotFoundError:  # it took its place, and only the former target is left
-        _remove(path, target)
     except OSError:
-        return
-    else:
-        _remove(path, target)
-        os.close(lock)
-
-
-def _forget(path: Path) -> None:
-    """Remove a temporary file or folder of this process."""
-    _remove(path, _targets[path])
-    del _targets[path]
+        if needed:
+            raise
+        return os.open(os.devnull, os.O_RDONLY)
+    return descriptor
 
 
 def _remove(path: Path, target: Path) -> None:
     """Remove a temporary file or folder and the former target, which is restored if there is no new one."""
-    earlier = _earlier(path)
+    earlier = path.with_name(path.name + EARLIER)
     with suppress(OSError):
         if not target.exists():
             os.rename(earlier, target)

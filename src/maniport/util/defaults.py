@@ -7,19 +7,13 @@ BOTH = "both"  # side of a person with both arms
 KEEP = "keep"  # treatment of jumps in a recording: they stay, with a warning
 
 PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO  # human arm model, robot and transfer method
-FIT_METHOD = "icp"  # transfer method without a motion or a robot, by which one could be selected
 DAMPING = 0.01  # relative damping ρ: hardly changes long axes, and singular ellipsoids get finite distances
 TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # sizes of the sampled domains, sufficient for arms of seven joints
 
 POSITION_TOLERANCE = 5e-3  # position tolerance of the end effector [m]
 MARGIN = 0.02  # share of a joint's range that is kept free at either end
 RATE = 1000.0  # sampling rate of a planned motion [Hz]
-EFFORT = "full"  # see `maniport.motion.effort`
-
-BATCH_METHOD = "length-field"  # one method for all pairs, since a selection takes seconds for each
-BATCH_EFFORT = "quick"
-BATCH_PROFILE_RATE = 10.0  # ellipsoids of a recording per second [Hz]; motions between them are smooth
-BATCH_RATE = 100.0  # sampling rate of a motion [Hz], as data for learning
+EFFORT, BATCH_EFFORT = "full", "quick"  # see `maniport.motion.plan.plan_control`
 
 RECORDINGS = {
     ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",

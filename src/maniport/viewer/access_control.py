@@ -12,10 +12,13 @@ import http
 import logging
 import math
 import secrets
+import sys
 import threading
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
-from typing import Any
+from functools import cache, partial
+from types import GenericAlias
+from typing import Annotated, Any
 
 from maniport.errors import InvalidInputError
 from maniport.util.ports import LOOPBACK_NAMES, is_loopback
@@ -27,20 +30,32 @@ MAX_PAGES = 64  # Pages that may be connected at the same time
 LOGGED = 5  # So many refusals of a kind are logged one by one, then every 10 000th
 LONGEST_TEXT = 200
 SHORTEST = 1e-6  # Least length of a direction or a quaternion, and distance between camera and its target [m]
-CAMERA = {
-    "position": (3, -MAX_POSITION, MAX_POSITION),
-    "look_at": (3, -MAX_POSITION, MAX_POSITION),
-    "wxyz": (4, -MAX_POSITION, MAX_POSITION),
-    "up_direction": (3, -MAX_POSITION, MAX_POSITION),
-    "fov": (1, 1e-3, math.pi - 1e-3),
-    "near": (1, 0.0, MAX_POSITION),
-    "far": (1, 1e-3, 1e3 * MAX_POSITION),
-    "image_height": (1, 1, 1e5),
-    "image_width": (1, 1, 1e5),
-}
-"""Fields of a camera: how many numbers, and their range."""
-FIELDS = {"ViewerCameraMessage": set(CAMERA), "GuiUpdateMessage": {"uuid", "updates"}}
-"""Messages that pass, and all fields of each."""
+
+
+@cache
+def _decoder() -> Any:
+    """Return the decoder of the messages that pass, with all fields of each and their ranges; nan is out of range."""
+    from msgspec import Meta, defstruct, msgpack  # comes with viser
+
+    def number(low: float, high: float) -> Any:
+        return Annotated[float, Meta(ge=low, le=high)]
+
+    text, finite = Annotated[str, Meta(max_length=LONGEST_TEXT)], number(-sys.float_info.max, sys.float_info.max)
+    length, size = number(-MAX_POSITION, MAX_POSITION), number(1.0, 1e5)
+    camera = {
+        **dict.fromkeys(("position", "look_at", "up_direction"), GenericAlias(tuple, 3 * (length,))),
+        "wxyz": GenericAlias(tuple, 4 * (length,)),
+        "fov": number(1e-3, math.pi - 1e-3),
+        "near": number(0.0, MAX_POSITION),
+        "far": number(1e-3, 1e3 * MAX_POSITION),
+        "image_height": size,
+        "image_width": size,
+    }
+    updates = defstruct("Updates", [("value", bool | finite | text)], forbid_unknown_fields=True)
+    fields = {"ViewerCameraMessage": camera, "GuiUpdateMessage": {"uuid": text, "updates": updates}}
+    kinds = [defstruct(name, own.items(), tag_field="type", tag=name, forbid_unknown_fields=True)
+             for name, own in fields.items()]  # fmt: skip
+    return msgpack.Decoder(kinds[0] | kinds[1])
 
 
 class AccessControl:
@@ -69,21 +84,17 @@ class AccessControl:
 
     def objection(self, raw: Any) -> str:
         """Why a message is not passed on; empty where it is."""
-        from msgspec import DecodeError, msgpack
-
         if not isinstance(raw, bytes):
             return "it is text"
         try:
-            message = msgpack.decode(raw)
-        except (DecodeError, RecursionError, UnicodeDecodeError) as error:
-            return f"it cannot be decoded: {str(error)[:LONGEST_TEXT]}"
-        kind = message.pop("type", None) if isinstance(message, dict) else None
-        wanted = FIELDS.get(kind) if isinstance(kind, str) else None
-        if wanted is None:
-            return f"the page sends no {str(kind)[:LONGEST_TEXT]!r}"
-        if set(message) != wanted:
-            return f"a {kind} holds other fields"
-        return _invalid_value(message)
+            message = _decoder().decode(raw)
+        except (ValueError, RecursionError) as error:  # msgspec's errors are ValueErrors, too
+            return str(error)[:LONGEST_TEXT]
+        if hasattr(message, "updates"):
+            return ""
+        if min(math.hypot(*message.wxyz), math.hypot(*message.up_direction)) <= SHORTEST:
+            return "a direction of its camera has no length"
+        return "its camera looks at itself" if math.dist(message.look_at, message.position) <= SHORTEST else ""
 
     def refuse(self, what: str, why: str) -> None:
         """Log that something was refused: one line, and of many only some."""
@@ -96,12 +107,14 @@ class AccessControl:
     def guarding(self, server_module: Any) -> Iterator[None]:
         """Guard the server that viser starts in the context."""
         usual, passed = server_module.serve, []
+        log = logging.getLogger("maniport.viewer.server")
+        log.setLevel(logging.CRITICAL)  # connections that break off need no traceback
 
         def serve(handler: Callable[[Any], Awaitable[None]], *args: Any, **options: Any) -> Any:
             passed.append(True)
             answer = options.pop("process_request")
-            options |= {"max_size": MESSAGE_BYTES, "logger": _quiet(), "process_request": self._answering(answer)}
-            return usual(self._listening(handler), *args, **options)
+            options |= {"max_size": MESSAGE_BYTES, "logger": log, "process_request": partial(self._answer, answer)}
+            return usual(partial(self._listen, handler), *args, **options)
 
         with _ONE_AT_A_TIME:
             server_module.serve = serve
@@ -112,42 +125,38 @@ class AccessControl:
         if not passed:
             raise InvalidInputError("this version of viser starts its server in a way that cannot be guarded")
 
-    def _answering(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        def process(connection: Any, request: Any) -> Any:
-            why = self.refusal(request.headers, request.path)
-            if not why and self._pages >= MAX_PAGES and request.headers.get("Upgrade"):
-                why = f"{MAX_PAGES} pages are connected already"
-            if why:
-                self.refuse("a connection was", why)
-                return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
-            request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
-            try:
-                return _titled(answer(connection, request))
-            except (OSError, ValueError):  # viser looks for a file of that name, which may be none
-                return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
+    def _answer(self, answer: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
+        """Answer a request as viser does, unless it is refused."""
+        why = self.refusal(request.headers, request.path)
+        if not why and self._pages >= MAX_PAGES and request.headers.get("Upgrade"):
+            why = f"{MAX_PAGES} pages are connected already"
+        if why:
+            self.refuse("a connection was", why)
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "maniport view: use the address that it printed\n")
+        request.path = "/" + request.path.lstrip("/")[len(self.token) :].lstrip("/")
+        try:
+            return _titled(answer(connection, request))
+        except (OSError, ValueError):  # viser looks for a file of that name, which may be none
+            return connection.respond(http.HTTPStatus.NOT_FOUND, "maniport view: there is no such page\n")
 
-        return process
+    async def _listen(self, handler: Callable[[Any], Awaitable[None]], connection: Any) -> None:
+        """Handle a connection as viser does, with valid messages alone."""
+        usual = connection.recv
 
-    def _listening(self, handler: Callable[[Any], Awaitable[None]]) -> Callable[[Any], Awaitable[None]]:
-        async def listen(connection: Any) -> None:
-            usual = connection.recv
+        async def recv(*args: Any, **options: Any) -> Any:
+            while True:
+                raw = await usual(*args, **options)
+                why = self.objection(raw)
+                if not why:
+                    return raw
+                self.refuse("a message was", why)
 
-            async def recv(*args: Any, **options: Any) -> Any:
-                while True:
-                    raw = await usual(*args, **options)
-                    why = self.objection(raw)
-                    if not why:
-                        return raw
-                    self.refuse("a message was", why)
-
-            connection.recv = recv
-            self._pages += 1
-            try:
-                await handler(connection)
-            finally:
-                self._pages -= 1
-
-        return listen
+        connection.recv = recv
+        self._pages += 1
+        try:
+            await handler(connection)
+        finally:
+            self._pages -= 1
 
 
 def _titled(response: Any) -> Any:
@@ -164,46 +173,6 @@ def _titled(response: Any) -> Any:
 
 
 _ONE_AT_A_TIME = threading.Lock()
-
-
-def _invalid_value(message: dict[str, Any]) -> str:
-    """Which value of a message is invalid; empty where none is."""
-    if "updates" in message:
-        updates = message["updates"]
-        if not _is_short(message["uuid"]):
-            return "its uuid is invalid"
-        value = updates["value"] if isinstance(updates, dict) and set(updates) == {"value"} else None
-        return "" if isinstance(value, bool) or _is_number(value) or _is_short(value) else "its updates are invalid"
-    for name, (count, low, high) in CAMERA.items():
-        values = message[name] if count > 1 else [message[name]]
-        if (
-            not isinstance(values, list | tuple)
-            or len(values) != count
-            or not all(_is_number(value, low, high) for value in values)
-        ):
-            return f"its {name} is invalid"
-    for name in ("wxyz", "up_direction"):
-        if math.hypot(*message[name]) <= SHORTEST:
-            return f"its {name} is invalid"
-    if math.dist(message["look_at"], message["position"]) <= SHORTEST:
-        return "its camera looks at itself"
-    return ""
-
-
-def _is_short(value: Any) -> bool:
-    return isinstance(value, str) and len(value) <= LONGEST_TEXT
-
-
-def _is_number(value: Any, low: float = -math.inf, high: float = math.inf) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and math.isfinite(value) and low <= value <= high
-
-
-def _quiet() -> logging.Logger:
-    """A log for the server: connections that break off need no traceback."""
-    log = logging.getLogger("maniport.viewer.server")
-    log.setLevel(logging.CRITICAL)
-    return log
 
 
 class Control:

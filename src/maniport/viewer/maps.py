@@ -12,7 +12,7 @@ from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.feasibility import knowing
 from maniport.motion import SeedBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
-from maniport.util.validation import Array, as_choice, as_rotation
+from maniport.util.validation import Array
 
 GIVEN = "adapter file"  # Name of an adapter that was given fitted
 
@@ -42,12 +42,10 @@ class Maps:
         base_rotation: Array | None = None,
         first: Iterable[str] = (),  # methods that are fitted at once
     ):
-        if given is not None:
-            require_drawable(given)
         self._domains, self._robot, self._given = (teacher, student), (robot, VELOCITY, bank), given
         self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
         self.names = (*([] if given is None else [GIVEN]), *METHODS)
-        self._wanted = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
+        self._wanted = np.eye(3) if base_rotation is None else base_rotation
         self._order = list(self.names)
         self._fitted = {name: self.fit(name, self._wanted) for name in first}
         self._error: Exception | None = None
@@ -77,12 +75,10 @@ class Maps:
 
     def want(self, base_rotation: Array, first: str) -> None:
         """Request maps at a base orientation, that of the method `first` before the others; returns at once."""
-        rotation = as_rotation(base_rotation, "base_rotation", 3)
-        as_choice(first, "method", self.names)
         with self._changed:
-            if np.array_equal(rotation, self._wanted):
+            if np.array_equal(base_rotation, self._wanted):
                 return
-            self._wanted, self._order = rotation, [first, *(name for name in self.names if name != first)]
+            self._wanted, self._order = base_rotation, [first, *(name for name in self.names if name != first)]
             self._changed.notify_all()
         self.begin()
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.evaluation.baselines import LOOKUP
 from maniport.report.metrics import in_axes
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl, Control
 from maniport.viewer.state import Command, Frame, ViewState
@@ -38,26 +38,40 @@ class Panel:
     """Controls and numbers; the loop reads the controls, which call nothing."""
 
     def __init__(self, gui: Any, state: ViewState, method: str, base_rotation: Array, access: AccessControl):
-        self._state, self._base_rotation, self._access = state, base_rotation, access
+        self._gui, self._state, self._base_rotation, self._access = gui, state, base_rotation, access
         self._jump, player = threading.Event(), state.playback
         several = len(state.sides) > 1
         self._names = [f"{side.teacher.side}: " if several else "" for side in state.sides]
         moved = "The recording moves" if player is not None else "Move the sliders of"
         gui.add_markdown(f"{moved} the person's arm; the robot follows. Drag to rotate the view.")
         self._head = gui.add_html("")
-        self._method = self._list(gui, "Method", state.methods, method)
-        self._follows = self._switch(gui, "End effector follows", player is not None)
+        self._method = self._list("Method", state.methods, method)
+        self._follows = self._switch("End effector follows", player is not None)
         jump = gui.add_button("Find a better configuration", hint="The robot jumps to the best configuration found")
         jump.on_click(lambda _: self._jump.set())
         if player is not None:
-            self._add_player(gui, player.duration)
+            self._source = self._list("Person moved by", (RECORDING, SLIDERS), RECORDING)
+            self._player, self._written_time = gui.add_folder("Recording"), 0.0
+            with self._player:
+                self._plays = self._switch("Play", True)
+                self._time = self._slider("Time [s]", 0.0, float(np.ceil(100 * player.duration) / 100), 0.01, 0.0)
+                self._speed = self._slider("Speed", 0.1, 2.0, 0.1, 1.0)
         self._folders, self._sliders = [], list[Control]()
+        bent = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}  # at first, far from singular
         for side in state.sides:
-            name = f"{side.teacher.side} " if several else ""
+            arm, name = side.teacher, f"{side.teacher.side} " if several else ""
             self._folders.append(gui.add_folder(f"Person's {name}joints [°]", visible=player is None))
             with self._folders[-1]:
-                self._sliders += [self._joint_slider(gui, side.teacher, i) for i in range(side.teacher.dof)]
-        self._add_base(gui, base_rotation)
+                for joint, *limits in zip(arm.joint_names, np.degrees(arm.lower), np.degrees(arm.upper), strict=True):
+                    low, high = (round(float(angle), 3) for angle in limits)
+                    start = float(np.clip(bent.get(joint, 0.0), low, high))
+                    self._sliders.append(self._slider(readable(joint), low, high, STEP, start))
+        self._written = np.round(roll_pitch_yaw(base_rotation) / STEP) * STEP + 0.0
+        self._preset = self._list("Base orientation", (*BASE_ORIENTATIONS, OWN), _preset_of(self._written))
+        self._chosen = self._preset.value
+        with gui.add_folder("Base orientation [°]", expand_by_default=False):
+            angles = zip(("roll", "pitch", "yaw"), self._written.tolist(), strict=True)
+            self._angles = [self._slider(name, -180.0, 180.0, STEP, angle) for name, angle in angles]
         with gui.add_folder("Methods", expand_by_default=False):
             self._methods = gui.add_markdown("")
 
@@ -77,82 +91,53 @@ class Panel:
             self._written_time = round(player.position, 2)
             self._time.value = self._written_time
 
-    def _slider(self, gui: Any, name: str, low: float, high: float, step: float, value: float) -> Control:
-        slider = gui.add_slider(name, low, high, step, value)
+    def _slider(self, name: str, low: float, high: float, step: float, value: float) -> Control:
+        slider = self._gui.add_slider(name, low, high, step, value)
         return Control(slider, self._access, lambda value: isinstance(value, (int, float)) and low <= value <= high)
 
-    def _list(self, gui: Any, name: str, options: Sequence[str], value: str) -> Control:
-        dropdown = gui.add_dropdown(name, options, initial_value=value)
+    def _list(self, name: str, options: Sequence[str], value: str) -> Control:
+        dropdown = self._gui.add_dropdown(name, options, initial_value=value)
         return Control(dropdown, self._access, lambda value: value in options)
 
-    def _switch(self, gui: Any, name: str, value: bool) -> Control:
-        return Control(gui.add_checkbox(name, value), self._access, lambda value: isinstance(value, bool))
-
-    def _joint_slider(self, gui: Any, arm: Any, i: int) -> Control:
-        """Add a slider; shoulder and elbow are bent at first, where the arm is far from singular."""
-        bent = {"elv_angle": 60.0, "shoulder_elv": 50.0, "elbow_flexion": 80.0}
-        low, high = (round(float(angle), 3) for angle in np.degrees([arm.lower[i], arm.upper[i]]))
-        start = float(np.clip(bent.get(arm.joint_names[i], 0.0), low, high))
-        return self._slider(gui, readable(arm.joint_names[i]), low, high, STEP, start)
-
-    def _add_player(self, gui: Any, duration: float) -> None:
-        last = float(np.ceil(100 * duration) / 100)
-        self._source = self._list(gui, "Person moved by", (RECORDING, SLIDERS), RECORDING)
-        self._player = gui.add_folder("Recording")
-        with self._player:
-            self._plays = self._switch(gui, "Play", True)
-            self._time = self._slider(gui, "Time [s]", 0.0, last, 0.01, 0.0)
-            self._speed = self._slider(gui, "Speed", 0.1, 2.0, 0.1, 1.0)
-        self._written_time = 0.0
-
-    def _add_base(self, gui: Any, base_rotation: Array) -> None:
-        angles, names = _rounded(roll_pitch_yaw(base_rotation)), (*BASE_ORIENTATIONS, OWN)
-        self._preset = self._list(gui, "Base orientation", names, _preset_of(angles))
-        self._chosen = self._preset.value
-        with gui.add_folder("Base orientation [°]", expand_by_default=False):
-            self._angles = [
-                self._slider(gui, name, -180.0, 180.0, STEP, angle)
-                for name, angle in zip(("roll", "pitch", "yaw"), angles.tolist(), strict=True)
-            ]
-        self._written = angles
+    def _switch(self, name: str, value: bool) -> Control:
+        return Control(self._gui.add_checkbox(name, value), self._access, lambda value: isinstance(value, bool))
 
     def _joints(self, seconds: float) -> Array:
+        """Return the joints of the person, from the recording or the sliders [rad]."""
         player = self._state.playback
-        if player is not None and self._source.value == RECORDING:
-            self._show_sliders(False)
-            if self._time.value != self._written_time:  # the slider was moved
-                self._written_time = self._time.value
-                player.seek(self._written_time)
-            elif self._plays.value:
-                player.advance(self._speed.value * seconds)
-            return player.joints()
         if player is not None:
-            self._show_sliders(True)
+            recorded = self._source.value == RECORDING
+            if self._player.visible and not recorded:  # the sliders continue from the recording
+                for slider, angle in zip(self._sliders, np.degrees(player.joints()), strict=True):
+                    slider.value = float(angle)
+            if self._player.visible != recorded:
+                self._player.visible = recorded
+                for folder in self._folders:
+                    folder.visible = not recorded
+            if recorded:
+                if self._time.value != self._written_time:  # the slider was moved
+                    self._written_time = self._time.value
+                    player.seek(self._written_time)
+                elif self._plays.value:
+                    player.advance(self._speed.value * seconds)
+                return player.joints()
         return np.radians([slider.value for slider in self._sliders])
-
-    def _show_sliders(self, visible: bool) -> None:
-        if self._folders[0].visible == visible:
-            return
-        if visible and self._state.playback is not None:  # continue from the recording
-            for slider, angle in zip(self._sliders, np.degrees(self._state.playback.joints()), strict=True):
-                slider.value = float(angle)
-        self._player.visible = not visible
-        for folder in self._folders:
-            folder.visible = visible
 
     def _base(self) -> Array:
         """Return the base orientation of the list or of the sliders, whichever was changed."""
         angles, preset = np.array([slider.value for slider in self._angles]), self._preset.value
         if preset != self._chosen:
             self._chosen = preset
-            if preset != OWN:
-                angles = np.array(BASE_ORIENTATIONS[preset])
-                for slider, angle in zip(self._angles, angles.tolist(), strict=True):
-                    slider.value = angle
-                self._base_rotation, self._written = from_roll_pitch_yaw(angles), angles
-        elif not np.array_equal(angles, self._written):
-            self._base_rotation, self._written = from_roll_pitch_yaw(angles), angles
+            if preset == OWN:
+                return self._base_rotation
+            angles = np.array(BASE_ORIENTATIONS[preset])
+            for slider, angle in zip(self._angles, angles.tolist(), strict=True):
+                slider.value = angle
+        elif np.array_equal(angles, self._written):
+            return self._base_rotation
+        else:
             self._chosen = self._preset.value = _preset_of(angles)
+        self._base_rotation, self._written = from_roll_pitch_yaw(angles), angles
         return self._base_rotation
 
 
@@ -161,10 +146,6 @@ def _preset_of(angles: Array) -> str:
     rotation = from_roll_pitch_yaw(angles)
     named = ((name, from_roll_pitch_yaw(np.array(one))) for name, one in BASE_ORIENTATIONS.items())
     return next((name for name, one in named if np.allclose(one, rotation, atol=1e-6)), OWN)
-
-
-def _rounded(angles: Array) -> Array:
-    return np.round(np.asarray(angles) / STEP) * STEP + 0.0
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
+from maniport.arms.arm_group import placing_options
 from maniport.arms.chain import RIGHT
 from maniport.arms.human import human_arm, middle_of
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, spoken
-from maniport.mocap import Recording, fit_arm, fit_arms, read_recording
+from maniport.mocap import fit_arms, read_recording
 from maniport.mocap.arm_ik import GROUP, require_person
 from maniport.motion import SeedBank
 from maniport.motion.arm_model import require_trackable
@@ -45,40 +46,6 @@ def prepare(
     """Load arms of person and robot, sample their domains, and fit the first method."""
     tell = progress or no_progress
     seed = as_count(random_state, "random_state", minimum=0)
-    both = _both(side, robot, adapter)
-    require_person(person, AUTO if both else side, height)
-    given = None if adapter is None else load_adapter(adapter)
-    if given is not None:
-        require_drawable(given)  # before any long work
-    if base_rotation is None:
-        base_rotation = getattr(given, "base_rotation", None)
-    turn = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
-    students = robot if isinstance(robot, Arm | ArmGroup) else (load_arms if both else load_arm)(robot)
-    for student in as_group(students).arms:
-        require_trackable(student)
-    source = None if recording is None else read_recording(recording)
-    persons, motion, time, bases = _person(person, source, side, height, both, seed, progress)
-
-    tell("Prepare page", 0.0)
-    options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
-    if given is not None and (given.damping, given.eigenvalue_floor) != (None, None):
-        options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
-    shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
-    sides = []
-    for teacher, student, base in zip(persons, as_group(students).arms, bases, strict=True):
-        bank = SeedBank.build(student, BANK_SIZE, seed)
-        domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-        maps = Maps(*domains, given=given, robot=student, bank=bank, base_rotation=turn, first=(ready,), **options)
-        sides.append(Side(teacher, student, maps, bank, base=base))
-    playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
-    state = ViewState(students, sides, playback)
-    sides[0].maps.before = lambda: state.find_place(motion, ready)
-    tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
-    return state, shown, turn
-
-
-def _both(side: str, robot: Any, adapter: Any) -> bool:
-    """Whether both arms are shown."""
     both = side == BOTH or isinstance(robot, ArmGroup)
     if both and side not in (AUTO, BOTH):
         raise InvalidInputError(f"{spoken('side')}: the robot has two arms, for both of the person; found {side!r}")
@@ -86,19 +53,46 @@ def _both(side: str, robot: Any, adapter: Any) -> bool:
         raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
     if both and isinstance(robot, Arm):
         raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
-    return both
+    require_person(person, AUTO if both else side, height)
+    given = None if adapter is None else load_adapter(adapter)
+    options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
+    if given is not None:
+        require_drawable(given)  # before any long work
+        if (given.damping, given.eigenvalue_floor) != (None, None):
+            options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
+    if base_rotation is None:
+        base_rotation = getattr(given, "base_rotation", None)
+    rotation = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
+    group = as_group(robot if isinstance(robot, Arm | ArmGroup) else (load_arms if both else load_arm)(robot))
+    if both and len(group.arms) != 2:
+        raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
+    for student in group.arms:
+        require_trackable(student)
+    persons, motion, time, bases = _person(person, recording, side, height, both, seed, progress)
+
+    tell("Prepare page", 0.0)
+    shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
+    sides = []
+    for teacher, student, base in zip(persons, group.arms, bases, strict=True):
+        bank = SeedBank.build(student, BANK_SIZE, seed)
+        domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
+        maps = Maps(*domains, given=given, robot=student, bank=bank, base_rotation=rotation, first=(ready,), **options)
+        sides.append(Side(teacher, student, maps, bank, base=base))
+    playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
+    state = ViewState(group if both else group.arms[0], sides, playback)
+    sides[0].maps.before = lambda: state.find_place(motion, ready)
+    tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
+    return state, shown, rotation
 
 
 def _person(
-    person: str, recording: Recording | None, side: str, height: float | None, both: bool, seed: int, tell: Any
+    person: str, recording: Any, side: str, height: float | None, both: bool, seed: int, progress: Progress | None
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
     """The person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     if recording is None:
         arms = tuple(human_arm(person, one, height) for one in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
-    if both:
-        fits = fit_arms(recording, person, progress=tell, height=height)
-        return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases
-    fit = fit_arm(recording, person, progress=tell, side=side, height=height)
-    return (fit.arm,), [fit.joint_angles], fit.time, np.zeros((1, 3))
+    side = BOTH if both else side
+    fits = fit_arms(read_recording(recording), person, progress=progress, side=side, height=height)
+    return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases

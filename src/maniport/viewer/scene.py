@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from maniport.arms import Arm, ArmGroup, Surface, as_group
 from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
+from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.spd.ellipsoid import axes
 from maniport.util.validation import Array
 from maniport.viewer.state import Frame
@@ -60,8 +60,15 @@ def shell(ellipsoid: Array) -> tuple[tuple[float, float, float], Array]:
     return (a, b, c), quaternion(right_handed)
 
 
-def find_surfaces(robot: Arm | ArmGroup) -> tuple[list[tuple[Surface, ...]], str]:
-    """Surfaces of each arm, or none and the reason in one line; those of a shared trunk are the left arm's."""
+def find_surfaces(robot: Arm | ArmGroup, tolerance: float = 0.01) -> tuple[list[tuple[Surface, ...]], str]:
+    """Surfaces of each arm, or none and the reason in one line; those of a shared trunk are the left arm's.
+
+    Surfaces of one joint whose bounds differ by less than a tolerance [m] are the same.
+    """
+
+    def bounds(surface: Surface) -> Array:
+        return np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])
+
     arms = as_group(robot).arms
     none: list[tuple[Surface, ...]] = [() for _ in arms]
     try:
@@ -71,16 +78,18 @@ def find_surfaces(robot: Arm | ArmGroup) -> tuple[list[tuple[Surface, ...]], str
     for arm, surfaces in zip(arms, found, strict=True):
         if not surfaces:
             return none, f"the description of {arm.name} names no shapes"
-    if isinstance(robot, ArmGroup) and len(arms) > 1:
-        shared = [surface for surface in found[0] if surface.joint <= robot.common[0, 1]]
-        found[1] = tuple(surface for surface in found[1] if not any(_same(surface, other) for other in shared))
+    if isinstance(robot, ArmGroup) and len(arms) > 1:  # surfaces of one joint may be simplified differently
+        shared = {surface.joint: bounds(surface) for surface in found[0] if surface.joint <= robot.common[0, 1]}
+        found[1] = tuple(
+            surface
+            for surface in found[1]
+            if surface.joint not in shared or np.abs(bounds(surface) - shared[surface.joint]).max() >= tolerance
+        )
     return found, ""
 
 
-def _same(surface: Surface, other: Surface, tolerance: float = 0.01) -> bool:
-    """Whether two surfaces are of one joint and have the same bounds [m]; they may be thinned differently."""
-    bounds = [np.stack([one.points.min(axis=0), one.points.max(axis=0)]) for one in (surface, other)]
-    return surface.joint == other.joint and bool(np.abs(bounds[0] - bounds[1]).max() < tolerance)
+def _edges(skeleton: Array) -> Array:
+    return np.stack([skeleton[:-1], skeleton[1:]], axis=1).astype(np.float32)
 
 
 class Skeleton:
@@ -96,42 +105,6 @@ class Skeleton:
         self._lines.points = _edges(skeleton)
         for ball, position in zip(self._balls, skeleton, strict=True):
             ball.position = position
-
-
-def _edges(skeleton: Array) -> Array:
-    return np.stack([skeleton[:-1], skeleton[1:]], axis=1).astype(np.float32)
-
-
-class RobotBody:
-    """A robot's surface, or its skeleton where it has none; saturated joints glow."""
-
-    def __init__(self, scene: Any, name: str, surfaces: tuple[Surface, ...], frame: Frame):
-        self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
-        look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
-        self.meshes = [
-            scene.add_mesh_simple(f"{name}/surface/{one.joint}", one.points.astype(np.float32), one.triangles, **look)
-            for one in surfaces
-        ]
-        self._skeleton = None
-        if not surfaces:
-            self._skeleton = Skeleton(scene, f"{name}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
-        glow = {"radius": 0.1, "color": (230, 60, 120), "opacity": 0.5, "cast_shadow": False}
-        self._glows = {
-            joint.name: (scene.add_icosphere(f"{name}/limits/{i}", **glow), i + 1)
-            for i, joint in enumerate(frame.student.chain.joints)
-        }
-
-    def draw(self, frame: Frame) -> None:
-        """Draw a frame."""
-        for joint, (ball, link) in self._glows.items():
-            ball.visible = joint in frame.at_limit
-            if ball.visible:
-                ball.position = frame.student_links[link, :3, 3]
-        if self._skeleton is not None:
-            self._skeleton.draw(frame.student_skeleton)
-        poses = frame.student_links[self._joints]
-        for mesh, turn, pose in zip(self.meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
-            mesh.wxyz, mesh.position = turn, pose[:3, 3]
 
 
 class Shell:
@@ -167,22 +140,31 @@ class Scene:
         bases: Sequence[Array] = (np.zeros(3),),
     ):
         persons, arms = [frame.teacher for frame in frames], as_group(robot).arms
+        self.layout = ONE_ARM if len(persons) == 1 else SEVERAL_ARMS
+        aside = np.array([0.0, self.layout.aside, 0.0])
+        place = ROBOT_AT + aside
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         scene.add_grid(
             "/floor", 8.0, 8.0, cell_size=0.25, cell_color=(225, 228, 232), section_color=(190, 195, 202),
             fade_distance=9.0, fade_from="origin",
         )  # fmt: skip
-        self.layout = ONE_ARM if len(persons) == 1 else SEVERAL_ARMS
-        aside = np.array([0.0, self.layout.aside, 0.0])
         scene.add_frame("/person", show_axes=False, position=PERSON_AT - aside)
+        # head and trunk about the middle of the neck [m], in the trunk frame
         middles = [base + np.array([0.0, middle_of(arm), 0.0]) for arm, base in zip(persons, bases, strict=True)]
-        _trunk(scene, np.mean(middles, axis=0))
+        for name, size, at in (
+            ("trunk", (0.11, 0.16, 0.30), (-0.06, 0.0, -0.30)),
+            ("neck", (0.05, 0.05, 0.12), (-0.05, 0.0, 0.03)),
+            ("head", (0.095, 0.075, 0.12), (-0.02, 0.0, 0.22)),
+        ):
+            look = {"scale": size, "position": np.mean(middles, axis=0) + at, "opacity": 0.55, "cast_shadow": False}
+            scene.add_icosphere(f"/person/{name}", 1.0, PALE, **look)
         models = " and ".join(dict.fromkeys(arm.name for arm in persons))
         scene.add_label("/person/name", f"person: {models}", position=(0.0, 0.15, 0.5), anchor="bottom-center")
-        place = ROBOT_AT + aside
         self._base = scene.add_frame("/robot", axes_length=0.15, axes_radius=0.006, position=place)
-        _stands(scene, arms, place)
+        stands = [np.zeros(3) if arm.chain.stand is None else arm.chain.stand[:3, 3] for arm in arms]
+        for i, (x, y, z) in enumerate({tuple((place + stand).tolist()) for stand in stands}):  # columns below the bases
+            scene.add_cylinder(f"/stand/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))
         above = place + np.array([0.0, 0.0, 1.25])
         scene.add_label("/name", f"robot: {robot.name}", position=above, anchor="bottom-center")
         names = [""] if len(arms) == 1 else [f"/{k}" for k in range(len(arms))]
@@ -197,7 +179,10 @@ class Scene:
 
 
 class DrawnSide:
-    """An arm of the person and that of the robot, with their ellipsoids; `name` is such as ``"/left"``, or empty."""
+    """An arm of the person and of the robot, with their ellipsoids; `name` is such as ``"/0"``, or empty.
+
+    The robot has its surface, or a skeleton where there is none; saturated joints glow.
+    """
 
     def __init__(self, scene: Any, name: str, frame: Frame, surfaces: tuple[Surface, ...], base: Array):
         person, robot = f"/person{name}", f"/robot{name}"
@@ -205,7 +190,19 @@ class DrawnSide:
             scene.add_frame(person, show_axes=False, position=base)
             scene.add_frame(robot, show_axes=False)
         self.teacher = Skeleton(scene, f"{person}/arm", frame.teacher_skeleton, 0.028, (86, 120, 150))
-        self.student = RobotBody(scene, robot, surfaces, frame)
+        look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
+        self._joints, self.meshes = np.array([one.joint for one in surfaces], dtype=int), [
+            scene.add_mesh_simple(f"{robot}/surface/{one.joint}", one.points.astype(np.float32), one.triangles, **look)
+            for one in surfaces
+        ]  # fmt: skip
+        self._skeleton = None
+        if not surfaces:
+            self._skeleton = Skeleton(scene, f"{robot}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))
+        glow = {"radius": 0.1, "color": (230, 60, 120), "opacity": 0.5, "cast_shadow": False}
+        self._glows = {
+            joint.name: (scene.add_icosphere(f"{robot}/limits/{i}", **glow), i + 1)
+            for i, joint in enumerate(frame.student.chain.joints)
+        }
         self._demonstrated = Shell(scene, f"{person}/ellipsoid", PERSON.rgb, 0.4)
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
         self._achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
@@ -216,30 +213,18 @@ class DrawnSide:
         """Draw a frame."""
         target, end_effector = frame.target, frame.student_skeleton[-1]
         self.teacher.draw(frame.teacher_skeleton)
-        self.student.draw(frame)
+        for joint, (ball, link) in self._glows.items():
+            ball.visible = joint in frame.at_limit
+            if ball.visible:
+                ball.position = frame.student_links[link, :3, 3]
+        if self._skeleton is not None:
+            self._skeleton.draw(frame.student_skeleton)
+        poses = frame.student_links[self._joints]
+        for mesh, turn, pose in zip(self.meshes, quaternion(poses[:, :3, :3]), poses, strict=True):
+            mesh.wxyz, mesh.position = turn, pose[:3, 3]
         self._demonstrated.draw(target.demonstrated, frame.teacher_skeleton[-1])
         self._target.draw(target.ellipsoid, end_effector)
         self._achieved.draw(frame.achieved, end_effector)
         self._tip.visible = target.tip is not None
         if target.tip is not None:
             self._tip.position = target.tip
-
-
-def _trunk(scene: Any, middle: Array) -> None:
-    """Head and trunk about the middle of the neck [m], in the trunk frame."""
-    parts = {
-        "trunk": ((0.11, 0.16, 0.30), (-0.06, 0.0, -0.30)),
-        "neck": ((0.05, 0.05, 0.12), (-0.05, 0.0, 0.03)),
-        "head": ((0.095, 0.075, 0.12), (-0.02, 0.0, 0.22)),
-    }
-    for name, (size, place) in parts.items():
-        scene.add_icosphere(
-            f"/person/{name}", 1.0, PALE, scale=size, position=middle + place, opacity=0.55, cast_shadow=False
-        )
-
-
-def _stands(scene: Any, arms: Sequence[Arm], at: Array) -> None:
-    """Columns below the robot's bases, one for all in one place."""
-    bases = [at if arm.chain.stand is None else at + arm.chain.stand[:3, 3] for arm in arms]
-    for i, (x, y, z) in enumerate({tuple(base.tolist()) for base in bases}):
-        scene.add_cylinder(f"/stand/{i}", 0.07, z, color=PALE, opacity=0.55, position=(x, y, 0.5 * z))

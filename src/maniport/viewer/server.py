@@ -5,17 +5,15 @@ import io
 import socket
 import threading
 import time as clock
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from maniport.arms import Arm
 from maniport.errors import InvalidInputError
-from maniport.live import Moment
+from maniport.live import LiveState
 from maniport.util.optional import viser
 from maniport.util.ports import LOOPBACK, bound
-from maniport.util.signals import ending_in_order
 from maniport.util.validation import Array
 from maniport.viewer.access_control import AccessControl
 from maniport.viewer.panel import Panel
@@ -25,15 +23,63 @@ from maniport.viewer.state import Frame, Target, ViewState
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
 
 
-class LiveView:
-    """A page with a state and its controls."""
+class Page:
+    """A server of viser behind access control; its address `url` has the token."""
+
+    def __init__(self, host: str, port: int):
+        module = viser()
+        require_free(host, port)
+        from websockets.asyncio import server as connections
+
+        self._access = access = AccessControl(host)
+        with _silent(), access.guarding(connections):
+            self._server = server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
+
+        def log(loop: Any, context: dict[str, Any]) -> None:
+            """Log an error of a message in one line; the page goes on."""
+            access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
+
+        server.get_event_loop().set_exception_handler(log)
+        # any page in the browser could request it, and would hand this one to strangers
+        server.request_share_url = lambda verbose=True: None
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(330)
+        server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ONE_ARM))
+        server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
+        self.url = f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}/{access.token}/"
+
+    def stop(self) -> None:
+        """End the server; browsers hold a reserve connection for which viser waits 6 s, others need not wait."""
+        stopping = threading.Thread(target=self._server.stop, name="stop the page", daemon=True)
+        with _silent():
+            stopping.start()
+            stopping.join(1.5)
+
+
+def require_free(host: str, port: int) -> None:
+    """Raise unless something can listen there; viser would take another port, or wait for ever."""
+    bound(host, port, socket.SOCK_STREAM).close()
+
+
+def _silent() -> contextlib.AbstractContextManager[Any]:
+    """Keep what viser prints about itself from standard output, which belongs to the caller."""
+    return contextlib.redirect_stdout(io.StringIO())
+
+
+class LiveView(Page):
+    """A page with a state and its controls; the camera of a browser sees the whole scene in its window."""
 
     def __init__(self, state: ViewState, method: str, base_rotation: Array, host: str = LOOPBACK, port: int = 0):
+        super().__init__(host, port)
         self.state, self.rate, self.no_surface = state, 0.0, ""
-        self._access = AccessControl(host)
-        self._server, self.url = guarded_server(self._access, host, port)
         try:
-            self._furnish(method, base_rotation)
+            surfaces, self.no_surface = find_surfaces(state.robot)
+            self._panel = Panel(self._server.gui, state, method, base_rotation, self._access)
+            first = state.frames(self._panel.read(0.0), 0.0)
+            self._scene = Scene(self._server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
+            self._panel.write(first)
+            self._server.on_client_connect(self._frame)
         except BaseException:  # Ctrl-C too: a listening server must not stay behind
             self.stop()
             raise
@@ -60,110 +106,43 @@ class LiveView:
                     self._panel.write(frames)
             stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
-    def run_until_interrupted(self, announce: Callable[[], None]) -> None:
-        """Run until Ctrl-C or a termination signal; a second one ends at once. Only from the main thread."""
-        stop = threading.Event()
-        with ending_in_order(stop.set):
-            announce()
-            self.run(stop)
-
     def stop(self) -> None:
         """End the server and the fits; a fit in progress continues in its daemon thread."""
         for side in self.state.sides:
             side.maps.close(0.0)
-        stop_server(self._server)
-
-    def _furnish(self, method: str, base_rotation: Array) -> None:
-        """Put the controls and the first frame on the page."""
-        server, state = self._server, self.state
-        surfaces, self.no_surface = find_surfaces(state.robot)
-        self._panel = Panel(server.gui, state, method, base_rotation, self._access)
-        first = state.frames(self._panel.read(0.0), 0.0)
-        self._scene = Scene(server.scene, first, state.robot, surfaces, [side.base for side in state.sides])
-        self._panel.write(first)
-        server.on_client_connect(self._frame)
+        super().stop()
 
     def _frame(self, client: Any) -> None:
-        """Let the camera of a browser see the whole scene in its window."""
         position, target = camera_for(client.camera.aspect, self._scene.layout)
         client.camera.position = position  # viser shifts the target along, so that it is set afterwards
         client.camera.look_at = target
 
 
-def guarded_server(access: AccessControl, host: str, port: int) -> tuple[Any, str]:
-    """A server of viser behind access control, and its address with the token; the camera is in front."""
-    module = viser()
-    require_free(host, port)
-    from websockets.asyncio import server as connections
-
-    with _silent(), access.guarding(connections):
-        server = module.ViserServer(host=host, port=port, label="maniport", verbose=False)
-
-    def log(loop: Any, context: dict[str, Any]) -> None:
-        """Log an error of a message in one line; the page goes on."""
-        access.refuse("a message was", f"{context.get('exception') or context.get('message')}")
-
-    server.get_event_loop().set_exception_handler(log)
-    # any page in the browser could request it, and would hand this one to strangers
-    server.request_share_url = lambda verbose=True: None
-    server.gui.configure_theme(show_logo=False, show_share_button=False)
-    server.gui.main_panel.dock_right()
-    server.gui.main_panel.set_width(330)
-    server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ONE_ARM))
-    server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
-    shown = f"[{host}]" if ":" in host else host
-    return server, f"http://{shown}:{server.get_port()}/{access.token}/"
-
-
-def stop_server(server: Any) -> None:
-    """End a server; browsers hold a reserve connection for which viser waits 6 s, others need not wait."""
-    stopping = threading.Thread(target=server.stop, name="stop the page", daemon=True)
-    with _silent():
-        stopping.start()
-        stopping.join(1.5)
-
-
-def require_free(host: str, port: int) -> None:
-    """Raise unless something can listen there; viser would take another port, or wait for ever."""
-    bound(host, port, socket.SOCK_STREAM).close()
-
-
-@contextlib.contextmanager
-def _silent() -> Iterator[None]:
-    """Keep what viser prints about itself from standard output, which belongs to the caller."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
-
-
-class Onlooker:
-    """A page that shows the moments of `maniport.Live`, without controls."""
+class Onlooker(Page):
+    """A page that shows the states of `maniport.Live`, of one arm, without controls."""
 
     def __init__(self, person: Arm, robot: Arm, host: str = LOOPBACK, port: int = 0):
+        super().__init__(host, port)
         self._person, self._robot = person, robot
         self._scene: Scene | None = None
-        self._server, self.url = guarded_server(AccessControl(host), host, port)
         self._text, self._written = self._server.gui.add_markdown("The person has not been seen yet."), 0.0
 
-    def show(self, moment: Moment) -> None:
-        """Draw a moment; nothing before the person was seen for the first time."""
-        if len(moment.achieved) != 3:
-            raise InvalidInputError(f"moment: the page shows 3×3 ellipsoids; found {moment.achieved.shape}")
-        if moment.person is None or moment.demonstrated is None or moment.target is None or moment.distance is None:
+    def show(self, state: LiveState) -> None:
+        """Draw a state; nothing before the person was seen for the first time."""
+        arm = state.arm
+        if len(arm.achieved) != 3:
+            raise InvalidInputError(f"state: the page shows 3×3 ellipsoids; found {arm.achieved.shape}")
+        if arm.person is None or arm.demonstrated is None or arm.target is None or arm.distance is None:
             return
-        target = Target(moment.person, moment.demonstrated, moment.target, np.eye(3))
-        frame = Frame(
-            self._person, self._robot, target, moment.joint_positions, moment.achieved, moment.distance, np.eye(3)
-        )
+        target = Target(arm.person, arm.demonstrated, arm.target, np.eye(3))
+        joints = state.joint_positions
+        frame = Frame(self._person, self._robot, target, joints, arm.achieved, arm.distance, np.eye(3))
         with self._server.atomic():
             if self._scene is None:
                 surfaces = find_surfaces(self._robot)[0]
                 self._scene = Scene(self._server.scene, [frame], self._robot, surfaces)
             self._scene.draw([frame])
             if (now := clock.monotonic()) - self._written >= NUMBERS_PERIOD:
-                error = "" if moment.tip_error is None else f", position error {1e3 * moment.tip_error:.0f} mm"
-                numbers = f"{moment.time:.1f} s: distance {moment.distance:.2f}{error}"
-                self._text.content, self._written = f"**{moment.state}**\n\n{numbers}", now
-
-    def stop(self) -> None:
-        """End the page."""
-        stop_server(self._server)
+                error = "" if arm.position_error is None else f", position error {1e3 * arm.position_error:.0f} mm"
+                numbers = f"{state.time:.1f} s: distance {arm.distance:.2f}{error}"
+                self._text.content, self._written = f"**{state.state}**\n\n{numbers}", now

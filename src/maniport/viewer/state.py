@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import NotSPDError
@@ -22,27 +21,25 @@ from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer.rotation_group import orthonormal
 from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_finite, as_number, as_times, require_shape
+from maniport.util.validation import Array
 from maniport.viewer.maps import Maps
 
 
 class Playback:
-    """Joint positions (n, dof) at times (n,) [s], played in a loop with straight lines in between."""
+    """Joint positions (n, dof) at ascending times (n,) [s], played in a loop with straight lines in between."""
 
-    def __init__(self, time: ArrayLike, joints: ArrayLike):
-        times, path = as_times(time, fewest=2), as_finite(joints, "joints")
-        require_shape(path, "joints", (len(times), "dof"), ", as many as times")
-        self._time, self._path = times - times[0], path
+    def __init__(self, time: Array, joints: Array):
+        self._time, self._path = time - time[0], joints
         self.duration = float(self._time[-1])
         self.position = 0.0
 
     def advance(self, seconds: float) -> None:
         """Move on, from the end to the start again."""
-        self.position = float((self.position + as_number(seconds, "seconds")) % self.duration)
+        self.position = float((self.position + seconds) % self.duration)
 
     def seek(self, position: float) -> None:
         """Go to a time [s]; beyond the ends, to the end."""
-        self.position = min(max(as_number(position, "position"), 0.0), self.duration)
+        self.position = min(max(position, 0.0), self.duration)
 
     def joints(self) -> Array:
         """Joint positions at this time, shape (dof,)."""
@@ -69,16 +66,6 @@ class Target:
     turn: Array  # Rotation of the hand's motion by the map, shape (3, 3)
     tip: Array | None = None  # Position of the end effector [m]
     note: str = ""  # Why the target is not new, or another method's
-
-    def schedule(self, objective: Objective, seconds: float, control_step: float = 1.0 / 120.0) -> Schedule:
-        """Return the same target for a time, in control steps [s]."""
-        steps = int(np.ceil(seconds / control_step))
-        return Schedule(
-            objective,
-            np.linspace(0.0, seconds, steps + 1),
-            np.broadcast_to(self.ellipsoid, (steps + 1, 3, 3)),
-            None if self.tip is None else np.broadcast_to(self.tip, (steps + 1, 3)),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,17 +101,10 @@ class Frame:
 class Side:
     """One arm of the person and one of the robot, and the maps between them."""
 
-    def __init__(
-        self,
-        teacher: Arm,
-        student: Arm,
-        maps: Maps,
-        bank: SeedBank,
-        place: Placement | None = None,
-        base: Array | None = None,
-    ):
+    def __init__(self, teacher: Arm, student: Arm, maps: Maps, bank: SeedBank, base: Array | None = None):
         self.teacher, self.student, self.maps, self.bank = teacher, student, maps, bank
-        self.place, self.base = place, np.zeros(3) if base is None else base
+        self.base = np.zeros(3) if base is None else base  # of the person's arm, in the frame of both [m]
+        self.place: Placement | None = None
         self.objective = Objective.of(student, damping=bank.damping, position_weight=FOLLOWING_WEIGHT)
         self._last: Array | None = None
 
@@ -146,21 +126,13 @@ class Side:
             note = f"no image of this ellipsoid, the last one stays: {error}"
         return Target(joints, demonstrated, self._last, chosen.turn, note=note)
 
-    def with_tip(self, target: Target, turn: Array) -> Target:
-        """Add the position of the hand, whose path is turned, as the target of the end effector."""
-        if self.place is None:
-            note = "a placement is searched for; the end effector is free until then"
-            return replace(target, note=target.note or note)
-        hand = self.teacher.forward(target.joints)[:3, 3] + self.base
-        return replace(target, tip=replace(self.place, turn=turn).apply(hand))
-
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
         tips = None if target.tip is None else target.tip[None]
-        found = nearest_feasible(
+        nearest = nearest_feasible(
             self.student, target.ellipsoid[None], damping=self.bank.damping, positions=tips, bank=self.bank
         )
-        return np.asarray(found.joint_positions[0])
+        return np.asarray(nearest.joint_positions[0])
 
     def frame(self, target: Target, q: Array, base_rotation: Array, near_limit: float = 5e-3) -> Frame:
         """Show a target and a configuration (dof,); joints within a share of their range of a limit are at it."""
@@ -195,51 +167,46 @@ class ViewState:
 
     def __init__(self, robot: Arm | ArmGroup, sides: Sequence[Side], playback: Playback | None = None):
         self.robot, self.sides, self.playback = robot, tuple(sides), playback
+        self.methods = self.sides[0].maps.names
         self._columns = as_group(robot).columns
+        limits = robot.lower, robot.upper, speed_limits(robot, None), np.full(robot.dof, np.inf)
+        self._controller = Controller(robot, BrakingLimit(*limits))
         self.joints = self._joined([side.bank.joint_positions[0] for side in sides])
         self._jump = True
-
-    @cached_property
-    def _controller(self) -> Controller:
-        robot = self.robot
-        limits = robot.lower, robot.upper, speed_limits(robot, None), np.full(robot.dof, np.inf)
-        return Controller(robot, BrakingLimit(*limits))
-
-    @property
-    def methods(self) -> tuple[str, ...]:
-        """Names of the methods."""
-        return self.sides[0].maps.names
 
     def jump(self) -> None:
         """Let the robot start from the best configuration found, with the next step, instead of moving on."""
         self._jump = True
 
-    def frames(self, command: Command, seconds: float, longest: float = 0.1) -> tuple[Frame, ...]:
+    def frames(
+        self, command: Command, seconds: float, longest: float = 0.1, control_step: float = 1.0 / 120.0
+    ) -> tuple[Frame, ...]:
         """Let the robot follow a command for some time [s], though no longer than `longest`; return its frames."""
-        elapsed = min(as_number(seconds, "seconds", minimum=0.0), longest)
-        targets = self._targets(command)
+        elapsed, targets = min(seconds, longest), self._targets(command)
+        pairs = list(zip(self.sides, targets, strict=True))
         if self._jump:
-            self.joints = self._joined([side.best(target) for side, target in zip(self.sides, targets, strict=True)])
+            self.joints = self._joined([side.best(target) for side, target in pairs])
             self._jump = False
         if elapsed > 0.0:
-            pairs = zip(self.sides, targets, strict=True)
-            schedules = [target.schedule(side.objective, elapsed) for side, target in pairs]
+            time, schedules = np.linspace(0.0, elapsed, int(np.ceil(elapsed / control_step)) + 1), []
+            for side, target in pairs:
+                shapes = np.broadcast_to(target.ellipsoid, (len(time), 3, 3))
+                tips = None if target.tip is None else np.broadcast_to(target.tip, (len(time), 3))
+                schedules.append(Schedule(side.objective, time, shapes, tips))
             self.joints = follow(self._controller, self.joints, schedules)[0][-1]
-        parts = zip(self.sides, targets, self._columns, strict=True)
-        return tuple(side.frame(target, self.joints[columns], command.base_rotation) for side, target, columns in parts)
+        return tuple(side.frame(target, self.joints[columns], command.base_rotation)
+                     for (side, target), columns in zip(pairs, self._columns, strict=True))  # fmt: skip
 
     def find_place(self, motion: Sequence[Array], method: str, points: int = 32) -> None:
         """Find one placement for the hands' paths, along joints (n, dof) of each of the person's arms."""
         rows = evenly_spaced(len(motion[0]), points)
-        maps = [side.maps.fitted[method] for side in self.sides]
-        hands, targets = [], []
+        maps, hands, targets = [side.maps.fitted[method] for side in self.sides], [], []
         for side, chosen, joints in zip(self.sides, maps, motion, strict=True):
             ellipsoids = side.teacher.manipulability(joints[rows])
             targets.append(np.array([chosen.transform(ellipsoid) for ellipsoid in ellipsoids]))
             hands.append(side.teacher.forward(joints[rows])[:, :3, 3] + side.base)
         turn, banks = _mean_turn([chosen.turn for chosen in maps]), [side.bank for side in self.sides]
-        damping = banks[0].damping
-        arms = as_group(self.robot).arms
+        arms, damping = as_group(self.robot).arms, banks[0].damping
         places = place_path(hands, targets, arms, turn=turn, yaw=0.0, damping=damping, bank=banks)
         for side, place in zip(self.sides, places, strict=True):
             side.place = place
@@ -247,15 +214,19 @@ class ViewState:
     def _targets(self, command: Command) -> list[Target]:
         """The target of each arm; hands keep their relation, however the maps turn ellipsoids."""
         ends = np.cumsum([side.teacher.dof for side in self.sides])
-        joints = as_finite(command.joints, "joints")
-        require_shape(joints, "joints", (int(ends[-1]),))
-        as_choice(command.method, "method", self.methods)
-        parts = zip(self.sides, np.split(joints, ends[:-1]), strict=True)
+        parts = zip(self.sides, np.split(command.joints, ends[:-1]), strict=True)
         targets = [side.target(own, command.method, command.base_rotation) for side, own in parts]
         if not command.tip_follows:
             return targets
         turn = _mean_turn([target.turn for target in targets])
-        return [side.with_tip(target, turn) for side, target in zip(self.sides, targets, strict=True)]
+        for k, (side, target) in enumerate(zip(self.sides, targets, strict=True)):
+            if side.place is None:
+                note = "a placement is searched for; the end effector is free until then"
+                targets[k] = replace(target, note=target.note or note)
+            else:  # the position of the hand, whose path is turned
+                hand = side.teacher.forward(target.joints)[:3, 3] + side.base
+                targets[k] = replace(target, tip=replace(side.place, turn=turn).apply(hand))
+        return targets
 
     def _joined(self, configurations: Sequence[Array]) -> Array:
         """Configuration of the robot; shared joints are at the mean of the arms'."""

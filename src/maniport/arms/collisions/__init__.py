@@ -1,7 +1,275 @@
-"""Collisions of arms with themselves, a table and obstacles."""
+"""Collision checks of an arm or a group with itself, a table and obstacles: clearance and its gradient."""
 
-from maniport.arms.collisions.checker import Collisions, Nearest, as_collisions, free_configurations
+import os
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maniport.arms.arm import Arm
+from maniport.arms.arm_group import ArmGroup, CooperativeArm, as_group
 from maniport.arms.collisions.hulls import Lowest
-from maniport.arms.collisions.obstacles import Box, read_boxes
+from maniport.arms.collisions.obstacles import Box, as_boxes, disabled_pairs, read_boxes
+from maniport.arms.collisions.pairs import NO_PAIRS, SelectedPairs, select_pairs
+from maniport.arms.collisions.solids import Pairs, Solids
+from maniport.errors import FileFormatError, InvalidInputError
+from maniport.util.notebook import NotebookDisplay
+from maniport.util.validation import Array, as_generator, as_number
 
 __all__ = ["Box", "Collisions", "Lowest", "Nearest", "as_collisions", "free_configurations", "read_boxes"]
+
+
+class Nearest(NamedTuple):
+    """Smallest distance at each configuration, and names of the two bodies; shapes (...)."""
+
+    distance: Array
+    first: NDArray[np.str_]
+    second: NDArray[np.str_]
+
+
+class Collisions(NotebookDisplay):
+    """Collisions of an arm or a group of arms with itself, a table and obstacles; made by `Collisions.of`.
+
+    Every pair of bodies that is not connected by a joint is checked: links of the arm, its gripper, and the rest of the
+    robot, such as a head, legs or the other arm, at zero. A link is the convex hull of its visual meshes, see
+    `maniport.arms.Arm.surfaces`, or several hulls; a finger is the hull of its positions from open to closed. The hull
+    of the link that carries the end effector contains it.
+
+    Links that a joint connects, tools that are not in the description, and `unchecked` are not checked. Each arm of a
+    group is checked with itself and with the others; shared bodies, such as a torso, count once.
+
+    Attributes
+    ----------
+    known, why, obstacles : bool, str, bool
+        Whether shapes of the arm are known, so that pairs are checked; the reason if not; whether there are obstacles.
+    padding : float
+        Distance that counts as a collision [m]; for links with at most two coordinates between them, which are always
+        close, a quarter of it.
+    pairs, always, never : tuple of (str, str)
+        Names of checked and omitted pairs, with the names of the arms as prefixes if two robots have links of the same
+        names. Meshes of `always` intersect in more than 90 % of 10 000 samples of the joint space and at rest. Pairs in
+        `never` keep a distance above 10 cm in all samples (2 cm from table or obstacles, 5 mm with at most two
+        coordinates between them), or have at most two coordinates between them and disjoint meshes.
+    """
+
+    def __init__(
+        self,
+        arm: Arm | ArmGroup,
+        solids: Solids,
+        selected: SelectedPairs,
+        padding: float,
+        why: str = "",
+        surroundings: Mapping[str, Any] | None = None,
+    ):
+        self.arm, self.padding, self.why, self.known = arm, padding, why, not why
+        self._solids, self._pairs, self._selected = solids, selected.pairs, selected
+        self._surroundings = dict(surroundings or {})
+        self.obstacles = self._surroundings.get("obstacles") is not None
+        self.pairs, self.always, never, self._full = (
+            tuple(dict.fromkeys(self._names(pairs))) for pairs in selected[:4]
+        )
+        self.never = tuple(pair for pair in never if pair not in self.pairs)
+
+    @classmethod
+    def of(
+        cls,
+        arm: Arm | ArmGroup,
+        *,
+        table: float | None = None,
+        obstacles: Any = None,
+        srdf: str | os.PathLike[str] | None = None,
+        padding: float = 0.0,
+    ) -> "Collisions":
+        """Choose the pairs of bodies of an arm or a group of arms to check, with table and obstacles.
+
+        Parameters
+        ----------
+        arm : Arm or ArmGroup
+        table : float, optional
+            Height of a floor or table in the base frame [m], the lower limit of all bodies that joints move.
+        obstacles : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
+            Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and optional yaw [rad] of each.
+        srdf : path, optional
+            File whose ``<disable_collisions>`` list pairs of links that are not checked.
+        padding : float
+            Distance that counts as a collision [m].
+
+        Raises
+        ------
+        InvalidInputError
+            When the table or a box intersects the base, two bases intersect, or the SRDF belongs to another robot.
+        FileFormatError
+            When obstacles or SRDF cannot be read.
+        """
+        height = -np.inf if table is None else as_number(table, "table")
+        distance = as_number(padding, "padding", minimum=0.0)
+        boxes = [box.hull() for box in as_boxes(obstacles)]
+        disabled = set() if srdf is None else disabled_pairs(srdf, arm)
+        surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
+        why = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
+        try:
+            chosen = select_pairs(as_group(arm), boxes, height, disabled, distance)
+        except FileFormatError as error:
+            chosen, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
+        nothing = Solids(as_group(arm).kinematics, [], -np.inf), NO_PAIRS
+        return cls(arm, *(chosen or nothing), distance, "" if chosen else why, surroundings)
+
+    def __repr__(self) -> str:
+        text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
+        return f"Collisions({self.arm.name!r}, {text})"
+
+    @cached_property
+    def between(self) -> "Collisions":
+        """Collisions between different arms of a group only."""
+        every, across = self._selected, self._selected.across
+        selected = every._replace(pairs=every.pairs[across], share=every.share[across], across=across[across])
+        return Collisions(self.arm, self._solids, selected, self.padding, self.why)
+
+    @cached_property
+    def of_arms(self) -> tuple["Collisions", ...]:
+        """Collisions of each arm of a group with itself and its surroundings, as `of` chooses them."""
+        arms = self.arm.arms if isinstance(self.arm, ArmGroup) else ()
+        return tuple(Collisions.of(arm, **self._surroundings) for arm in arms) or (self,)
+
+    @property
+    def unchecked(self) -> tuple[str, ...]:
+        """Names of bodies without a known shape, and of pairs that are not checked.
+
+        A pair is not checked if convex hulls nearly always intersect although the meshes do not.
+        """
+        arms = as_group(self.arm).arms
+        if self.known:
+            missing = dict.fromkeys(name for arm in arms for name in arm.geometry.attached[1])
+            return *missing, *(f"{first} against {second}" for first, second in self._full)
+        return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
+
+    @property
+    def stand_ins(self) -> tuple[str, ...]:
+        """Links with collision shapes from the description, since visual meshes are missing."""
+        arms = as_group(self.arm).arms
+        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins))
+
+    @property
+    def table(self) -> float | None:
+        """Height of the table in the base frame [m]; None without one."""
+        return None if np.isinf(self._solids.table) else float(self._solids.table)
+
+    def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether configurations (..., dof) collide, shape (...); False if nothing is checked."""
+        flat, shape = self._flat(q)
+        limit = self.padding * self._selected.share
+        hit = np.zeros(len(flat), dtype=np.bool_)
+        for part in _blocks(len(flat)):
+            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal decides about these
+            left = np.flatnonzero(near.any(axis=1))
+            while len(left):  # one pair of each configuration at a time, since one suffices
+                first = near[left].argmax(axis=1)
+                mask = np.arange(len(self._pairs)) == first[:, None]
+                distances = self._solids.distances(flat[part][left], self._pairs, mask, depths=False)[0]
+                hit[part.start + left[distances <= limit[first]]] = True
+                near[left] &= ~mask
+                left = left[near[left].any(axis=1) & ~hit[part.start + left]]
+        return hit.reshape(shape)
+
+    def clearance(self, q: ArrayLike) -> Array:
+        """Compute the smallest distance of the pairs at configurations (..., dof), shape (...) [m].
+
+        It is negative for intersections and infinite if nothing is checked.
+        """
+        return self.nearest(q).distance
+
+    def nearest(self, q: ArrayLike) -> Nearest:
+        """Compute the clearance and the names of the closest pair; empty if nothing is checked."""
+        flat, shape = self._flat(q)
+        least, which = np.full(len(flat), np.inf), np.full(len(flat), len(self._pairs))
+        for part in _blocks(len(flat)) if len(self._pairs) else ():
+            left, reach = np.arange(part.start, part.stop), 0.02  # pairs nearer than this are measured first [m]
+            while len(left):
+                near = self._solids.maybe_near(flat[left], self._pairs, reach)
+                rows, columns = np.nonzero(near)
+                distances = self._solids.distances(flat[left], self._pairs, near)[0]
+                order = np.lexsort((columns, distances, rows))
+                nearest, at = np.unique(rows[order], return_index=True)
+                least[left[nearest]], which[left[nearest]] = distances[order][at], columns[order][at]
+                left, reach = left[least[left] > reach], 2.0 * reach
+        names = np.array([*self._names(self._pairs), ("", "")])[which]
+        return Nearest(least.reshape(shape), names[:, 0].reshape(shape), names[:, 1].reshape(shape))
+
+    def gradient(self, q: ArrayLike, threshold: float, scaled: bool = False) -> tuple[NDArray[np.intp], Array, Array]:
+        """Compute distances below a threshold [m] and their derivatives at configurations (n, dof).
+
+        Returns for each of k pairs: index of the configuration, ascending; signed distance [m]; derivative (k, dof).
+        With `scaled`, distances of links with at most two coordinates between them, which need a quarter of the
+        clearance, are multiplied by four.
+        """
+        flat, pairs = self._flat(q)[0], self._pairs
+        share = self._selected.share if scaled else np.ones(len(pairs))
+        limit = as_number(threshold, "threshold") * share
+        near = self._solids.maybe_near(flat, pairs, limit)
+        distance, normals, points = self._solids.distances(flat, pairs, near)
+        slope = self._solids.slopes(flat, pairs, near, normals, points)
+        rows, columns = np.nonzero(near)
+        kept = distance < limit[columns]
+        share = share[columns[kept]]
+        return rows[kept], distance[kept] / share, slope[kept] / share[:, None]
+
+    def _names(self, pairs: Pairs) -> list[tuple[str, str]]:
+        names = [*(hull.name for hull in self._solids.hulls), "table"]  # TABLE counts from the end
+        return [(names[b], names[a]) for a, b in pairs.tolist()]
+
+    def _flat(self, q: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        array = self.arm.configurations(q)
+        return array.reshape(-1, self.arm.dof), array.shape[:-1]
+
+
+def _blocks(count: int, most: int = 8192) -> Iterator[slice]:
+    """Slices of at most so many configurations, to bound the memory."""
+    return (slice(first, min(first + most, count)) for first in range(0, count, most))
+
+
+def as_collisions(value: Any, arm: Arm | ArmGroup | CooperativeArm) -> Collisions | None:
+    """Convert the argument `collisions`: None and False to None, True to `Collisions.of(arm)`."""
+    if value is None or value is False:
+        return None
+    if value is True:
+        return Collisions.of(arm.arms if isinstance(arm, CooperativeArm) else arm)
+    if not isinstance(value, Collisions):
+        raise InvalidInputError(
+            f"collisions must be a Collisions object, True, False or None; found {type(value).__name__}"
+        )
+    if value.arm.joint_names != arm.joint_names:
+        raise InvalidInputError(
+            f"collisions belong to {value.arm.name!r} with joints {', '.join(value.arm.joint_names)}, not to "
+            f"{arm.name!r} with {', '.join(arm.joint_names)}; make them with Collisions.of(arm)"
+        )
+    return value
+
+
+def free_configurations(
+    arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str = "sobol", collisions: Any = None
+) -> Array:
+    """Sample configurations as `maniport.arms.Arm.sample` does, of a pair, too; those that collide are replaced.
+
+    The sequence is continued until n are free, shape (n, dof): the same seed gives the same configurations. Fewer than
+    one free sample in 64 is an `InvalidInputError`.
+    """
+    checked = as_collisions(collisions, arm)
+    if checked is None or not checked.known:
+        return arm.sample(n, random_state, sequence)
+    generator = as_generator(random_state)
+    start = deepcopy(generator)
+    q = arm.sample(n, generator, sequence)
+    free = ~checked.collides(q)
+    while free.sum() < n:
+        if len(q) >= 64 * n:
+            raise InvalidInputError(
+                f"collisions: only {int(free.sum())} of {len(q)} sampled configurations of {arm.name!r} are free; "
+                f"{n} are required"
+            )
+        more = arm.sample(2 * len(q), deepcopy(start), sequence)  # begins with q
+        free = np.concatenate([free, ~checked.collides(more[len(q) :])])
+        q = more
+    return np.ascontiguousarray(q[free][:n])

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
-from typing import Any, NamedTuple
+from itertools import product, takewhile
+from typing import NamedTuple
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.arm import Arm
@@ -30,19 +29,36 @@ class Hull:
     @classmethod
     def around(cls, name: str, joint: int, points: Array, most: int = 96) -> "Hull":
         """Enclose points [m] in a hull of at most `most` corners; the least prominent are omitted."""
-        outline = _outline(points)
-        corners = _outstanding(outline, most)
+        corners = outline = _outline(points)
+        if len(outline) > most:
+            chosen = _extreme(outline)
+            while len(chosen) < most:  # add the most prominent from the hull of the others
+                faces = ConvexHull(outline[chosen]).equations
+                beyond = outline @ faces[:, :3].T + faces[:, 3]
+                farthest = np.argmax(beyond, axis=0)
+                out = np.where(np.isin(farthest, chosen), 0.0, beyond[farthest, np.arange(len(faces))])
+                best = [face for face in np.argsort(-out, kind="stable") if out[face] > 1e-4]
+                if not best:
+                    break
+                count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
+                chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
+            corners = outline[chosen]
         hull = ConvexHull(corners)
         number = np.empty(len(corners), dtype=int)
         number[hull.vertices] = np.arange(len(hull.vertices))
         corners = np.ascontiguousarray(corners[hull.vertices])
-        solid = _solid(corners, number[hull.simplices])
-        outside = outline[(outline @ hull.equations[:, :3].T + hull.equations[:, 3] > 0.0).any(axis=1)]
-        skin = 0.0 if len(outline) == len(corners) else _farthest(solid, outside)
+        vertices, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        vertices.extend(list(corners))
+        faces.extend([coal.Triangle(*row) for row in number[hull.simplices].tolist()])
+        solid, skin = coal.Convex(vertices, faces), 0.0
+        if len(outline) > len(corners):
+            here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
+            request, result = coal.DistanceRequest(), coal.DistanceResult()
+            for point in outline[(outline @ hull.equations[:, :3].T + hull.equations[:, 3] > 0.0).any(axis=1)]:
+                there.setTranslation(point)
+                result.clear()
+                skin = max(skin, coal.distance(solid, here, sphere, there, request, result))
         return cls(name, joint, corners, skin, solid)
-
-    def __repr__(self) -> str:
-        return f"Hull({self.name!r}, {len(self.corners)} corners)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,13 +71,9 @@ class Part:
     own: bool  # whether it is on the chain; False for attached bodies
 
 
-def parts_of(arm: Arm) -> tuple[Part, ...]:
-    """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
-    return _parts(arm.geometry)
-
-
 @lru_cache(maxsize=16)
-def _parts(geometry: Geometry) -> tuple[Part, ...]:
+def parts_of(geometry: Geometry) -> tuple[Part, ...]:
+    """Collect the shapes of an arm and of all bodies attached to it, in the order of the chain."""
     meshes: dict[str, list[Mesh]] = {}
     for link, mesh in geometry.shapes:
         meshes.setdefault(link, []).append(mesh)
@@ -73,20 +85,16 @@ def _parts(geometry: Geometry) -> tuple[Part, ...]:
         body = attached[name]
         swept = len(body.placements) > 1
         points = _outline(points) if swept else points
-        moved = [points @ place[:3, :3].T + place[:3, 3] for place in body.placements]
-        mesh = _hull_mesh(np.concatenate(moved)) if swept else (moved[0], triangles)
-        posed.setdefault((body.group, body.joint), []).append(mesh)
+        points = np.concatenate([points @ place[:3, :3].T + place[:3, 3] for place in body.placements])
+        if swept:
+            hull = ConvexHull(_outline(points))
+            points, triangles = hull.points, hull.simplices.astype(np.int32)
+        posed.setdefault((body.group, body.joint), []).append((points, triangles))
     others = [Part(name, joint, joined(parts), False) for (name, joint), parts in posed.items()]
     return tuple(sorted([*own, *others], key=lambda part: part.joint))
 
 
-def _hull_mesh(points: Array) -> Mesh:
-    """The convex hull of points as a mesh."""
-    hull = ConvexHull(_outline(points))
-    return hull.points, hull.simplices.astype(np.int32)
-
-
-def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
+def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple[Hull, ...]:
     """Enclose a part of an arm in one hull, or two where it is bent; with `fine` in up to eight."""
     frames = arm.chain.frames
     links = {link for link, _ in arm.geometry.shapes}
@@ -96,17 +104,9 @@ def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple["Hull", ...]:
 
 
 @lru_cache(maxsize=512)
-def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple["Hull", ...]:
-    pieces = _pieces(part.mesh, fine)
-    if tip is not None:
-        end = np.array([tip])
-        nearest = int(np.argmin([np.linalg.norm(piece - end, axis=1).min() for piece in pieces]))
-        pieces[nearest] = np.concatenate([pieces[nearest], end])
-    return tuple(Hull.around(part.name, part.joint, piece, 256 if fine else 96) for piece in pieces)
-
-
-def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
-    """Points of a link, in several pieces if their hulls are smaller than that of the whole."""
+def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple[Hull, ...]:
+    """Hulls of a part, in several pieces if their hulls are smaller than that of the whole; one encloses `tip`."""
+    mesh = part.mesh
     points, triangles = reduced(mesh, 300) if len(mesh[1]) > 300 else mesh  # cuts are chosen on a coarse mesh
     pieces = [_Piece.of(points[triangles], ())]
     worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
@@ -117,9 +117,17 @@ def _pieces(mesh: Mesh, fine: bool) -> list[Array]:
         smaller = sum(half.volume for half in halves) < worth * piece.volume
         pieces += halves if smaller else []
         whole += [] if smaller else [piece]
-    corners = mesh[0][mesh[1]] if len(pieces + whole) > 1 else mesh[0]
-    cut = [piece.taken_from(corners) for piece in pieces + whole]
-    return [_outline(part.reshape(-1, 3)) for part in cut if len(part)]
+    outlines = []
+    for piece in pieces + whole:
+        corners = mesh[0][mesh[1]] if piece.planes else mesh[0]
+        for axis, at, side in piece.planes:
+            corners = _cut(corners, axis, at)[side]
+        if len(corners):
+            outlines.append(_outline(corners.reshape(-1, 3)))
+    if tip is not None:
+        nearest = int(np.argmin([np.linalg.norm(outline - tip, axis=1).min() for outline in outlines]))
+        outlines[nearest] = np.concatenate([outlines[nearest], [tip]])
+    return tuple(Hull.around(part.name, part.joint, outline, 256 if fine else 96) for outline in outlines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +147,7 @@ class _Piece:
     def halves(self, any_axis: bool) -> list["_Piece"]:
         """Cut between slices of equal thickness, where both hulls together are smallest."""
         low, high = self.outline.min(axis=0), self.outline.max(axis=0)
-        best: tuple[Any, ...] = ()
-        least = np.inf
+        best, least = [self], np.inf
         for axis in range(3) if any_axis else [int(np.argmax(high - low))]:
             places = np.linspace(low[axis], high[axis], 7)[1:-1]
             slices, rest = [], self.triangles
@@ -153,17 +160,11 @@ class _Piece:
                 halves = [np.concatenate(outlines[:k]), np.concatenate(outlines[k:])]
                 volume = sum(ConvexHull(half).volume if len(half) else np.inf for half in halves)
                 if volume < least:
-                    least, best = volume, (np.concatenate(slices[:k]), np.concatenate(slices[k:]), axis, float(at))
-        if not best:
-            return [self]
-        *sides, axis, at = best
-        return [_Piece.of(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)]
-
-    def taken_from(self, triangles: Array) -> Array:
-        """Return the same piece of other triangles (n, 3, 3)."""
-        for axis, at, side in self.planes:
-            triangles = _cut(triangles, axis, at)[side]
-        return triangles
+                    least, cut = volume, (np.concatenate(slices[:k]), np.concatenate(slices[k:]), axis, float(at))
+        if least < np.inf:
+            *sides, axis, at = cut
+            best = [_Piece.of(side, (*self.planes, (axis, at, i))) for i, side in enumerate(sides)]
+        return best
 
 
 def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
@@ -196,58 +197,16 @@ def _outline(points: Array) -> Array:
         return np.asarray(points[ConvexHull(points).vertices])
 
 
-def _fixed_to(chain: Chain, frame: str) -> list[str]:
-    """A frame and its ancestors on the same joint."""
-    frames, names = chain.frames, [frame]
-    while (above := frames[names[-1]].parent) is not None:
-        if above in names or above not in frames or frames[above].joint != frames[frame].joint:
-            break
-        names.append(above)
-    return names
-
-
-def _extreme(points: Array) -> NDArray[np.intp]:
+def _extreme(points: Array) -> np.ndarray:
     """Indices of the points that are farthest along 26 directions."""
     directions = np.array([direction for direction in product((-1, 0, 1), repeat=3) if any(direction)])
     return np.unique(np.argmax(points @ directions.T, axis=0))
 
 
-def _outstanding(outline: Array, most: int) -> Array:
-    """At most `most` corners of a hull, iteratively the most prominent from the hull of the others."""
-    if len(outline) <= most:
-        return outline
-    chosen = _extreme(outline)
-    while len(chosen) < most:
-        faces = ConvexHull(outline[chosen]).equations
-        beyond = outline @ faces[:, :3].T + faces[:, 3]
-        farthest = np.argmax(beyond, axis=0)
-        out = np.where(np.isin(farthest, chosen), 0.0, beyond[farthest, np.arange(len(faces))])
-        best = [face for face in np.argsort(-out, kind="stable") if out[face] > 1e-4]
-        if not best:
-            break
-        count = min(most - len(chosen), 1 + len(best) // 4)  # a new corner may make its neighbors redundant
-        chosen = np.unique(np.concatenate([chosen, farthest[best[:count]]]))
-    return np.asarray(outline[chosen])
-
-
-def _solid(corners: Array, triangles: np.ndarray) -> coal.Convex:
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    for corner in corners:
-        points.append(corner)
-    for a, b, c in triangles.tolist():
-        faces.append(coal.Triangle(a, b, c))
-    return coal.Convex(points, faces)
-
-
-def _farthest(solid: coal.Convex, points: Array) -> float:
-    """The largest distance of points from a solid."""
-    here, there, sphere = coal.Transform3s(), coal.Transform3s(), coal.Sphere(0.0)
-    request, result, farthest = coal.DistanceRequest(), coal.DistanceResult(), 0.0
-    for point in points:
-        there.setTranslation(point)
-        result.clear()
-        farthest = max(farthest, coal.distance(solid, here, sphere, there, request, result))
-    return farthest
+def _fixed_to(chain: Chain, frame: str) -> list[str]:
+    """A frame and its ancestors on the same joint."""
+    joint = chain.frames[frame].joint
+    return list(takewhile(lambda name: chain.frames[name].joint == joint, chain.ancestors(frame)))
 
 
 class Lowest(NamedTuple):
@@ -261,15 +220,14 @@ class Lowest(NamedTuple):
 def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
     """Compute the lowest point of each moving link's convex hull over a motion."""
     try:
-        hulls = [hull for part in parts_of(arm) if part.joint for hull in hulls_of(arm, part)]
+        hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(arm, part)]
     except FileFormatError:
         return ()
-    poses = arm.link_poses(q)
-    lowest: dict[str, Lowest] = {}
+    poses, lowest = arm.link_poses(q), dict[str, Lowest]()
     for hull in hulls:
         vertical = poses[:, hull.joint, 2]
         heights = (vertical[:, :3] @ hull.corners.T).min(axis=1) + vertical[:, 3] - hull.skin
         i = int(np.argmin(heights))
-        point = Lowest(hull.name, float(heights[i]), float(time[i]))
-        lowest[hull.name] = min(lowest.get(hull.name, point), point, key=lambda point: point.height)
+        if hull.name not in lowest or heights[i] < lowest[hull.name].height:
+            lowest[hull.name] = Lowest(hull.name, float(heights[i]), float(time[i]))
     return tuple(sorted(lowest.values(), key=lambda point: point.height))

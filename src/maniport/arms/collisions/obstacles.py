@@ -16,28 +16,19 @@ from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 from maniport.util.files import read_settings, require_mapping
 from maniport.util.validation import Array, as_finite, as_number, as_numbers
 
-_KEYS = ("center", "size", "yaw")
-
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box in the robot's base frame.
+    """A box in the robot's base frame; `InvalidInputError` when a number is wrong.
 
     Parameters
     ----------
-    center : array_like, shape (3,)
-        Center [m].
-    size : array_like, shape (3,)
-        Edge lengths [m] along x, y and z of the box.
+    center, size : array_like, shape (3,)
+        Center, and edge lengths along x, y and z of the box [m].
     yaw : float
         Rotation about the z axis through the center [rad].
     name : str
         Name in messages.
-
-    Raises
-    ------
-    InvalidInputError
-        When a number is wrong.
     """
 
     center: Any
@@ -52,23 +43,18 @@ class Box:
 
     def hull(self) -> Hull:
         """Compute the convex hull, fixed to the base."""
-        corners = box_mesh(self.size)[0] @ rotation_about(2, self.yaw).T + self.center
+        corners = box_mesh(*self.size)[0] @ rotation_about(2, self.yaw).T + self.center
         return Hull.around(self.name, 0, corners)
 
 
 def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
-    """Read obstacles from a YAML or JSON file.
+    """Read obstacles from a YAML or JSON file; a `FileFormatError` names the box and the fault.
 
     Each has a name, a center [m] and a size [m] in the robot's base frame and an optional yaw [rad]::
 
         obstacles:
           shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}
           crate: {center: [0.4, -0.3, 0.1], size: [0.2, 0.3, 0.2], yaw: 0.5}
-
-    Raises
-    ------
-    FileFormatError
-        When the file cannot be read, has other keys, or a number is wrong; the message names the box.
     """
     named = read_settings(path, ("obstacles",)).get("obstacles")
     if not isinstance(named, dict) or not named:
@@ -76,8 +62,8 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
     obstacles = []
     for name, content in named.items():
         where = f"{path}: obstacles: {name}"
-        box = require_mapping(content, _KEYS, where)
-        missing = [key for key in _KEYS[:2] if key not in box]
+        box = require_mapping(content, ("center", "size", "yaw"), where)
+        missing = [key for key in ("center", "size") if key not in box]
         if missing:
             raise FileFormatError(f"{where}: {missing[0]!r} is missing; a box has center, size and optional yaw")
         try:

@@ -31,63 +31,48 @@ class BodyHulls:
     robots: NDArray[np.intp]  # (hulls,): robot that each hull is a part of
     last: frozenset[int]  # the last links
 
-
-def _body_hulls(group: ArmGroup, fine: Collection[str] = ()) -> BodyHulls | None:
-    """Collect the hulls of a group; None where the shapes of an arm are not known."""
-    listed = [list(parts_of(member)) for member in group.arms]
-    if not all(any(part.own for part in parts) for parts in listed):
-        return None
-    tree, robots = group.kinematics, _robots(group)
-    listed = _without_duplicates(listed, group.common, robots)
-    found: list[tuple[Hull, Part, int]] = []
-    for side, member in enumerate(group.arms):
-        for part in listed[side]:
-            link = tree.links[side][part.joint]
-            found += [(replace(hull, joint=link), part, side) for hull in hulls_of(member, part, part.name in fine)]
-    names = [name for parts in listed for name in {part.name for part in parts}]
-    if len(set(names)) < len(names):
-        found = [(replace(h, name=f"{group.names[side]}_{h.name}"), part, side) for h, part, side in found]
-    hulls, parts, sides = zip(*found, strict=True)
-    last = [tree.links[side][max(part.joint for part in members if part.own)] for side, members in enumerate(listed)]
-    joined, between = _relations(group, hulls, np.array([part.own for part in parts]))
-    of_hulls = robots[list(sides)]
-    joined &= of_hulls[:, None] == of_hulls
-    owners = [(robots == robots[side]) & (group.common[side] >= part.joint) for _, part, side in found]
-    return BodyHulls(hulls, parts, joined, between, np.array(owners), of_hulls, frozenset(last))
-
-
-def _without_duplicates(
-    listed: list[list[Part]], common: NDArray[np.intp], robots: NDArray[np.intp]
-) -> list[list[Part]]:
-    """Parts of each arm without those of an earlier arm, and without those that another arm of its robot moves."""
-    kept: list[list[Part]] = []
-    for i, parts in enumerate(listed):
-        same = [k for k in np.flatnonzero(robots == robots[i]).tolist() if k != i]
-        before = {part.name for k in same if k < i for part in kept[k]}
-        moved = {part.name for k in same for part in listed[k] if part.joint > common[i, k]}
-        deepest = max((int(common[i, k]) for k in same), default=-1)
-        kept.append([
-            part for part in parts
-            if part.joint > deepest or (part.name not in before and (part.own or part.name not in moved))
-        ])  # fmt: skip
-    return kept
-
-
-def _relations(
-    group: ArmGroup, hulls: Sequence[Hull], on_chain: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-    """Which hulls one joint joins, or none moves against one another, and how many coordinates are between them."""
-    tree, links_with_bodies = group.kinematics, {0}
-    for arm, links in zip(group.arms, tree.links, strict=True):
-        links_with_bodies |= {links[frame.joint] for frame in arm.chain.frames.values()}
-    above = [0]  # the link with a body that each link hangs on
-    for parent in tree.parents.tolist():
-        above.append(parent if parent in links_with_bodies else above[parent])
-    joints = np.array([hull.joint for hull in hulls])
-    paths, moved = tree.moves[joints], tree.coupling != 0
-    between = np.array([((paths != path).astype(np.intp) @ moved > 0).sum(axis=1) for path in paths])
-    joined = (np.array(above)[joints][:, None] == joints) & on_chain[:, None] & on_chain & (joints[:, None] > joints)
-    return joined | joined.T | (between == 0), between
+    @classmethod
+    def of(cls, group: ArmGroup, fine: Collection[str] = ()) -> "BodyHulls | None":
+        """Collect the hulls of a group; None where the shapes of an arm are not known."""
+        listed = [parts_of(member.geometry) for member in group.arms]
+        if not all(any(part.own for part in parts) for parts in listed):
+            return None
+        tree, robots, common = group.kinematics, _robots(group), group.common
+        kept: list[list[Part]] = []  # without parts of an earlier arm, and those that another arm of its robot moves
+        hulls, parts, sides, owners = [], [], [], []
+        for i, (member, own) in enumerate(zip(group.arms, listed, strict=True)):
+            same = [k for k in np.flatnonzero(robots == robots[i]).tolist() if k != i]
+            before = {part.name for k in same if k < i for part in kept[k]}
+            moved = {part.name for k in same for part in listed[k] if part.joint > common[i, k]}
+            deepest = max((int(common[i, k]) for k in same), default=-1)
+            kept.append([
+                part for part in own
+                if part.joint > deepest or (part.name not in before and (part.own or part.name not in moved))
+            ])  # fmt: skip
+            for part in kept[i]:
+                for hull in hulls_of(member, part, part.name in fine):
+                    hulls.append(replace(hull, joint=tree.links[i][part.joint]))
+                    parts.append(part)
+                    sides.append(i)
+                    owners.append((robots == robots[i]) & (common[i] >= part.joint))
+        names = [name for own in kept for name in {part.name for part in own}]
+        if len(set(names)) < len(names):
+            hulls = [replace(h, name=f"{group.names[i]}_{h.name}") for h, i in zip(hulls, sides, strict=True)]
+        last = [tree.links[i][max(part.joint for part in own if part.own)] for i, own in enumerate(kept)]
+        links_with_bodies = {0}
+        for arm, links in zip(group.arms, tree.links, strict=True):
+            links_with_bodies |= {links[frame.joint] for frame in arm.chain.frames.values()}
+        above = [0]  # the link with a body that each link hangs on
+        for parent in tree.parents.tolist():
+            above.append(parent if parent in links_with_bodies else above[parent])
+        joints, on_chain = np.array([hull.joint for hull in hulls]), np.array([part.own for part in parts])
+        paths, moves = tree.moves[joints], tree.coupling != 0
+        between = np.array([((paths != path).astype(np.intp) @ moves > 0).sum(axis=1) for path in paths])
+        near = (np.array(above)[joints][:, None] == joints) & on_chain[:, None] & on_chain
+        near &= joints[:, None] > joints
+        of_hulls = robots[sides]
+        joined = (near | near.T | (between == 0)) & (of_hulls[:, None] == of_hulls)
+        return cls(tuple(hulls), tuple(parts), joined, between, np.array(owners), of_hulls, frozenset(last))
 
 
 def _robots(group: ArmGroup) -> NDArray[np.intp]:
@@ -122,27 +107,60 @@ NO_PAIRS = SelectedPairs(*(np.empty((0, 2), dtype=np.int64),) * 4, np.empty(0), 
 def select_pairs(
     group: ArmGroup, boxes: Sequence[Hull], table: float, disabled: Collection[frozenset[str]], padding: float
 ) -> tuple[Solids, SelectedPairs] | None:
-    """Choose hulls, and the pairs of them to check; None where the shapes of an arm are not known."""
-    samples = np.concatenate([np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)])
-    coarse: frozenset[str] = frozenset()
+    """Choose hulls, and the pairs of them to check; None where the shapes of an arm are not known.
+
+    Pairs that meet in nearly all samples of the joint space, or come near in none, are left out. A pair is never near
+    if it stays farther apart in all samples than 5 mm with at most two coordinates between, whose samples are 2° to 4°
+    apart, 2 cm from table or obstacles, and else 10 cm, as samples miss the nearest configuration.
+    """
+    q = np.concatenate([np.clip(0.0, group.lower, group.upper)[None], group.sample(9999, random_state=0)])
+    coarse: frozenset[str] = frozenset()  # names of parts that need finer hulls
     for attempt in range(2):
-        bodies = _body_hulls(group, coarse)
+        bodies = BodyHulls.of(group, coarse)
         if bodies is None:
             return None
         solids = Solids(group.kinematics, [*bodies.hulls, *boxes], table)
         if attempt == 0:
             _require_free_base(solids, bodies)
-        selected, coarse = _select(solids, bodies, samples, disabled, padding)
+        pairs = _candidates(bodies, solids, disabled)
+        links = np.array(((pairs >= 0) & (pairs < len(bodies.hulls))).all(axis=1), dtype=np.bool_)
+        of_links = np.where(links[:, None], pairs, 0)
+        near = links & (bodies.between[tuple(of_links.T)] <= 2)
+        across = links & ~np.any(bodies.owners[of_links].all(axis=1), axis=1)
+        share = np.where(near, 0.25, 1.0)
+        limit = padding * share
+        reach = limit + np.where(near, 0.005, np.where(links, 0.1, 0.02))
+        bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
+        never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
+        never[never] = ~solids.maybe_near(q[FIRST:], pairs[never], reach[never]).any(axis=0)
+        hits = np.array(bounds <= np.where(links, 0.0, limit), dtype=np.bool_)
+        always = np.asarray(hits.all(axis=0) & ~links)
+        every = np.ones((FIRST, 1), dtype=np.bool_)
+        for pair in np.flatnonzero(always):
+            always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], every)[0] <= limit[pair])
+        for a, b in pairs[always].tolist():
+            if b > a or (b == TABLE and solids.hulls[a].joint in bodies.last):
+                what = "obstacles: " + repr(solids.hulls[b].name)
+                what = f"table: the plane at z = {solids.table:g} m" if b == TABLE else what
+                raise InvalidInputError(
+                    f"{what} touches {solids.hulls[a].name!r} in all of {FIRST} samples of the joint space"
+                )
+        overlapping, apart, coarse, full = _by_meshes(solids, bodies, q, pairs, hits & links & ~never)
         if not coarse:
             break
-    return solids, selected
+    always |= overlapping
+    never |= apart
+    kept = ~(always | never | full)
+    return solids, SelectedPairs(
+        pairs[kept], pairs[always], pairs[never], pairs[full], share[kept], across[kept]
+    )  # fmt: skip
 
 
 def _touching(tree: Kinematics, q: Array, *bodies: tuple[Part, int]) -> NDArray[np.bool_]:
     """Whether the meshes of two parts on links touch at configurations (n, dof), shape (n,)."""
     request, result = coal.CollisionRequest(), coal.CollisionResult()
     (mesh_a, mesh_b), touching = (_mesh_solid(part) for part, _ in bodies), np.zeros(len(q), dtype=np.bool_)
-    for row, (turns, origins) in enumerate(zip(*tree.link_poses(tree.positions(q)), strict=True)):
+    for row, (turns, origins) in enumerate(zip(*tree.link_poses(q), strict=True)):
         a, b = (coal.Transform3s(turns[link], origins[link]) for _, link in bodies)
         result.clear()
         touching[row] = coal.collide(mesh_a, a, mesh_b, b, request, result) > 0
@@ -160,29 +178,30 @@ def _mesh_solid(part: Part) -> coal.BVHModelOBBRSS:
     return solid
 
 
-def _require_free_base(solids: Solids, bodies: BodyHulls) -> None:
-    """Raise InvalidInputError when what a base carries overlaps a box or another base, or a table goes through it."""
+def _require_free_base(solids: Solids, bodies: BodyHulls, sunk: float = 0.01) -> None:
+    """Raise InvalidInputError when what a base carries overlaps a box or another base, or a table goes through it.
+
+    Feet and rounded meshes may reach `sunk` [m] into a table or box.
+    """
     hulls, links = solids.hulls, len(bodies.hulls)
-    sunk = 0.01  # feet and rounded meshes may reach so far into a table or box [m]
-    for i, hull in enumerate(hulls[:links]):
-        if not bodies.parts[i].own:
-            continue  # a leg or another arm may reach below a table in front of the robot
-        for k in np.flatnonzero(bodies.robots != bodies.robots[i]).tolist() if hull.joint == 0 else ():
-            depth = -solids.at_rest(i, k) if hulls[k].joint == 0 else 0.0
-            if depth > sunk:
-                raise InvalidInputError(
-                    f"bases: {hull.name!r} is {depth:.3f} m deep in {hulls[k].name!r}; allowed is at most {sunk:g} m. "
-                    "Place the robots farther apart"
-                )
+    fixed = [i for i in range(links) if hulls[i].joint == 0]
+    pair, zero = np.ones((1, 1), dtype=np.bool_), np.zeros((1, solids.tree.coupling.shape[1]))
+    # a leg or another arm may reach below a table in front of the robot
+    for i, hull in ((i, hulls[i]) for i in fixed if bodies.parts[i].own):
         low, high = float(hull.corners[:, 2].min()), float(hull.corners[:, 2].max())
-        if hull.joint == 0 and solids.table > low + sunk:
+        if solids.table > low + sunk:
             raise InvalidInputError(
                 f"table: the plane at z = {solids.table:g} m goes through the robot's base or lies above it: "
                 f"{hull.name!r} reaches from z = {low:.3f} to {high:.3f} m in the base frame; "
                 f"allowed is at most {low + sunk:.3f} m"
             )
-        for k in range(links, len(hulls)) if hull.joint == 0 else ():
-            depth = -solids.at_rest(i, k)
+        for k in (*(k for k in fixed if bodies.robots[k] != bodies.robots[i]), *range(links, len(hulls))):
+            depth = -float(solids.distances(zero, np.array([[i, k]]), pair)[0][0])
+            if depth > sunk and k < links:
+                raise InvalidInputError(
+                    f"bases: {hull.name!r} is {depth:.3f} m deep in {hulls[k].name!r}; allowed is at most {sunk:g} m. "
+                    "Place the robots farther apart"
+                )
             if depth > sunk:
                 raise InvalidInputError(
                     f"obstacles: {hulls[k].name!r} intersects the robot's base: {hull.name!r} is {depth:.3f} m deep "
@@ -202,41 +221,6 @@ def _candidates(bodies: BodyHulls, solids: Solids, disabled: Collection[frozense
     surroundings = [*range(count, len(solids.hulls)), *([TABLE] if np.isfinite(solids.table) else [])]
     pairs += [(a, b) for a, hull in enumerate(bodies.hulls) if hull.joint for b in surroundings]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
-
-
-def _select(
-    solids: Solids, bodies: BodyHulls, q: Array, disabled: Collection[frozenset[str]], padding: float
-) -> tuple[SelectedPairs, frozenset[str]]:
-    """Leave out pairs that meet in nearly all samples of the joint space, or come near in none.
-
-    The second value has the names of the parts that need finer hulls.
-
-    A pair is never near if it stays farther apart in all samples than 5 mm with at most two coordinates between, whose
-    samples are 2° to 4° apart, 2 cm from table or obstacles, and else 10 cm, as samples miss the nearest configuration.
-    """
-    pairs = _candidates(bodies, solids, disabled)
-    links = np.array(((pairs >= 0) & (pairs < len(bodies.hulls))).all(axis=1), dtype=np.bool_)
-    of_links = np.where(links[:, None], pairs, 0)
-    near = links & (bodies.between[tuple(of_links.T)] <= 2)
-    across = links & ~np.any(bodies.owners[of_links].all(axis=1), axis=1)
-    share = np.where(near, 0.25, 1.0)
-    limit = padding * share
-    reach = limit + np.where(near, 0.005, np.where(links, 0.1, 0.02))
-    bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
-    never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
-    never[never] = ~solids.maybe_near(q[FIRST:], pairs[never], reach[never]).any(axis=0)
-    hits = np.array(bounds <= np.where(links, 0.0, limit), dtype=np.bool_)
-    always = np.asarray(hits.all(axis=0) & ~links)
-    every = np.ones((FIRST, 1), dtype=np.bool_)
-    for pair in np.flatnonzero(always):
-        always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], every)[0] <= limit[pair])
-    _require_way_out(solids, bodies, pairs[always])
-    overlapping, apart, coarse, full = _by_meshes(solids, bodies, q, pairs, hits & links & ~never)
-    always |= overlapping
-    never |= apart
-    kept = ~(always | never | full)
-    left_out = (pairs[always], pairs[never], pairs[full])
-    return SelectedPairs(pairs[kept], *left_out, share[kept], across[kept]), coarse
 
 
 def _by_meshes(
@@ -278,13 +262,3 @@ def _by_meshes(
         if meeting.mean() - share > often:
             coarse |= {bodies.parts[i].name for i in (a, b)}
     return always, apart, frozenset(coarse), full
-
-
-def _require_way_out(solids: Solids, bodies: BodyHulls, always: Pairs) -> None:
-    """Raise InvalidInputError when a link touches a box in all samples, or the last one on a chain the table."""
-    for a, b in always.tolist():
-        what = f"table: the plane at z = {solids.table:g} m" if b == TABLE else f"obstacles: {solids.hulls[b].name!r}"
-        if (b == TABLE and solids.hulls[a].joint in bodies.last) or b > a:
-            raise InvalidInputError(
-                f"{what} touches {solids.hulls[a].name!r} in all of {FIRST} samples of the joint space"
-            )

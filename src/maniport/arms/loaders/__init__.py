@@ -10,10 +10,10 @@ from pathlib import Path
 from maniport.arms.arm import Arm
 from maniport.arms.chain import RIGHT, Chain, read_embedded
 from maniport.arms.human import PERSONS, human_arm
-from maniport.arms.loaders.document import XACRO, parsed
+from maniport.arms.loaders.document import XACRO, RobotXML, parsed
 from maniport.arms.loaders.limbs import Limb, one_side
 from maniport.arms.loaders.mjcf import Mjcf
-from maniport.arms.loaders.model import RobotXML, read_chain, read_limbs
+from maniport.arms.loaders.model import RobotModel
 from maniport.arms.loaders.packages import RobotFile, find_robot, known_names
 from maniport.arms.loaders.urdf import Urdf
 from maniport.arms.restriction import restrict
@@ -36,7 +36,7 @@ def _source(path: Path) -> RobotXML:
 
 
 def _read_xml(path: Path, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    return read_chain(_source(path), frame, joints)
+    return RobotModel(_source(path)).chain(frame, joints)
 
 
 READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _read_xml, XACRO: _read_xml}
@@ -111,9 +111,13 @@ def load_arm(
     >>> load_arm("panda", base="panda_link1", lock={"panda_joint3": 0.5}).joint_names
     ('panda_joint2', 'panda_joint4', 'panda_joint5', 'panda_joint6', 'panda_joint7')
     """
-    if not isinstance(name_or_path, (str, os.PathLike)):
-        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
-    chain = read_arm(name_or_path, frame, joints, base, _as_folders(mesh_folders), side, height)
+    if isinstance(mesh_folders, (str, os.PathLike)) or not isinstance(mesh_folders, Iterable):
+        raise InvalidInputError(f"mesh_folders must be a sequence of folders; found {mesh_folders!r}")
+    folders = tuple(Path(folder).absolute() for folder in mesh_folders)
+    for folder in folders:
+        if not folder.is_dir():
+            raise InvalidInputError(f"mesh_folders: no folder {str(folder)!r}")
+    chain = read_arm(name_or_path, frame, joints, base, folders, side, height)
     chain = restrict(chain, frame, joints, base, lock)
     if name_or_path in ROBOTS and not chain.holds("panda_hand"):
         chain = replace(chain, others=None)  # the hand is not mounted where the chain ends before it
@@ -139,19 +143,21 @@ def read_arm(
 
     It begins at the base that the name implies unless `base` is given.
     """
+    if not isinstance(name_or_path, (str, os.PathLike)):
+        raise InvalidInputError(f"name_or_path must be a name or a path; found {type(name_or_path).__name__}")
+    text = os.fspath(name_or_path)
     if isinstance(name_or_path, str) and name_or_path in PERSONS:
         return human_arm(name_or_path, RIGHT if side is None else side, height).chain
     for name, value in (("side", side), ("height", height)):
         if value is not None:
-            robot = repr(os.fspath(name_or_path))
-            raise InvalidInputError(f"{argument(name)} is for persons ({', '.join(PERSONS)}); {robot} is a robot")
+            raise InvalidInputError(f"{argument(name)} is for persons ({', '.join(PERSONS)}); {text!r} is a robot")
     if isinstance(name_or_path, str) and name_or_path in ROBOTS:
         return ROBOTS[name_or_path]()
-    file, text = _robot_file(name_or_path), os.fspath(name_or_path)
+    file = _robot_file(name_or_path)
     folders = (*mesh_folders, *file.folders)
     limb = None
     if file.side is not None:
-        limb = one_side(read_limbs(_source(file.path)), file.side, text)
+        limb = one_side(RobotModel(_source(file.path)).limbs().all(), file.side, text)
         frame = limb.tip if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
@@ -176,7 +182,7 @@ def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
     file = _robot_file(name_or_path)
     if READERS[file.path.suffix.lower()] is not _read_xml:
         return [], None
-    limbs = read_limbs(_source(file.path))
+    limbs = RobotModel(_source(file.path)).limbs().all()
     if file.side is not None:
         return limbs, one_side(limbs, file.side, os.fspath(name_or_path))
     alone = len([limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]) == 1
@@ -185,8 +191,7 @@ def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
 
 def _robot_file(name_or_path: Robot) -> RobotFile:
     """The file of a name or a path."""
-    text = os.fspath(name_or_path)
-    path = Path(text)
+    text, path = os.fspath(name_or_path), Path(name_or_path)
     is_name = isinstance(name_or_path, str) and not os.path.isfile(path)
     robot = find_robot(text) if is_name else None
     if robot is None and is_name and path.suffix.lower() not in READERS and path.name == text and not path.exists():
@@ -195,13 +200,3 @@ def _robot_file(name_or_path: Robot) -> RobotFile:
         raise unknown_name("robot", text, {*ROBOTS, *PERSONS, *names}, where)
     robot = RobotFile(path) if robot is None else robot
     return replace(robot, path=existing_file(robot.path, READERS, ROBOT_BYTES))
-
-
-def _as_folders(value: Sequence[Robot]) -> tuple[Path, ...]:
-    if isinstance(value, (str, os.PathLike)) or not isinstance(value, Iterable):
-        raise InvalidInputError(f"mesh_folders must be a sequence of folders; found {value!r}")
-    folders = tuple(Path(folder).absolute() for folder in value)
-    for folder in folders:
-        if not folder.is_dir():
-            raise InvalidInputError(f"mesh_folders: no folder {str(folder)!r}")
-    return folders

@@ -1,44 +1,119 @@
-"""XML trees of robot files, within the limits of native readers, and MJCF as one tree with its included files.
+"""Robot files as XML, within the limits of native readers, and xacro files expanded to URDF."""
 
-Pinocchio ignores `<include>`, all trees of bodies but the first, and the pose of a first body that cannot move.
-"""
-
-import copy
 import math
-import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+import numpy as np
+import pinocchio as pin
+
+from maniport.arms.chain import Shape
 from maniport.arms.loaders import xacro_child
+from maniport.arms.meshes.mesh_paths import MeshPaths
 from maniport.errors import FileFormatError
 from maniport.util.input_limits import (
-    INCLUDES,
+    LINKS,
     MEGABYTE,
     NESTING,
     ROBOT_BYTES,
+    SHAPES,
     TAGS,
-    existing_file,
+    TRIANGLES,
     read_whole,
     require_at_most,
 )
 from maniport.util.optional import xacrodoc
+from maniport.util.validation import MAX_POSITION
 
 XACRO = ".xacro"
-WORLD = "world"  # name of the root body of an MJCF
 LONGEST_XACRO = 30.0  # time limit for endless macros [s]
+LARGEST = 1e9  # upper bound of all numbers of a robot
 
-_PREFIX = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
-_DECLARED = re.compile(r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
-_OPENING = re.compile(r"<[A-Za-z_][\w.-]*(?::[A-Za-z_][\w.-]*)?")
+
+@dataclass(frozen=True)
+class Follower:
+    """A joint whose position is ``factor · leader + offset``; without a leader it is constant."""
+
+    leader: str | None
+    factor: float
+    offset: float
+    linear: bool = True
+
+
+@dataclass(frozen=True)
+class RobotXML:
+    """A robot file as XML, for the content that Pinocchio does not pass on."""
+
+    path: Path
+    text: str
+    root: ElementTree.Element
+
+    name: ClassVar[str]
+    tag: ClassVar[str]  # the root element of such a file
+    bounded: ClassVar[tuple[str, str]]  # tags of links and joints
+
+    @classmethod
+    def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
+        """Check the text and the root of a file."""
+        source = cls(path, text, root)
+        for tag in cls.bounded:
+            require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
+        fault = source.fault() if root.tag == cls.tag else f"must have the root <{cls.tag}>; found <{root.tag}>"
+        if fault:
+            raise FileFormatError(f"{path}: {fault}")
+        return source
+
+    @abstractmethod
+    def fault(self) -> str:
+        """Describe the first inconsistency; empty without one."""
+
+    @abstractmethod
+    def build(self) -> pin.Model:
+        """Read the kinematics with Pinocchio."""
+
+    @abstractmethod
+    def followers(self) -> Iterable[tuple[str, Follower]]:
+        """Return the joints that follow others."""
+
+    @abstractmethod
+    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterable[Shape]:
+        """Return the visual shapes of some links; `paths` finds their meshes."""
+
+    def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
+        """Return the joints of each body, if bodies may have several: body name, then joint name."""
+        return {}
+
+    def joint_range(self, name: str) -> tuple[float, float] | None:
+        """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
+        return None
+
+
+def read_shapes(
+    kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
+) -> list[Shape]:
+    """Read the visual shapes of some links; meshes of others may be missing."""
+    shapes: list[Shape] = []
+    triangles = 0
+    for shape in kind.checked(path, *parsed(path)).shapes(links, MeshPaths(path, mesh_folders)):
+        shapes.append(shape)
+        triangles += len(shape.mesh[1])
+        require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
+        require_at_most(len(shapes), SHAPES, "shapes", path)
+        if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
+            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m")
+    return shapes
 
 
 def parsed(path: Path) -> tuple[str, ElementTree.Element]:
-    """Read the text and the root of an XML file within the input limits."""
+    """Read the text and the root of an XML file within the input limits; a xacro file is expanded."""
     try:
         content = read_whole(path, (), ROBOT_BYTES).decode("utf-8").lstrip("\ufeff")
         text = _expanded(path) if path.suffix.lower() == XACRO else content
@@ -50,7 +125,10 @@ def parsed(path: Path) -> tuple[str, ElementTree.Element]:
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(f"{path}: not readable as XML, perhaps cut off: {error}") from None
-    require_at_most(_depth(root), NESTING, "levels of elements within elements", path)
+    level, depth = [root], 0
+    while level:
+        level, depth = [child for element in level for child in element], depth + 1
+    require_at_most(depth, NESTING, "levels of elements within elements", path)
     return text, root
 
 
@@ -61,20 +139,13 @@ def _root(text: str) -> ElementTree.Element:
     except ElementTree.ParseError as error:
         if error.code != expat.errors.codes[expat.errors.XML_ERROR_UNBOUND_PREFIX]:
             raise
-    names = sorted(set(_PREFIX.findall(text)) - {"xml", "xmlns", *_DECLARED.findall(text)})
-    declared = "".join(f' xmlns:{name}="{name}"' for name in names)
-    return ElementTree.fromstring(_OPENING.sub(lambda root: root[0] + declared, text, count=1))
-
-
-def _depth(root: ElementTree.Element) -> int:
-    """Number of levels of elements."""
-    level, depth = [root], 0
-    while level:
-        level, depth = [child for element in level for child in element], depth + 1
-    return depth
-
-
-LARGEST = 1e9  # upper bound of all numbers of a robot
+    used, declared = (
+        set(re.findall(pattern, text))
+        for pattern in (r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", r"\sxmlns:([A-Za-z_][\w.-]*)\s*=")
+    )
+    names = "".join(f' xmlns:{name}="{name}"' for name in sorted(used - declared - {"xml", "xmlns"}))
+    opening = r"<[A-Za-z_][\w.-]*(?::[A-Za-z_][\w.-]*)?"
+    return ElementTree.fromstring(re.sub(opening, lambda root: root[0] + names, text, count=1))
 
 
 def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:
@@ -96,7 +167,7 @@ def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts:
 
 
 def _expanded(path: Path) -> str:
-    """Expand a xacro file to a URDF, with the defaults of its arguments."""
+    """Expand a xacro file to a URDF, with the defaults of its arguments, in a process with limits."""
     xacrodoc()
     child = [sys.executable, "-P", xacro_child.__file__, str(path), str(ROBOT_BYTES), str(2048 * MEGABYTE)]
     try:
@@ -115,98 +186,3 @@ def _expanded(path: Path) -> str:
     if len(text) > ROBOT_BYTES:
         raise FileFormatError(f"{path}: is {len(text) / MEGABYTE:.4g} MB when expanded; too large")
     return text
-
-
-def with_includes(path: Path, root: ElementTree.Element) -> ElementTree.Element:
-    """Insert included files as MuJoCo does, and name unnamed bodies and joints."""
-    tree = copy.deepcopy(root)
-    if root.find(".//include") is not None:
-        _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
-        _join(tree)
-    _name(tree)
-    return tree
-
-
-def _fill(element: ElementTree.Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
-    """Replace <include> by the content of files; `seen` counts the elements of each file."""
-    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
-    children: list[ElementTree.Element] = []
-    for child in element:
-        if child.tag == "include":
-            children += _included(child, path, seen, level)
-        else:
-            _fill(child, path, seen, level + 1)
-            children.append(child)
-    element[:] = children
-
-
-def _included(
-    include: ElementTree.Element, path: Path, seen: dict[Path, int], level: int
-) -> Iterator[ElementTree.Element]:
-    """Elements of an included file."""
-    name = include.get("file", "")
-    if not name:
-        raise FileFormatError(f"{path}: an <include> names no file")
-    file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
-    if not file.is_relative_to(path.parent.resolve()):
-        raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
-    if file in seen:
-        raise FileFormatError(f"{path}: includes {name!r} more than once, or in a cycle")
-    require_at_most(len(seen), INCLUDES, "included files", path)
-    root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))[1]
-    seen[file] = sum(1 for _ in root.iter())
-    require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
-    _fill(root, path, seen, level)
-    yield from root
-
-
-def _join(root: ElementTree.Element) -> None:
-    """Join sections of one name; later attributes override earlier ones."""
-    first: dict[str, ElementTree.Element] = {}
-    for section in list(root):
-        if section.tag in first:
-            first[section.tag].attrib.update(section.attrib)
-            first[section.tag].extend(section)
-            root.remove(section)
-        else:
-            first[section.tag] = section
-
-
-def _name(root: ElementTree.Element) -> None:
-    """Name unnamed bodies and joints after their parent; names by Pinocchio would lose the ranges."""
-    taken = {element.get("name") for element in root.iterfind("worldbody//*")}
-    for parent in [body for world in root.findall("worldbody") for body in (world, *world.iter("body"))]:
-        above = parent.get("name", WORLD)
-        joints = [joint for joint in parent.findall("joint") if joint.get("type") != "free"]
-        for what, parts in (("joint", joints), ("body", parent.findall("body"))):
-            for k, part in enumerate(parts, start=1):
-                if part.get("name") is None:
-                    name = f"{above}_{what}{k}"
-                    while name in taken:
-                        name += "_2"
-                    part.set("name", name)
-                    taken.add(name)
-
-
-def one_tree(root: ElementTree.Element) -> ElementTree.Element:
-    """Copy a tree with all bodies below one at the origin of the world, without free joints."""
-    tree = copy.deepcopy(root)
-    for body in tree.iter("body"):
-        for joint in [*body.findall("freejoint"), *body.findall("joint[@type='free']")]:
-            body.remove(joint)
-    for world in tree.iter("worldbody"):
-        hull = ElementTree.Element("body", {"name": WORLD, **world.attrib})
-        hull.extend(world)
-        world[:] = [hull]
-    return tree
-
-
-def kinematics(root: ElementTree.Element) -> ElementTree.Element:
-    """Copy a tree without shapes, actuators, sensors, cameras and lights."""
-    tree = one_tree(root)
-    for section in [section for section in tree if section.tag not in ("compiler", "default", "worldbody")]:
-        tree.remove(section)
-    for parent in list(tree.iter()):
-        for part in [child for child in parent if child.tag in ("geom", "camera", "light")]:
-            parent.remove(part)
-    return tree

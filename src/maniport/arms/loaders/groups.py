@@ -58,9 +58,9 @@ def load_arms(
     (14, (4, 2, 4, 4))
     """
     single = isinstance(robot, (str, os.PathLike))
-    one = single and bases is None
-    counted = ("robot", robot) if not single else ("frames", frames or (LEFT, RIGHT)) if one else ("bases", bases)
-    count = len(_several(*counted))
+    one_robot = single and bases is None
+    counted = ("bases", bases) if single else ("robot", robot)
+    count = len(_several(*(("frames", frames or (LEFT, RIGHT)) if one_robot else counted)))
     robots: Any = [robot] * count if single else robot
     for name in robots:
         if isinstance(name, str) and name in PERSONS:
@@ -69,12 +69,30 @@ def load_arms(
     tips = [None] * count if frames is None else _several("frames", frames, count)
     places = [np.eye(4)] * count if bases is None else _several("bases", bases, count)
     places = [_base(place, name) for place, name in zip(places, names, strict=True)]
-    if one and None in tips:
+    if one_robot and None in tips:
         tips = _ends(robots[0], tips)
     arms = [load_arm(name, tip, mesh_folders=mesh_folders) for name, tip in zip(robots, tips, strict=True)]
-    arms = _restricted(arms, names, joints, lock, one)
-    if not one:
-        arms = [Arm(standing(arm.chain, where)) for arm, where in zip(arms, places, strict=True)]
+    wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
+    titles = [  # names of joints, which may have those of arms as prefixes
+        {title: name for name in arm.joint_names for title in (name, f"{side}_{name}")[: 1 if one_robot else 2]}
+        for side, arm in zip(names, arms, strict=True)
+    ]
+    for name in (*(wanted or ()), *held):
+        if not any(name in own for own in titles):
+            raise unknown_name("joint", name, set[str]().union(*titles), f"on the arms of {arms[0].name!r}")
+    for i, (side, own) in enumerate(zip(names, titles, strict=True)):
+        fixed: dict[str, float] = {}
+        for title in own.keys() & held.keys():
+            if fixed.setdefault(own[title], held[title]) != held[title]:
+                raise InvalidInputError(
+                    f"lock: {own[title]!r} of {side} is named twice, at {held[title]!r} and {fixed[own[title]]!r}"
+                )
+        moving = None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own))
+        if moving == []:
+            listed = ", ".join(wanted or ())
+            raise InvalidInputError(f"joints: none of {listed} moves the {side} arm, which has {', '.join(own)}")
+        arms[i] = arms[i].restricted(joints=moving, lock=fixed)
+        arms[i] = arms[i] if one_robot else Arm(standing(arms[i].chain, places[i]))
     return ArmGroup(*arms, names=names)
 
 
@@ -119,29 +137,3 @@ def _base(value: Any, side: str) -> Array:
         )
     as_numbers(array[:3], name, 3, minimum=-MAX_POSITION, maximum=MAX_POSITION)
     return pose(array[:3].tolist(), (0.0, 0.0, float(sum(array[3:]))))
-
-
-def _restricted(arms: Sequence[Arm], names: Sequence[str], joints: Any, lock: Any, one: bool) -> list[Arm]:
-    """Restrict arms to some joints, or lock joints; names may have those of arms as prefixes."""
-    wanted, held = None if joints is None else check_names(joints, "joints"), check_lock(lock, None)
-    titles = [
-        {title: name for name in arm.joint_names for title in ((name,) if one else (name, f"{side}_{name}"))}
-        for side, arm in zip(names, arms, strict=True)
-    ]
-    for name in (*(wanted or ()), *held):
-        if not any(name in own for own in titles):
-            raise unknown_name("joint", name, set[str]().union(*titles), f"on the arms of {arms[0].name!r}")
-    results = []
-    for arm, side, own in zip(arms, names, titles, strict=True):
-        fixed: dict[str, float] = {}
-        for title in own.keys() & held.keys():
-            if fixed.setdefault(own[title], held[title]) != held[title]:
-                raise InvalidInputError(
-                    f"lock: {own[title]!r} of {side} is named twice, at {held[title]!r} and {fixed[own[title]]!r}"
-                )
-        moving = None if wanted is None else list(dict.fromkeys(own[name] for name in wanted if name in own))
-        if moving == []:
-            listed = ", ".join(wanted or ())
-            raise InvalidInputError(f"joints: none of {listed} moves the {side} arm, which has {', '.join(own)}")
-        results.append(arm.restricted(joints=moving, lock=fixed))
-    return results

@@ -1,10 +1,13 @@
 """MJCF: checks, joint equalities, several joints of one body, ranges and shapes.
 
 Ranges are read here, since Pinocchio 4 converts those of prismatic joints from degrees and shifts those of joints with
-a `ref`. Pinocchio reads the poses of shapes from a copy in which each mesh is one triangle, since its native mesh
-reader crashes on damaged files.
+a `ref`. Pinocchio ignores `<include>`, all trees of bodies but the first, and the pose of a first body that cannot
+move: it reads a copy with all included files and all bodies in one tree. For shapes, each mesh of the copy is one
+triangle, since its native mesh reader crashes on damaged files.
 """
 
+import copy
+import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
@@ -18,23 +21,15 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, WORLD, kinematics, one_tree, require_numbers, with_includes
-from maniport.arms.loaders.model import Follower, RobotXML
-from maniport.arms.meshes import box, capsule, cylinder, ellipsoid
+from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, parsed, require_numbers
+from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
+from maniport.util.input_limits import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 
-# Pinocchio ignores these elements and all bodies in them.
-_UNREAD = ("frame", "replicate", "attach", "composite", "flexcomp")
-
-
-_NUMBERS = {
-    "pos": 3, "quat": 4, "axis": 3, "euler": 3, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "fromto": 6, "ref": 1,
-    "diaginertia": 3, "fullinertia": 6, "mass": 1, "scale": 3,
-}  # fmt: skip
-"""How many numbers attributes hold that Pinocchio reads."""
+WORLD = "world"  # name of the root body
 
 
 class Mjcf(RobotXML):
@@ -45,25 +40,27 @@ class Mjcf(RobotXML):
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> RobotXML:
         """Check the text and the root of a file with its included files."""
-        return super().checked(path, text, with_includes(path, root) if root.tag == cls.tag else root)
+        return super().checked(path, text, _with_includes(path, root) if root.tag == cls.tag else root)
 
     def build(self) -> pin.Model:
-        """Read the kinematics with Pinocchio."""
+        """Read the kinematics with Pinocchio, without shapes, actuators, sensors, cameras and lights."""
+        tree = _one_tree(self.root)
+        tree[:] = [section for section in tree if section.tag in ("compiler", "default", "worldbody")]
+        for parent in list(tree.iter()):
+            parent[:] = [child for child in parent if child.tag not in ("geom", "camera", "light")]
         with TemporaryDirectory(prefix="maniport-") as folder:
             file = Path(folder) / self.path.with_suffix(".xml").name
-            ElementTree.ElementTree(kinematics(self.root)).write(file, encoding="utf-8")
+            ElementTree.ElementTree(tree).write(file, encoding="utf-8")
             return pin.buildModelFromMJCF(str(file))
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
-        """Yield the joints of joint equalities."""
+        """Yield the joints of joint equalities; MuJoCo counts both positions from their rest values."""
+        rest = {name: float(self._attribute(j, "ref") or 0.0) * self._unit(j) for name, j in self._joints.items()}
         for joint in self.root.findall("equality/joint"):
             if joint.get("active", "true") == "true":
                 follower, leader = joint.get("joint1", ""), joint.get("joint2")
                 c = [float(x) for x in joint.get("polycoef", "0 1 0 0 0").split()] + [0.0] * 5
-                # MuJoCo counts both positions from their rest values.
-                offset = (
-                    c[0] + self._rest(self._joints.get(follower)) - c[1] * self._rest(self._joints.get(leader or ""))
-                )
+                offset = c[0] + rest.get(follower, 0.0) - c[1] * rest.get(leader or "", 0.0)
                 yield follower, Follower(leader, c[1], offset, not any(c[2:]))
 
     @cached_property
@@ -77,9 +74,7 @@ class Mjcf(RobotXML):
     def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
         """Return the joints of each body: body name, then joint name."""
         return {
-            body.get("name", ""): {
-                joint.get("name", ""): joint for joint in body.findall("joint") if joint.get("type") != "free"
-            }
+            body.get("name", ""): {j.get("name", ""): j for j in body.findall("joint") if j.get("type") != "free"}
             for body in self.root.findall("worldbody//body")
         }
 
@@ -95,10 +90,6 @@ class Mjcf(RobotXML):
             raise FileFormatError(f"{self.path}: joint {name!r} has range {text!r}; two numbers are needed") from None
         return low, high
 
-    def _rest(self, joint: ElementTree.Element | None) -> float:
-        """Reference position of a joint [rad] or [m]."""
-        return 0.0 if joint is None else float(self._attribute(joint, "ref") or 0.0) * self._unit(joint)
-
     def _unit(self, joint: ElementTree.Element) -> float:
         angle = [compiler.get("angle") for compiler in self.root.findall("compiler") if compiler.get("angle")]
         hinge = self._attribute(joint, "type") in (None, "hinge")
@@ -108,22 +99,22 @@ class Mjcf(RobotXML):
         """An attribute of a joint, its own or that of its default class."""
         if joint.get(attribute) is not None:
             return joint.get(attribute)
-        parents = self._parents
-        name, node = joint.get("class"), parents.get(joint)
+        name, node = joint.get("class"), self._parents.get(joint)
         while name is None and node is not None:
-            name, node = node.get("childclass"), parents.get(node)
+            name, node = node.get("childclass"), self._parents.get(node)
         top = self.root.find("default")
         entry = next((d for d in self.root.iter("default") if name is not None and d.get("class") == name), top)
         while entry is not None and entry.tag == "default":
             default = entry.find("joint")
             if default is not None and default.get(attribute) is not None:
                 return default.get(attribute)
-            entry = parents.get(entry)
+            entry = self._parents.get(entry)
         return None
 
     def fault(self) -> str:
         """Describe the first inconsistency or unsupported element; empty without one."""
-        unread = sorted({tag for tag in _UNREAD for _ in self.root.iter(tag)})
+        ignored = ("frame", "replicate", "attach", "composite", "flexcomp")  # by Pinocchio, with all bodies in them
+        unread = sorted({tag for tag in ignored for _ in self.root.iter(tag)})
         if unread:
             return (
                 f"uses <{'>, <'.join(unread)}>, which are not supported; save the model as one plain file first, for "
@@ -142,33 +133,84 @@ class Mjcf(RobotXML):
             for name in (element.get("class"), element.get("childclass")):
                 if name is not None and name not in classes:
                     return f"<{element.tag}> is of the class {name!r}, which no <default> defines"
-        require_numbers(self.path, self.root.iter(), _NUMBERS)
+        counts = {
+            "pos": 3, "quat": 4, "axis": 3, "euler": 3, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "fromto": 6, "ref": 1,
+            "diaginertia": 3, "fullinertia": 6, "mass": 1, "scale": 3,
+        }  # fmt: skip
+        require_numbers(self.path, self.root.iter(), counts)
         return ""
 
     def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
         """Yield the shapes of bodies: those without contacts if a body has such, else all."""
-        meshes = _named_meshes(self.root, paths.path.parent)
-        model, shown, solid = _geometries(self.root, paths.path)
+        options = {name: value for compiler in self.root.findall("compiler") for name, value in compiler.items()}
+        folder = paths.path.parent / options.get("meshdir", options.get("assetdir", ""))
+        meshes: dict[str, Path | ElementTree.Element] = {}  # by their placeholder: a file, or an element with points
+        for i, mesh in enumerate(self.root.iterfind("asset/mesh")):
+            file = mesh.get("file", "")
+            file = Path(file).name if options.get("strippath") == "true" else file
+            meshes[f"{i}.stl"] = folder / file if file else mesh
+        model, shown, solid = self._geometries()
         touching = {thing.name for thing in solid.geometryObjects}
         dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
         for thing in shown.geometryObjects:
             frame = model.frames[thing.parentFrame]
             if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
                 placement = (frame.placement.inverse() * thing.placement).homogeneous
-                for points, triangles in _meshes(thing, paths, meshes):
+                if (shape := _mesh(thing, paths, meshes)) is not None:
+                    points, triangles = shape
                     yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
+    def _geometries(self) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
+        """The model and its visual and collision geometry, with a triangle for each mesh."""
+        root = _one_tree(self.root)
+        corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
+        triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
+        for compiler in root.findall("compiler"):
+            for option in ("meshdir", "assetdir", "strippath"):
+                compiler.attrib.pop(option, None)
+        with temporary_beside(Path(gettempdir()) / "maniport", folder=True) as folder:
+            for i, mesh in enumerate(root.iterfind("asset/mesh")):
+                mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
+                mesh.set("file", f"{i}.stl")
+                for own in ("vertex", "face", "normal", "texcoord", "builtin", "params"):
+                    mesh.attrib.pop(own, None)
+                (folder / f"{i}.stl").write_bytes(triangle)
+            file = folder / "robot.xml"
+            ElementTree.ElementTree(root).write(file, encoding="utf-8")
+            try:
+                model = pin.buildModelFromMJCF(str(file))
+                shown, solid = (pin.buildGeomFromMJCF(model, str(file), kind) for kind in (pin.VISUAL, pin.COLLISION))
+            except (ValueError, RuntimeError, IndexError) as error:
+                reason = " ".join(str(error).split("message:")[-1].split())
+                raise FileFormatError(f"{self.path}: its shapes cannot be read: {reason}") from None
+        return model, shown, solid
 
-def _named_meshes(root: ElementTree.Element, folder: Path) -> dict[str, Path | ElementTree.Element]:
-    """Meshes by their placeholder: a file, or an element with points of its own."""
-    options = {name: value for compiler in root.findall("compiler") for name, value in compiler.items()}
-    folder = folder / options.get("meshdir", options.get("assetdir", ""))
-    bare = options.get("strippath") == "true"
-    meshes: dict[str, Path | ElementTree.Element] = {}
-    for i, mesh in enumerate(root.iterfind("asset/mesh")):
-        name = mesh.get("file", "")
-        meshes[f"{i}.stl"] = folder / (Path(name).name if bare else name) if name else mesh
-    return meshes
+
+def _mesh(thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]) -> Mesh | None:
+    """The mesh of a shape of Coal; none for planes, which are infinite."""
+    shape = thing.geometry
+    if isinstance(shape, coal.BVHModelBase):
+        mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
+        if not isinstance(mesh, Path):
+            return scaled(_own_mesh(paths.path, mesh), scale)
+        if not is_file(mesh):
+            files = {file for file in meshes.values() if isinstance(file, Path)}
+            missing = sum(not is_file(file) for file in files)
+            raise FileFormatError(
+                f"{paths.path}: the mesh {str(mesh)!r} is missing ({missing} of {len(files)} meshes are)"
+            )
+        paths.require_allowed(mesh, str(mesh))
+        return scaled(paths.mesh(mesh), scale)
+    kind = type(shape).__name__.lower()
+    if kind == "box":
+        return SOLIDS[kind](*(2 * shape.halfSide))
+    if kind in ("sphere", "ellipsoid"):
+        return SOLIDS[kind](*np.atleast_1d(shape.radius if kind == "sphere" else shape.radii))
+    if kind in ("cylinder", "capsule"):
+        return SOLIDS[kind](shape.radius, 2 * shape.halfLength)
+    if isinstance(shape, (coal.Plane, coal.Halfspace)):
+        return None
+    raise FileFormatError(f"{paths.path}: {thing.name!r} has an unsupported shape: {type(shape).__name__}")
 
 
 def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
@@ -184,62 +226,67 @@ def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
         raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} are no solid: {reason}") from None
 
 
-def _geometries(root: ElementTree.Element, path: Path) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
-    """The model and its visual and collision geometry, with a triangle for each mesh."""
-    root = one_tree(root)
-    corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
-    triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
-    for compiler in root.findall("compiler"):
-        for option in ("meshdir", "assetdir", "strippath"):
-            compiler.attrib.pop(option, None)
-    with temporary_beside(Path(gettempdir()) / "maniport", folder=True) as folder:
-        for i, mesh in enumerate(root.iterfind("asset/mesh")):
-            mesh.set("name", mesh.get("name") or Path(mesh.get("file", "")).stem)
-            mesh.set("file", f"{i}.stl")
-            for own in ("vertex", "face", "normal", "texcoord", "builtin", "params"):
-                mesh.attrib.pop(own, None)
-            (folder / f"{i}.stl").write_bytes(triangle)
-        file = folder / "robot.xml"
-        ElementTree.ElementTree(root).write(file, encoding="utf-8")
-        try:
-            model = pin.buildModelFromMJCF(str(file))
-            shown, solid = (pin.buildGeomFromMJCF(model, str(file), kind) for kind in (pin.VISUAL, pin.COLLISION))
-        except (ValueError, RuntimeError, IndexError) as error:
-            reason = " ".join(str(error).split("message:")[-1].split())
-            raise FileFormatError(f"{path}: its shapes cannot be read: {reason}") from None
-    return model, shown, solid
+def _with_includes(path: Path, root: ElementTree.Element) -> ElementTree.Element:
+    """Insert included files as MuJoCo does, and name unnamed bodies and joints."""
+    tree = copy.deepcopy(root)
+    if root.find(".//include") is not None:
+        _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
+        first: dict[str, ElementTree.Element] = {}
+        for section in list(tree):  # join sections of one name; later attributes override earlier ones
+            if section.tag in first:
+                first[section.tag].attrib.update(section.attrib)
+                first[section.tag].extend(section)
+                tree.remove(section)
+            else:
+                first[section.tag] = section
+    taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
+    for parent in [body for world in tree.findall("worldbody") for body in (world, *world.iter("body"))]:
+        joints = [joint for joint in parent.findall("joint") if joint.get("type") != "free"]
+        for what, parts in (("joint", joints), ("body", parent.findall("body"))):
+            for k, part in enumerate(parts, start=1):
+                if part.get("name") is None:  # names by Pinocchio would lose the ranges
+                    name = f"{parent.get('name', WORLD)}_{what}{k}"
+                    while name in taken:
+                        name += "_2"
+                    part.set("name", name)
+                    taken.add(name)
+    return tree
 
 
-def _meshes(
-    thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]
-) -> Iterator[Mesh]:
-    """The mesh of a shape of Coal; none for planes, which are infinite."""
-    shape = thing.geometry
-    if isinstance(shape, coal.Box):
-        yield box(2 * shape.halfSide)
-    elif isinstance(shape, coal.Sphere):
-        yield ellipsoid((shape.radius,) * 3)
-    elif isinstance(shape, coal.Ellipsoid):
-        yield ellipsoid(shape.radii)
-    elif isinstance(shape, coal.Cylinder):
-        yield cylinder(shape.radius, 2 * shape.halfLength)
-    elif isinstance(shape, coal.Capsule):
-        yield capsule(shape.radius, 2 * shape.halfLength)
-    elif isinstance(shape, coal.BVHModelBase):
-        mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)
-        if isinstance(mesh, Path):
-            yield scaled(paths.mesh(_existing_mesh(mesh, meshes, paths)), scale)
-        else:
-            yield scaled(_own_mesh(paths.path, mesh), scale)
-    elif not isinstance(shape, (coal.Plane, coal.Halfspace)):
-        raise FileFormatError(f"{paths.path}: {thing.name!r} has an unsupported shape: {type(shape).__name__}")
+def _fill(element: ElementTree.Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
+    """Replace <include> by the content of files; `seen` counts the elements of each file."""
+    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
+    children: list[ElementTree.Element] = []
+    for child in element:
+        if child.tag != "include":
+            _fill(child, path, seen, level + 1)
+            children.append(child)
+            continue
+        name = child.get("file", "")
+        if not name:
+            raise FileFormatError(f"{path}: an <include> names no file")
+        file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
+        if not file.is_relative_to(path.parent.resolve()):
+            raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
+        if file in seen:
+            raise FileFormatError(f"{path}: includes {name!r} more than once, or in a cycle")
+        require_at_most(len(seen), INCLUDES, "included files", path)
+        root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))[1]
+        seen[file] = sum(1 for _ in root.iter())
+        require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
+        _fill(root, path, seen, level)
+        children += root
+    element[:] = children
 
 
-def _existing_mesh(file: Path, meshes: Mapping[str, Path | ElementTree.Element], paths: MeshPaths) -> Path:
-    """Require the file of a mesh; the error counts the missing files."""
-    if not is_file(file):
-        there = {other for other in meshes.values() if isinstance(other, Path)}
-        missing = sum(not is_file(other) for other in there)
-        raise FileFormatError(f"{paths.path}: the mesh {str(file)!r} is missing ({missing} of {len(there)} meshes are)")
-    paths.require_allowed(file, str(file))
-    return file
+def _one_tree(root: ElementTree.Element) -> ElementTree.Element:
+    """Copy a tree with all bodies below one at the origin of the world, without free joints."""
+    tree = copy.deepcopy(root)
+    for body in tree.iter("body"):
+        for joint in [*body.findall("freejoint"), *body.findall("joint[@type='free']")]:
+            body.remove(joint)
+    for world in tree.iter("worldbody"):
+        hull = ElementTree.Element("body", {"name": WORLD, **world.attrib})
+        hull.extend(world)
+        world[:] = [hull]
+    return tree

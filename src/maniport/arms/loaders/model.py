@@ -1,111 +1,21 @@
 """Chains from robot XML files that Pinocchio reads."""
 
-from abc import abstractmethod
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import ClassVar
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, Shape, check_names
-from maniport.arms.loaders.document import parsed
-from maniport.arms.loaders.limbs import Limb, Limbs, bodies_off_chain, body_above, named_frames
-from maniport.arms.meshes.mesh_paths import MeshPaths
+from maniport.arms.chain import PRISMATIC, REVOLUTE, Body, Chain, Frame, Joint, check_names
+from maniport.arms.loaders.document import RobotXML, read_shapes
+from maniport.arms.loaders.limbs import Limbs, body_above, named_frames
 from maniport.errors import FileFormatError, InvalidInputError, unknown_name
-from maniport.util.input_limits import LINKS, SHAPES, TRIANGLES, require_at_most
-from maniport.util.validation import MAX_POSITION, Array
+from maniport.util.validation import Array
 
 
-@dataclass(frozen=True)
-class Follower:
-    """A joint whose position is ``factor · leader + offset``; without a leader it is constant."""
-
-    leader: str | None
-    factor: float
-    offset: float
-    linear: bool = True
-
-
-@dataclass(frozen=True)
-class RobotXML:
-    """A robot file as XML, for the content that Pinocchio does not pass on."""
-
-    path: Path
-    text: str
-    root: ElementTree.Element
-
-    name: ClassVar[str]
-    tag: ClassVar[str]  # the root element of such a file
-    bounded: ClassVar[tuple[str, str]]  # tags of links and joints
-
-    @classmethod
-    def checked(cls, path: Path, text: str, root: ElementTree.Element) -> "RobotXML":
-        """Check the text and the root of a file."""
-        source = cls(path, text, root)
-        for tag in cls.bounded:
-            require_at_most(sum(1 for _ in root.iter(tag)), LINKS, f"elements <{tag}>", path)
-        fault = source.fault() if root.tag == cls.tag else f"must have the root <{cls.tag}>; found <{root.tag}>"
-        if fault:
-            raise FileFormatError(f"{path}: {fault}")
-        return source
-
-    @abstractmethod
-    def fault(self) -> str:
-        """Describe the first inconsistency; empty without one."""
-
-    @abstractmethod
-    def build(self) -> pin.Model:
-        """Read the kinematics with Pinocchio."""
-
-    @abstractmethod
-    def followers(self) -> Iterable[tuple[str, Follower]]:
-        """Return the joints that follow others."""
-
-    @abstractmethod
-    def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterable[Shape]:
-        """Return the visual shapes of some links; `paths` finds their meshes."""
-
-    def body_joints(self) -> dict[str, dict[str, ElementTree.Element]]:
-        """Return the joints of each body, if bodies may have several: body name, then joint name."""
-        return {}
-
-    def joint_range(self, name: str) -> tuple[float, float] | None:
-        """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
-        return None
-
-
-def read_chain(source: RobotXML, frame: str | None, joints: Sequence[str] | None) -> Chain:
-    """Read the chain from a robot's base to one frame; see `maniport.load_arm`."""
-    return _Reader(source).chain(frame, None if joints is None else check_names(joints, "joints"))
-
-
-def read_limbs(source: RobotXML) -> list[Limb]:
-    """Read the limbs of a robot, the longest first."""
-    return _Reader(source).limbs().all()
-
-
-def read_shapes(
-    kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()
-) -> list[Shape]:
-    """Read the visual shapes of some links; meshes of others may be missing."""
-    shapes: list[Shape] = []
-    triangles = 0
-    for shape in kind.checked(path, *parsed(path)).shapes(links, MeshPaths(path, mesh_folders)):
-        shapes.append(shape)
-        triangles += len(shape.mesh[1])
-        require_at_most(triangles, TRIANGLES, "triangles in its shapes", path)
-        require_at_most(len(shapes), SHAPES, "shapes", path)
-        if not np.all(np.abs(shape.mesh[0]) < MAX_POSITION):  # false for nan, too
-            raise FileFormatError(f"{path}: a shape of link {shape.link!r} reaches farther than {MAX_POSITION:g} m")
-    return shapes
-
-
-class _Reader:
-    """Extracts one chain from a Pinocchio model and the XML."""
+class RobotModel:
+    """A Pinocchio model of a robot file, with its joints of one degree of freedom."""
 
     def __init__(self, source: RobotXML):
         self.source = source
@@ -120,66 +30,69 @@ class _Reader:
         self.bounds: dict[str, tuple[float, float]] = {}
         self.speeds: dict[str, float] = {}
         self.unlimited: list[str] = []
-        self.closed: dict[str, tuple[float, float]] = {}
-        self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}
+        self.closed: dict[str, tuple[float, float]] = {}  # limits that exclude all positions
+        self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}  # empty for several degrees of freedom
 
-    def chain(self, frame: str | None, joints: tuple[str, ...] | None) -> Chain:
-        """The chain from the base to a frame, by default the end effector of the given joints."""
-        path = self.source.path
-        for name in joints or ():
+    def limbs(self, wanted: Sequence[str] = ()) -> Limbs:
+        """Return the limbs of the robot, without fingers unless these are in `wanted`."""
+        names = {j: [part.name for part in parts] for j, parts in self.parts.items()}
+        leaders = {name: follower.leader for name, follower in self.followers.items() if follower.leader is not None}
+        return Limbs(self.model, names, leaders, wanted)
+
+    def chain(self, tip: str | None, wanted: Sequence[str] | None) -> Chain:
+        """Return the chain to a frame, by default the end effector of some joints; see `maniport.load_arm`."""
+        path, model, frames = self.source.path, self.model, named_frames(self.model)
+        wanted = () if wanted is None else check_names(wanted, "joints")
+        for name in wanted:
             if name not in self.bounds:
                 raise unknown_name("joint", name, self.bounds, f"in '{path}'")
             if name in self.followers:
                 leader = self.followers[name].leader
                 raise InvalidInputError(f"joints: {name!r} in '{path}' cannot move by itself, it follows {leader!r}")
-        frames = named_frames(self.model)
-        if frame is None:
-            frame = self.limbs(joints or ()).choose(str(path))
-        elif frame not in frames:
-            raise unknown_name("frame", frame, frames, f"in '{path}'")
-        return self._full_chain(frame, frames)
-
-    def limbs(self, wanted: Sequence[str] = ()) -> Limbs:
-        """Limbs of the robot, without fingers unless these are in `wanted`."""
-        names = {j: [part.name for part in parts] for j, parts in self.parts.items()}
-        leaders = {name: follower.leader for name, follower in self.followers.items() if follower.leader is not None}
-        return Limbs(self.model, names, leaders, wanted)
-
-    def _full_chain(self, tip: str, frames: dict[str, int]) -> Chain:
-        """The chain to a frame with all independent joints."""
-        path = [j for j in self.model.supports[self.model.frames[frames[tip]].parentJoint] if j]
+        if tip is None:
+            tip = self.limbs(wanted).choose(str(path))
+        elif tip not in frames:
+            raise unknown_name("frame", tip, frames, f"in '{path}'")
         joints: list[Joint] = []
         mounts = {0: (0, np.eye(4))}  # joint of the model: number of chain joints, remaining pose
         rest = np.eye(4)
-        for j in path:
-            parts = self.parts[j]
-            if parts:
-                joints += [replace(parts[0], placement=rest @ parts[0].placement), *parts[1:]]
+        for j in model.supports[model.frames[frames[tip]].parentJoint]:
+            if j and self.parts[j]:
+                first, *others = self.parts[j]
+                joints += [replace(first, placement=rest @ first.placement), *others]
                 rest = np.eye(4)
-            else:
-                rest = rest @ self._fixed_placement(j)
+            elif j:
+                if (kind := model.joints[j].shortname()) != "JointModelFreeFlyer":
+                    raise FileFormatError(
+                        f"{path}: joint {model.names[j]!r} on the chain is of type {kind.removeprefix('JointModel')}; "
+                        "only joints with one axis are supported"
+                    )
+                rest = rest @ model.jointPlacements[j].homogeneous
             mounts[j] = len(joints), rest
         coordinates = [joint.name for joint in joints if joint.name not in self.followers]
-        for name in coordinates:
-            if name in self.closed:
-                low, high = self.closed[name]
-                raise FileFormatError(
-                    f"{self.source.path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below "
-                    "the second, or both zero if unknown"
-                )
+        for name in [name for name in coordinates if name in self.closed]:
+            low, high = self.closed[name]
+            raise FileFormatError(
+                f"{path}: joint {name!r} has the limits {low:g} to {high:g}; the first must be below the second, or "
+                "both zero if unknown"
+            )
         coupling, offset = np.zeros((len(joints), len(coordinates))), np.zeros(len(joints))
         for row, joint in enumerate(joints):
             leader, factor, offset[row] = self._resolve(joint.name, coordinates)
             if leader is not None:
                 coupling[row, coordinates.index(leader)] = factor
-        fingers = self.limbs().fingers()
-        resolve = partial(self._resolve, coordinates=[*coordinates, *fingers - self.followers.keys()])
+        on_chain = {}
+        for name, i in frames.items():
+            if (j := int(model.frames[i].parentJoint)) in mounts:
+                (count, rest), above = mounts[j], body_above(model, i)
+                parent = str(model.frames[above].name) if above else None
+                on_chain[name] = Frame(count, rest @ model.frames[i].placement.homogeneous, parent)
         limits = np.array([self.bounds[name] for name in coordinates]).reshape(-1, 2)
         speeds = np.array([self.speeds[name] for name in coordinates])
         return Chain(
-            name=self.model.name or self.source.path.stem,
+            name=model.name or path.stem,
             joints=tuple(joints),
-            frames={name: self._mounted(i, mounts) for name, i in frames.items() if self._joint(i) in mounts},
+            frames=on_chain,
             frame=tip,
             coordinates=tuple(coordinates),
             lower=limits[:, 0],
@@ -188,18 +101,9 @@ class _Reader:
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
             unlimited=tuple(self.unlimited),
-            shapes=partial(read_shapes, type(self.source), self.source.path.absolute()),
-            others=bodies_off_chain(self.model, self.parts, mounts, fingers, resolve, self.bounds),
+            shapes=partial(read_shapes, type(self.source), path.absolute()),
+            others=self._bodies_off_chain(mounts, coordinates),
         )
-
-    def _joint(self, frame: int) -> int:
-        return int(self.model.frames[frame].parentJoint)
-
-    def _mounted(self, frame: int, mounts: dict[int, tuple[int, Array]]) -> Frame:
-        count, rest = mounts[self._joint(frame)]
-        above = body_above(self.model, frame)
-        parent = str(self.model.frames[above].name) if above else None
-        return Frame(count, rest @ self.model.frames[frame].placement.homogeneous, parent)
 
     def _split(self, j: int) -> list[Joint]:
         """The one-degree-of-freedom joints of a joint of the model; none for joints with more."""
@@ -207,9 +111,14 @@ class _Reader:
         if joint.shortname() != "JointModelComposite":
             single = self._single(joint, self.model.names[j], placement)
             return [] if single is None else [single]
-        composite = joint.extract()
-        parts = []
-        for k, (sub, name) in enumerate(zip(composite.joints, self._composite_names(j), strict=True)):
+        composite = joint.extract()  # Pinocchio merges the joints of one MJCF body into one without names
+        count, parts = len(composite.joints), list[Joint]()
+        bodies = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == j]
+        listed = [[*self.source.body_joints().get(body, ())] for body in bodies]
+        names = next((names for names in listed if len(names) == count), None)
+        if names is None:
+            raise FileFormatError(f"{self.source.path}: the {count} joints of {bodies or 'a body'} are not distinct")
+        for k, (sub, name) in enumerate(zip(composite.joints, names, strict=True)):
             place = composite.jointPlacements[k].homogeneous
             part = self._single(sub, name, placement @ place if k == 0 else place)
             if part is None:
@@ -246,27 +155,7 @@ class _Reader:
             direction = axis / np.linalg.norm(axis)
         return Joint(name, kind, direction, placement)
 
-    def _composite_names(self, j: int) -> list[str]:
-        """Names of the joints of one MJCF body, which Pinocchio merges into one without names."""
-        count = len(self.model.joints[j].extract().joints)
-        bodies = [f.name for f in self.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == j]
-        for body in bodies:
-            names = list(self.source.body_joints().get(body, ()))
-            if len(names) == count:
-                return names
-        raise FileFormatError(f"{self.source.path}: the {count} joints of {bodies or 'a body'} cannot be distinguished")
-
-    def _fixed_placement(self, j: int) -> Array:
-        """Pose of a floating base; an error for other joints without a single axis."""
-        kind = self.model.joints[j].shortname()
-        if kind != "JointModelFreeFlyer":
-            raise FileFormatError(
-                f"{self.source.path}: joint {self.model.names[j]!r} on the chain is of type "
-                f"{kind.removeprefix('JointModel')}; only joints with one axis are supported"
-            )
-        return np.asarray(self.model.jointPlacements[j].homogeneous)
-
-    def _resolve(self, name: str, coordinates: list[str]) -> tuple[str | None, float, float]:
+    def _resolve(self, name: str, coordinates: Collection[str]) -> tuple[str | None, float, float]:
         """Coordinate that moves a joint, factor and position at zero."""
         factor, offset, seen = 1.0, 0.0, set[str]()
         while (follower := self.followers.get(name)) is not None:
@@ -282,3 +171,42 @@ class _Reader:
             return name, factor, offset
         rest = float(np.clip(0.0, *self.bounds[name]))  # a joint off the chain is locked
         return None, 0.0, factor * rest + offset
+
+    def _bodies_off_chain(self, mounts: Mapping[int, tuple[int, Array]], coordinates: Sequence[str]) -> dict[str, Body]:
+        """Bodies off a chain, with their poses relative to the joints of the chain."""
+        fingers, bodies = self.limbs().fingers(), {}
+        moving = {*coordinates, *fingers - self.followers.keys()}
+        frames = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
+        names = {frame.parentJoint: frame.name for frame in reversed(frames)}
+        for frame in frames:
+            support = list(self.model.supports[frame.parentJoint])
+            path = [j for j in support if j not in mounts]
+            if path:
+                count, rest = mounts[support[len(support) - len(path) - 1]]
+                poses = rest @ self._poses(path, moving) @ frame.placement.homogeneous
+                finger = next((j for j in path if any(part.name in fingers for part in self.parts[j])), None)
+                group = frame.name if finger is None else names.get(finger, frame.name)
+                bodies[str(frame.name)] = Body(count, poses, str(group))
+        return bodies
+
+    def _poses(self, path: Sequence[int], moving: Collection[str], most: int = 512) -> Array:
+        """Poses of the last joint of a path relative to the mount of the first, shape (k, 4, 4) with k ≤ `most`."""
+        rules = {part.name: self._resolve(part.name, moving) for j in path for part in self.parts[j]}
+        counts = {}
+        for name in dict.fromkeys(leader for leader, *_ in rules.values() if leader is not None):
+            kinds = [part.kind for j in path for part in self.parts[j] if rules[part.name][0] == name]
+            span = np.ptp(self.bounds[name])  # steps of 0.4 rad cut arcs by 2 % of their radius
+            counts[name] = 1 if not np.isfinite(span) else 2 if {*kinds} == {PRISMATIC} else 2 + int(span / 0.4)
+        while np.prod(list(counts.values())) > most:
+            counts[max(counts, key=lambda leader: counts[leader])] -= 1
+        grids = [np.linspace(*self.bounds[leader], n) if n > 1 else np.zeros(1) for leader, n in counts.items()]
+        at = dict(zip(counts, (grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")), strict=True))
+        poses = np.broadcast_to(np.eye(4), (int(np.prod([len(grid) for grid in grids])), 4, 4))
+        for j in path:
+            if not self.parts[j]:
+                poses = poses @ self.model.jointPlacements[j].homogeneous
+            for part in self.parts[j]:
+                leader, factor, offset = rules[part.name]
+                positions = np.full(len(poses), offset) if leader is None else factor * at[leader] + offset
+                poses = poses @ part.placement @ part.motion(positions)
+        return np.asarray(poses)

@@ -4,13 +4,11 @@ import importlib
 import importlib.util
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
-from functools import partial
 from io import StringIO
 from pathlib import Path
-from types import ModuleType
 
 from maniport.arms.chain import SIDES
 from maniport.errors import FileFormatError, MissingPackageError, UnknownNameError, unknown_name
@@ -24,11 +22,12 @@ class Package:
     """A package of robots."""
 
     install: str  # command
-    folders: Callable[[], Iterator[Path]]  # returns the folders of its robots
-    pattern: str  # of robot files below these folders
+    folder: str  # of its robots, below a Python module, or below the data folders of wheels, conda and ROS
+    pattern: str  # of robot files below this folder
     arms: tuple[str, ...]  # names of arms
     pairs: tuple[str, ...] = ()  # names of robots with two arms
     files: Mapping[str, str] = field(default_factory=dict)  # stems of files whose name differs from that of the robot
+    module: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -37,31 +36,23 @@ class Package:
 
     def found(self) -> dict[str, Path]:
         """Return the installed files by robot name."""
+        if self.module is None:
+            ros = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+            places = [*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros]
+        else:
+            spec = importlib.util.find_spec(self.module)
+            places = [Path(place) for place in (spec.submodule_search_locations or ())] if spec is not None else []
         every: dict[str, Path] = {}
-        for folder in self.folders():
-            for path in sorted(folder.glob(self.pattern)):
+        for place in places:
+            for path in sorted((place / self.folder).glob(self.pattern)):
                 every.setdefault(path.parent.name if path.stem == "robot" else path.stem, path)
         return every | {name: every[stem] for name, stem in self.files.items() if stem in every}
-
-
-def _of_module(name: str, below: str) -> Iterator[Path]:
-    """Folders of a module, if it is installed."""
-    spec = importlib.util.find_spec(name)
-    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
-        yield Path(place, below)
-
-
-def _shared() -> Iterator[Path]:
-    """Data folders of wheels, conda and ROS."""
-    ros = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    for prefix in (*(Path(entry) / "cmeel.prefix" for entry in sys.path), Path(sys.prefix), *ros):
-        yield prefix / "share" / "example-robot-data" / "robots"
 
 
 PACKAGES = {
     "example-robot-data": Package(
         "pip install example-robot-data",
-        _shared,
+        "share/example-robot-data/robots",
         "*/*/*.urdf",
         ("ur3", "ur5", "ur10", "xarm7", "kinova", "z1", "so100", "so101", "tiago", "tiago_no_hand"),
         (
@@ -74,14 +65,15 @@ PACKAGES = {
         },
     ),
     "airo-models": Package(
-        "pip install airo-models", partial(_of_module, "airo_models", "arms"), "*/*.urdf", ("ur3e", "ur5e")
+        "pip install airo-models", "arms", "*/*.urdf", ("ur3e", "ur5e"), module="airo_models"
     ),
     "robosuite": Package(
         "pip install --no-deps robosuite",
-        partial(_of_module, "robosuite", "models/assets/robots"),
+        "models/assets/robots",
         "*/robot.xml",
         ("iiwa", "jaco", "kinova3", "panda", "sawyer", "spot_arm", "ur5e", "xarm7"),
         ("baxter", "gr1", "tiago"),
+        module="robosuite",
     ),
 }  # fmt: skip
 """Packages by name, in order of priority; ``package/name`` selects one."""
@@ -102,8 +94,9 @@ def find_robot(name: str) -> RobotFile | None:
     """Return the file of a robot in an installed package; None for names of no package."""
     title, _, robot = name.rpartition("/")
     if robot.isidentifier() and robot.endswith("_description") and title in ("", CATALOG):
-        hidden = not _in_catalog(robot) and os.path.isdir(name)  # also a suffix of ROS packages
-        return None if hidden else _from_catalog(robot)
+        installed = bool(importlib.util.find_spec(CATALOG) and importlib.util.find_spec(f"{CATALOG}.{robot}"))
+        hidden = not installed and os.path.isdir(name)  # also a suffix of ROS packages
+        return None if hidden else _from_catalog(robot, installed)
     if title and title not in PACKAGES:
         return None
     packages = {title: PACKAGES[title]} if title else PACKAGES
@@ -136,11 +129,11 @@ def packages_with(name: str) -> tuple[str, ...]:
     """Return ``package/name`` for each installed package with a robot, the selected one first."""
     title, _, robot = name.rpartition("/")
     stem, side = _side(robot)
-    files_of = {key: (package, package.found()) for key, package in PACKAGES.items()}
-    matches = [
-        f"{key}/{robot}" for key, (package, files) in files_of.items()
-        if robot in files or (side and stem in files and stem not in package.arms)
-    ]  # fmt: skip
+    matches = []
+    for key, package in PACKAGES.items():
+        files = package.found()
+        if robot in files or (side and stem in files and stem not in package.arms):
+            matches.append(f"{key}/{robot}")
     return tuple(sorted(matches, key=lambda match: match != f"{title}/{robot}"))
 
 
@@ -152,26 +145,19 @@ def arm_names(name: str) -> tuple[str, ...]:
 
 def _side(name: str) -> tuple[str, str | None]:
     """Split a name such as ``talos_left_arm`` into robot and side."""
-    for side in SIDES:
-        if name.endswith(f"_{side}_arm"):
-            return name.removesuffix(f"_{side}_arm"), side
-    return name, None
+    side = next((side for side in SIDES if name.endswith(f"_{side}_arm")), None)
+    return name.removesuffix(f"_{side}_arm"), side
 
 
-def _in_catalog(name: str) -> bool:
-    """Whether robot_descriptions is installed and has a robot of that name."""
-    return bool(importlib.util.find_spec(CATALOG) and importlib.util.find_spec(f"{CATALOG}.{name}"))
-
-
-def _from_catalog(name: str) -> RobotFile:
-    """A robot of robot_descriptions, downloaded on first use."""
+def _from_catalog(name: str, installed: bool) -> RobotFile:
+    """A robot of robot_descriptions, downloaded on first use; xacro files are expanded with its arguments."""
     if importlib.util.find_spec(CATALOG) is None:
         raise MissingPackageError(
             f"robot {name!r}: names with '_description' need the package {CATALOG}: pip install {CATALOG}"
         )
-    if not _in_catalog(name):
-        catalogue = importlib.import_module(f"{CATALOG}._descriptions")
-        raise unknown_name("robot", name, getattr(catalogue, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
+    if not installed:
+        catalog = importlib.import_module(f"{CATALOG}._descriptions")
+        raise unknown_name("robot", name, getattr(catalog, "DESCRIPTIONS", ()), f"in the package {CATALOG}")
     try:
         module = importlib.import_module(f"{CATALOG}.{name}")
     except Exception as error:  # noqa: BLE001 - downloads raise many types
@@ -180,19 +166,14 @@ def _from_catalog(name: str) -> RobotFile:
         ) from None
     file = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
     if file is None and hasattr(module, "XACRO_PATH"):
-        file = _expanded(name, module)
+        xacrodoc()
+        try:
+            with redirect_stderr(StringIO()):  # deprecation warnings of xacro
+                file = str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
+        except Exception as error:  # noqa: BLE001 - xacro files evaluate Python
+            reason = " ".join(str(error).split())
+            raise FileFormatError(f"robot {name!r}: {CATALOG} cannot expand its xacro file: {reason}") from None
     if file is None:
         raise UnknownNameError(f"robot {name!r} of {CATALOG} has neither a URDF nor a xacro file nor an MJCF")
     folders = [getattr(module, "REPOSITORY_PATH", None), *getattr(module, "XACRO_PACKAGE_PATHS", {}).values()]
     return RobotFile(Path(file), tuple(Path(folder) for folder in folders if folder is not None))
-
-
-def _expanded(name: str, module: ModuleType) -> str:
-    """Expand the xacro file of a robot with the arguments of robot_descriptions."""
-    xacrodoc()
-    try:
-        with redirect_stderr(StringIO()):  # deprecation warnings of xacro
-            return str(importlib.import_module(f"{CATALOG}._xacro").get_urdf_path(module))
-    except Exception as error:  # noqa: BLE001 - xacro files evaluate Python
-        reason = " ".join(str(error).split())
-        raise FileFormatError(f"robot {name!r}: {CATALOG} cannot expand its xacro file: {reason}") from None

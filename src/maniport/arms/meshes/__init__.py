@@ -1,6 +1,6 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,12 +10,10 @@ from maniport.arms.chain import Chain, Mesh, Triangles
 from maniport.errors import FileFormatError
 from maniport.util.validation import Array
 
-SIDES = 32  # corners of the polygon for a circle, within 0.5 % of the radius
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Surface:
-    """Triangles that move with one joint of an arm.
+    """Triangles that move with one joint of an arm; arrays are read-only.
 
     Attributes
     ----------
@@ -23,9 +21,9 @@ class Surface:
         Number of joints of the chain that move them (0: fixed to the base), an index into the poses of
         `maniport.arms.Arm.link_poses`.
     points : ndarray, shape (n, 3)
-        Corners [m] in the frame of the last of these joints; read-only.
+        Corners [m] in the frame of the last of these joints.
     triangles : ndarray of int32, shape (m, 3)
-        Indices of the points of each triangle, counter-clockwise from outside as in the file; read-only.
+        Indices of the points of each triangle, counter-clockwise from outside as in the file.
     """
 
     joint: int
@@ -50,58 +48,56 @@ class Geometry:
             joints = [self.chain.frames[link].joint for link, _ in self.shapes]
             if most is not None:
                 meshes, joints = fewer(meshes, joints, most)
-            self._surfaces[most] = tuple(
-                _surface(i, [m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in sorted(set(joints))
-            )
+            surfaces = []
+            for joint in sorted(set(joints)):
+                points, triangles = joined([mesh for mesh, j in zip(meshes, joints, strict=True) if j == joint])
+                for array in (points, triangles):  # cached
+                    array.setflags(write=False)
+                surfaces.append(Surface(joint, points, triangles))
+            self._surfaces[most] = tuple(surfaces)
         return self._surfaces[most]
 
-    @cached_property
+    @property
     def shapes(self) -> tuple[tuple[str, Mesh], ...]:
         """Links, see `Chain.holds`, with their shapes in the frames of their joints."""
-        return tuple((link, mesh) for link, mesh, _ in self._own_shapes if len(mesh[1]))
+        return self._own[0]
 
-    @cached_property
+    @property
     def stand_ins(self) -> tuple[str, ...]:
         """Links with collision shapes, since visual meshes are missing."""
-        return tuple(dict.fromkeys(link for link, _, stand_in in self._own_shapes if stand_in))
+        return self._own[1]
 
     @cached_property
-    def _own_shapes(self) -> list[tuple[str, Mesh, bool]]:
-        shapes = []
+    def _own(self) -> tuple[tuple[tuple[str, Mesh], ...], tuple[str, ...]]:
+        shapes, stand_ins = [], dict[str, None]()
         links = [link for link in self.chain.frames if self.chain.holds(link)]
         for shape in () if self.chain.shapes is None else self.chain.shapes(links):
-            placement = self.chain.frames[shape.link].placement
-            points, triangles = shape.mesh
+            placement, (points, triangles) = self.chain.frames[shape.link].placement, shape.mesh
             mesh = welded((points @ placement[:3, :3].T + placement[:3, 3], triangles))
-            shapes.append((shape.link, mesh, shape.stand_in))
-        return shapes
+            shapes += [(shape.link, mesh)] if len(mesh[1]) else []
+            stand_ins |= {shape.link: None} if shape.stand_in else {}
+        return tuple(shapes), tuple(stand_ins)
 
     @cached_property
     def attached(self) -> tuple[dict[str, Mesh], tuple[str, ...]]:
         """Shapes of the bodies attached to the chain, in their own frames, and names of unreadable bodies."""
         names, shapes = [*self.chain.attached], self.chain.shapes
         meshes: dict[str, list[Mesh]] = {}
-        missing = []
-        try:
-            read = [] if shapes is None or not names else [*shapes(names)]
-        except FileFormatError:  # perhaps of a single body: read them one by one
-            read = []
-            for name in names:
-                try:
-                    read += shapes([name]) if shapes is not None else []
-                except FileFormatError:
-                    missing.append(name)
-        for shape in read:
-            meshes.setdefault(shape.link, []).append(welded(shape.mesh))
+        missing: list[str] = []
+        if shapes is not None and names:
+            try:
+                read = [*shapes(names)]
+            except FileFormatError:  # perhaps of a single body: read them one by one
+                read = []
+                for name in names:
+                    try:
+                        read += shapes([name])
+                    except FileFormatError:
+                        missing.append(name)
+            for shape in read:
+                meshes.setdefault(shape.link, []).append(welded(shape.mesh))
         whole = {link: joined(parts) for link, parts in meshes.items()}
         return {link: mesh for link, mesh in whole.items() if len(mesh[1])}, tuple(missing)
-
-
-def _surface(joint: int, meshes: Sequence[Mesh]) -> Surface:
-    points, triangles = joined(meshes)
-    for array in (points, triangles):  # cached
-        array.setflags(write=False)
-    return Surface(joint, points, triangles)
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -126,8 +122,10 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     _, first, cell_of = np.unique(cells @ (1, 2**20, 2**40), return_index=True, return_inverse=True)
     rows = cell_of[rows.reshape(-1, 3)]
     rows = rows[(rows[:, 0] != rows[:, 1]) & (rows[:, 1] != rows[:, 2]) & (rows[:, 2] != rows[:, 0])]
-    rows = rows[_first_of_each(np.sort(rows, axis=1))]
-    left, numbers = np.unique(rows, return_inverse=True)
+    corners = np.sort(rows, axis=1)
+    order = np.lexsort(corners.T)  # which is stable: the first of equal rows is the earliest, and faster than np.unique
+    new = np.concatenate([[True], np.any(np.diff(corners[order], axis=0), axis=1)])[: len(rows)]
+    left, numbers = np.unique(rows[np.sort(order[new])], return_inverse=True)
     return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
 
 
@@ -155,7 +153,10 @@ def reduced(mesh: Mesh, most: int) -> Mesh:
 
 
 def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh], list[int]]:
-    """Reduce meshes to at most `most` triangles in total; many meshes are merged by joint."""
+    """Reduce meshes to at most `most` triangles in total; many meshes are merged by joint.
+
+    Each mesh keeps 200, and a share of the rest in proportion to its excess.
+    """
     counts = np.array([len(triangles) for _, triangles in meshes], dtype=np.int64)
     if counts.sum() <= most:
         return meshes, joints
@@ -163,35 +164,23 @@ def fewer(meshes: list[Mesh], joints: list[int], most: int) -> tuple[list[Mesh],
         carriers = sorted(set(joints))
         merged = [joined([m for m, j in zip(meshes, joints, strict=True) if j == i]) for i in carriers]
         return fewer([welded(mesh) for mesh in merged], carriers, most)
-    smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, _shares(counts, most), strict=True)]
+    least = np.minimum(counts, min(200, most // len(counts)))
+    shares = least + (counts - least) * (most - least.sum()) // max((counts - least).sum(), 1)
+    smaller = [reduced(mesh, int(n)) for mesh, n in zip(meshes, shares, strict=True)]
     kept = [i for i, (_, triangles) in enumerate(smaller) if len(triangles)]
     return [smaller[i] for i in kept], [joints[i] for i in kept]
 
 
-def _shares(counts: np.ndarray, most: int) -> np.ndarray:
-    """Number of triangles of each mesh: 200, and a share of the rest in proportion to its excess."""
-    least = np.minimum(counts, min(200, most // len(counts)))
-    beyond = counts - least
-    return np.asarray(least + beyond * (most - least.sum()) // max(beyond.sum(), 1))
-
-
-def _first_of_each(rows: np.ndarray) -> np.ndarray:
-    """Indices of the first of each group of equal rows, ascending."""
-    order = np.lexsort(rows.T)
-    new = np.concatenate([[True], np.any(np.diff(rows[order], axis=0), axis=1)])[: len(rows)]
-    return np.sort(order[new])  # lexsort is stable: the first of a group is its earliest
-
-
-def box(size: Sequence[float]) -> Mesh:
-    """Return a box with edges `size` [m] around the origin: 8 points, 12 triangles."""
+def box(*size: float) -> Mesh:
+    """Return a box with edges [m] along x, y and z around the origin: 8 points, 12 triangles."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * np.asarray(size)
     squares = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = [triangle for a, b, c, d in squares for triangle in ((a, b, c), (a, c, d))]
     return corners, np.array(triangles, dtype=np.int32)
 
 
-def ellipsoid(radii: Sequence[float]) -> Mesh:
-    """Return an ellipsoid with semi-axes `radii` [m] along x, y and z."""
+def ellipsoid(*radii: float) -> Mesh:
+    """Return an ellipsoid with semi-axes [m] along x, y and z, or a sphere with one radius."""
     points, triangles = _revolved(np.sin(_ARC), -np.cos(_ARC))
     return points * np.asarray(radii), triangles
 
@@ -209,12 +198,18 @@ def capsule(radius: float, length: float) -> Mesh:
     return _revolved(radius * np.sin(arc), shift - radius * np.cos(arc))
 
 
-_ARC = np.linspace(0.0, np.pi, SIDES // 2 + 1)  # from the lower pole to the upper
+SOLIDS: dict[str, Callable[..., Mesh]] = {
+    "box": box, "sphere": ellipsoid, "ellipsoid": ellipsoid, "cylinder": cylinder, "capsule": capsule,
+}  # fmt: skip
+"""Meshes of simple solids around the origin from their sizes."""
+
+_SECTIONS = 32  # corners of the polygon for a circle, within 0.5 % of the radius
+_ARC = np.linspace(0.0, np.pi, _SECTIONS // 2 + 1)  # from the lower pole to the upper
 
 
 def _revolved(radii: Array, heights: Array) -> Mesh:
     """Solid of revolution of an outline about z; its first and last point are on the axis."""
     from trimesh.creation import revolve  # here: slow import
 
-    solid = revolve(np.stack([radii, heights], axis=1), sections=SIDES)
+    solid = revolve(np.stack([radii, heights], axis=1), sections=_SECTIONS)
     return np.array(solid.vertices), solid.faces.astype(np.int32)

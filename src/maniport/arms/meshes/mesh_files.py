@@ -22,8 +22,6 @@ from maniport.errors import FileFormatError
 from maniport.util.input_limits import MESH_BYTES, NODES, TAGS, TRIANGLES, read_whole, require_at_most
 from maniport.util.validation import Array
 
-KINDS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")
-
 
 def scaled(mesh: Mesh, scale: Array) -> Mesh:
     """Scale a mesh; a negative scale mirrors it, and reversed triangles keep their outside."""
@@ -33,7 +31,7 @@ def scaled(mesh: Mesh, scale: Array) -> Mesh:
 
 def load_mesh(path: Path) -> Mesh:
     """Read the points and triangles of a mesh file."""
-    content = read_whole(path, KINDS, MESH_BYTES)
+    content = read_whole(path, (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf"), MESH_BYTES)
     read = _read_collada if path.suffix.lower() == ".dae" else _read_by_trimesh
     try:
         with np.errstate(all="ignore"):  # `_checked` refuses nonfinite points
@@ -76,14 +74,25 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
         for count in re.findall(rb"^\s*element\s+\S+\s+(\d+)", header, re.MULTILINE):
             require_at_most(int(count[:20]), len(content), "elements announced, more than bytes", path)
     elif kind in ("gltf", "glb"):
-        binary = kind == "glb"
-        text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if binary else content
+        text = content[20 : 20 + int.from_bytes(content[12:16], "little")] if kind == "glb" else content
         _require_sane(path, json.loads(text.decode("utf-8")))
     loaded: dict[str, Any] = mesh_loaders[kind](
         io.BytesIO(content), file_type=kind, resolver=_Buffers(path), skip_materials=True
     )
-    meshes = loaded.get("geometry", {"": loaded})
-    poses = _placed(loaded["graph"]) if kind in ("gltf", "glb") else [(name, np.eye(4)) for name in meshes]
+    meshes, graph = loaded.get("geometry", {"": loaded}), loaded.get("graph", ())
+    poses = [(name, np.eye(4)) for name in meshes]
+    if kind in ("gltf", "glb"):
+        above = {entry["frame_to"]: (entry["frame_from"], entry["matrix"]) for entry in graph}
+        poses = []
+        for entry in graph:
+            if "geometry" in entry:
+                frame, pose, steps = entry["frame_to"], np.eye(4), 0
+                while frame in above:
+                    frame, matrix = above[frame]
+                    pose, steps = matrix @ pose, steps + 1
+                    if steps > len(above):
+                        raise ValueError("its nodes form a cycle")
+                poses.append((entry["geometry"], pose))
     triangles = 0
     for name, pose in poses:
         part = meshes[name]
@@ -92,20 +101,6 @@ def _read_by_trimesh(path: Path, content: bytes) -> Iterator[Mesh]:
             require_at_most(triangles, TRIANGLES, "triangles", path)
             points = np.asarray(part["vertices"], dtype=np.float64)
             yield points @ pose[:3, :3].T + pose[:3, 3], triangulate_quads(part["faces"])
-
-
-def _placed(graph: list[dict[str, Any]]) -> Iterator[tuple[str, Array]]:
-    """Names and poses of the meshes of a glTF, for each node with a mesh."""
-    above = {entry["frame_to"]: (entry["frame_from"], entry["matrix"]) for entry in graph}
-    for entry in graph:
-        if "geometry" in entry:
-            frame, pose, steps = entry["frame_to"], np.eye(4), 0
-            while frame in above:
-                frame, matrix = above[frame]
-                pose, steps = matrix @ pose, steps + 1
-                if steps > len(above):
-                    raise ValueError("its nodes form a cycle")
-            yield entry["geometry"], pose
 
 
 def _require_sane(path: Path, header: Any) -> None:
@@ -154,26 +149,13 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
     if scene is None:
         raise FileFormatError(f"{path}: cannot be read as a mesh: it has no scene")
     unit = root.find("asset/unit")
-    start = np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0])
-    parts: dict[int, list[Mesh]] = {}
-    triangles = 0
-    for geometry, pose in _shown(path, scene, start, things):
-        if id(geometry) not in parts:
-            parts[id(geometry)] = list(_polygons(geometry, things))
-        for points, rows in parts[id(geometry)]:
-            triangles += len(rows)
-            require_at_most(triangles, TRIANGLES, "triangles", path)
-            yield points @ pose[:3, :3].T + pose[:3, 3], rows
-
-
-def _shown(path: Path, scene: Element, pose: Array, things: dict[str, Element]) -> Iterator[tuple[Element, Array]]:
-    """Geometries with the poses of their nodes; nodes may instantiate nodes, exponentially many."""
-    waiting = [(scene, pose)]
-    count = 0
-    while waiting:
+    waiting = [(scene, np.diag([*(1.0 if unit is None else float(unit.get("meter", "1")),) * 3, 1.0]))]
+    parts: dict[int, list[Mesh]] = {}  # of each geometry
+    nodes = triangles = 0
+    while waiting:  # nodes may instantiate nodes, exponentially many
         node, pose = waiting.pop()
-        count += 1
-        require_at_most(count, NODES, "nodes, counted for each instance", path)
+        nodes += 1
+        require_at_most(nodes, NODES, "nodes, counted for each instance", path)
         below = []
         for child in node:
             if child.tag == "node":
@@ -181,38 +163,40 @@ def _shown(path: Path, scene: Element, pose: Array, things: dict[str, Element]) 
             elif child.tag.startswith("instance_") and child.get("url", "") in things:
                 below.append((things[child.get("url", "")], pose))
             elif child.tag == "skin":
-                shape = pose @ _matrix(child.find("bind_shape_matrix"))
+                bind = child.find("bind_shape_matrix")
+                shape = pose if bind is None else pose @ _numbers(bind).reshape(4, 4)
                 below.append((things.get(child.get("source", ""), child), shape))
             elif node.tag == "node":
                 pose = pose @ _step(child)
         waiting += reversed(below)
         if node.tag == "geometry":
-            yield node, pose
+            if id(node) not in parts:
+                parts[id(node)] = list(_polygons(node, things))
+            for points, rows in parts[id(node)]:
+                triangles += len(rows)
+                require_at_most(triangles, TRIANGLES, "triangles", path)
+                yield points @ pose[:3, :3].T + pose[:3, 3], rows
 
 
 def _step(element: Element) -> Array:
     """Transformation of an element of a node; identity for other elements."""
     step = np.eye(4)
     if element.tag == "matrix":
-        return _matrix(element)
+        return _numbers(element).reshape(4, 4)
     if element.tag == "translate":
-        step[:3, 3] = _floats(element)
+        step[:3, 3] = _numbers(element)
     elif element.tag == "scale":
-        step[[0, 1, 2], [0, 1, 2]] = _floats(element)
+        step[[0, 1, 2], [0, 1, 2]] = _numbers(element)
     elif element.tag == "rotate":
-        *axis, degrees = _floats(element)
+        *axis, degrees = _numbers(element)
         step[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
     elif element.tag == "skew":
         raise ValueError("<skew> is not supported")
     return step
 
 
-def _matrix(element: Element | None) -> Array:
-    return np.eye(4) if element is None else _floats(element).reshape(4, 4)
-
-
 def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
-    """Points and triangles of each list of polygons."""
+    """Points and triangles of each list of polygons; unused points are dropped, since lists may share many points."""
     for shape in geometry.iterfind("mesh/*"):
         offsets = [int(entry.get("offset", "0")) for entry in shape.findall("input")]
         vertex = next((entry for entry in shape.findall("input") if entry.get("semantic") == "VERTEX"), None)
@@ -221,16 +205,27 @@ def _polygons(geometry: Element, things: dict[str, Element]) -> Iterator[Mesh]:
         if shape.tag not in ("triangles", "polylist", "polygons") or vertex is None:
             continue
         width, column = max(offsets) + 1, int(vertex.get("offset", "0"))
-        lists = [_integers(p).reshape(-1, width)[:, column] for p in shape.findall("p")]
-        counts = (
-            _integers(shape.find("vcount"))
-            if shape.tag == "polylist"
-            else np.array([len(corners) for corners in lists])
-        )
+        lists = [_numbers(p, np.int64).reshape(-1, width)[:, column] for p in shape.findall("p")]
         corners = np.concatenate([np.empty(0, dtype=np.int64), *lists])
-        rows = corners.reshape(-1, 3) if shape.tag == "triangles" else _fans(corners, counts)
+        rows = corners.reshape(-1, 3) if shape.tag == "triangles" else corners
+        if shape.tag != "triangles":  # triangulate each polygon as a fan
+            counts = np.array([len(polygon) for polygon in lists])
+            counts = _numbers(shape.find("vcount"), np.int64) if shape.tag == "polylist" else counts
+            total = counts.sum(dtype=np.float64)
+            if total != len(corners) or counts.min(initial=0) < 0:
+                raise ValueError(f"its polygons announce {total:.0f} corners; there are {len(corners)}")
+            sizes = np.maximum(counts - 2, 0)
+            first = np.repeat(np.cumsum(counts) - counts, sizes)
+            second = first + 1 + np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+            rows = corners[np.stack([first, second, second + 1], axis=1)]
         if len(rows):
-            yield _used(_positions(things[vertex.get("source", "")], things), rows)
+            points = _positions(things[vertex.get("source", "")], things)
+            if rows.min() < 0 or rows.max() >= len(points):
+                raise ValueError(
+                    f"a triangle names the point {rows.max() if rows.max() >= len(points) else rows.min()}"
+                )
+            kept, rows = np.unique(rows, return_inverse=True)
+            yield points[kept], rows.reshape(-1, 3).astype(np.int32)
 
 
 def _positions(vertices: Element, things: dict[str, Element]) -> Array:
@@ -239,34 +234,12 @@ def _positions(vertices: Element, things: dict[str, Element]) -> Array:
     accessor = things[position.get("source", "")].find("technique_common/accessor")
     if accessor is None:
         raise ValueError("its points have no accessor")
-    numbers = _floats(things[accessor.get("source", "")])
+    numbers = _numbers(things[accessor.get("source", "")])
     count, stride, offset = (int(accessor.get(name, "0")) for name in ("count", "stride", "offset"))
     if count < 0 or stride < 3 or offset < 0 or offset + count * stride > len(numbers):
         raise ValueError(f"{count} points of {stride} numbers are announced; there are {len(numbers)} numbers")
-    return numbers[offset : offset + count * stride].reshape(count, stride)[:, :3]
+    return np.asarray(numbers[offset : offset + count * stride].reshape(count, stride)[:, :3])
 
 
-def _used(points: Array, rows: np.ndarray) -> Mesh:
-    """The mesh without unused points, since several lists may share many points."""
-    if rows.min() < 0 or rows.max() >= len(points):
-        raise ValueError(f"a triangle names the point {rows.max() if rows.max() >= len(points) else rows.min()}")
-    kept, rows = np.unique(rows, return_inverse=True)
-    return points[kept], rows.reshape(-1, 3).astype(np.int32)
-
-
-def _fans(corners: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Triangles (n, 3) of concatenated polygons with `counts` corners."""
-    if counts.sum(dtype=np.float64) != len(corners) or counts.min(initial=0) < 0:
-        raise ValueError(f"its polygons announce {counts.sum(dtype=np.float64):.0f} corners; there are {len(corners)}")
-    most = np.maximum(counts - 2, 0)
-    first = np.repeat(np.cumsum(counts) - counts, most)
-    second = first + 1 + np.arange(most.sum()) - np.repeat(np.cumsum(most) - most, most)
-    return np.asarray(corners[np.stack([first, second, second + 1], axis=1)])
-
-
-def _floats(element: Element) -> Array:
-    return np.fromstring(element.text or "", dtype=np.float64, sep=" ")
-
-
-def _integers(element: Element | None) -> np.ndarray:
-    return np.fromstring("" if element is None else element.text or "", dtype=np.int64, sep=" ")
+def _numbers(element: Element | None, kind: type = np.float64) -> np.ndarray:
+    return np.fromstring("" if element is None else element.text or "", dtype=kind, sep=" ")

@@ -15,8 +15,6 @@ from maniport.arms.chain import Mesh
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError
 
-_PACKAGE = re.compile(r"(?:package|model):/{2,}([^/]+)/+(.+)", re.DOTALL)
-
 
 @dataclass(frozen=True)
 class MeshPaths:
@@ -34,15 +32,20 @@ class MeshPaths:
 
     def find(self, name: str) -> Path | None:
         """Return the file of a mesh name in a URDF; None if it is missing."""
-        file = next((place for place in self._candidates(name) if is_file(place)), None)
+        package = _package(name)
+        if package is None:
+            places: Sequence[Path] = [self._relative(name)]
+        else:  # the folder of a package may have been renamed
+            places = [place / package[1] for place in (*self._packages(package[0]), *self._own())]
+        file = next((place for place in places if is_file(place)), None)
         if file is not None:
             self.require_allowed(file, name)
         return file
 
     def require_allowed(self, file: Path, name: str) -> None:
         """Raise `FileFormatError` for a file outside the allowed folders, with symbolic links resolved."""
-        package, real = _PACKAGE.fullmatch(name), file.resolve()
-        named = () if package is None or package[1] in ("..", ".") else self._packages(package[1])
+        package, real = _package(name), file.resolve()
+        named = () if package is None or package[0] in ("..", ".") else self._packages(package[0])
         folders = (*self._own(), *_ros_folders(), *self.more, *named)
         if not any(real.is_relative_to(place.resolve()) for folder in folders for place in (folder, *_origins(folder))):
             raise FileFormatError(
@@ -52,50 +55,47 @@ class MeshPaths:
 
     def rule(self, name: str) -> str:
         """Describe where `find` searches for a mesh."""
-        package = _PACKAGE.fullmatch(name)
+        package = _package(name)
         if package is None:
-            return f"at {str(next(self._candidates(name)))!r}"
+            return f"at {str(self._relative(name))!r}"
         return (
-            f"for the package {package[1]!r} in {str(self.path.parent)!r} and every folder above, and in "
+            f"for the package {package[0]!r} in {str(self.path.parent)!r} and every folder above, and in "
             "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
         )
 
-    def _candidates(self, name: str) -> Iterator[Path]:
-        """Candidates for a mesh, in the order of the search."""
-        package = _PACKAGE.fullmatch(name)
-        if package is None:
-            yield self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
-        else:  # the folder of a package may have been renamed
-            yield from (place / package[2] for place in (*self._packages(package[1]), *self._own()))
+    def _relative(self, name: str) -> Path:
+        return self.path.parent / (unquote(name[7:]) if name.startswith("file://") else name)
 
     def _packages(self, title: str) -> Iterator[Path]:
         """Folders of a package; more than three levels up they must be marked as packages."""
-        folder = self.path.parent
-        for i, place in enumerate([folder, *folder.parents]):
+        for i, place in enumerate(self.path.parents):
             for package in (place, place / title) if place.name == title else (place / title,):
                 if (i < 3 and not _holds_home(place)) or _origins(package):
                     yield package
         for place in (*_ros_folders(), *self.more):
-            if place.name == title:
-                yield place
-            yield place / title
+            yield from (place, place / title) if place.name == title else (place / title,)
 
     def _own(self) -> Iterator[Path]:
         """Folder of the robot file, its parent and its package, also those of the target of a symbolic link."""
         for path in dict.fromkeys((self.path, self.path.resolve())):
-            folder = path.parent
-            yield folder
-            if not _holds_home(folder.parent):
-                yield folder.parent
-            yield from (place for place in folder.parents if _origins(place))
+            yield path.parent
+            if not _holds_home(path.parent.parent):
+                yield path.parent.parent
+            yield from (place for place in path.parent.parents if _origins(place))
 
 
 def is_file(path: Path) -> bool:
-    """Whether a file exists; False for names that are too long or not accessible."""
+    """Return whether a file exists; False for names that are too long or not accessible."""
     try:
         return path.is_file()
     except OSError:
         return False
+
+
+def _package(name: str) -> tuple[str, str] | None:
+    """Package and path of a name such as ``package://robot/meshes/link.stl``; None for other names."""
+    match = re.fullmatch(r"(?:package|model):/{2,}([^/]+)/+(.+)", name, re.DOTALL)
+    return None if match is None else (match[1], match[2])
 
 
 def _origins(folder: Path) -> list[Path]:
@@ -111,6 +111,6 @@ def _holds_home(folder: Path) -> bool:
 
 def _ros_folders() -> list[Path]:
     """Folders of ROS packages, which the user trusts."""
-    ros = [Path(entry) for entry in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if entry]
-    ament = [Path(entry) / "share" for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    return [*ros, *ament]
+    folders = {key: os.environ.get(key, "").split(os.pathsep) for key in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")}
+    ros, ament = ([Path(entry) for entry in entries if entry] for entries in folders.values())
+    return [*ros, *(place / "share" for place in ament)]

@@ -78,9 +78,9 @@ def read_recording(
     except FileFormatError:
         raise
     except ValueError as error:
-        raise FileFormatError(f"{file}: {error}") from None
+        raise FileFormatError(f"{file}: {error}") from (None if isinstance(reader, str) else error)
     except (LookupError, TypeError, OverflowError, RecursionError, SyntaxError) as error:  # also of XML and encodings
-        raise FileFormatError(f"{file}: not readable as {kind}, perhaps cut off: {error}") from None
+        raise FileFormatError(f"{file}: not readable as {kind}, perhaps cut off: {error}") from error
     return options.checked(recording)
 
 
@@ -106,25 +106,24 @@ def _format_of(file: Path) -> str:
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
     suffix, hint = file.suffix.lower(), f"; shipped are {', '.join(map(repr, SHIPPED))}"
-    by_ending = not isinstance(READERS.get(suffix, ""), str)  # formats of the user
-    if not os.path.exists(file) or by_ending:  # False of names that no file has
-        return existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
-    existing_file(file, (), RECORDING_BYTES)
-    with open(file, "rb") as stream:
-        head = stream.read(4096)
-    kind = _by_content(head)
-    for name, foreign in load_names("foreign_formats.yaml").items():
-        starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
-        if head.startswith(starts) or (suffix in foreign["endings"] and kind in (None, ".npz", ".json")):
-            raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
+    kind = None
+    # False of names that no file has; formats of the user go by their ending
+    if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):
+        existing_file(file, (), RECORDING_BYTES)
+        with open(file, "rb") as stream:
+            head = stream.read(4096)
+        kind = _by_content(head)
+        for name, foreign in load_names("foreign_formats.yaml").items():
+            starts = tuple(start.encode("latin-1") for start in foreign.get("starts", ()))
+            if head.startswith(starts) or (suffix in foreign["endings"] and kind in (None, ".npz", ".json")):
+                raise FileFormatError(f"{file}: not supported ({name}): {foreign['advice']}")
     return kind or existing_file(file, tuple(READERS), RECORDING_BYTES, hint).suffix.lower()
 
 
 def _by_content(head: bytes) -> str | None:
     """Return the ending that belongs to the first bytes of a file, or None."""
-    for start, ending in {b"PK": ".npz", b"\x93NUMPY": ".npy"}.items():
-        if head.startswith(start):
-            return ending
+    if head.startswith((b"PK", b"\x93NUMPY")):
+        return ".npz" if head.startswith(b"PK") else ".npy"
     if len(head) > 1 and head[1] == 0x50 and 0 < head[0] < 9:  # 9 and more may begin a text
         return ".c3d"
     text = decoded(head).lstrip()
@@ -133,8 +132,8 @@ def _by_content(head: bytes) -> str | None:
         return ".bvh"
     if any(line.lower() == "endheader" or line.lower().startswith("indegrees") for line in lines):
         return ".mot"
+    if text.startswith("<"):
+        return ".mvnx" if "<mvnx" in text else None
     starts = {"PathFileType": ".trc", "Format Version": ".csv", "NO_OF_FRAMES": ".tsv", "Trajectories": ".csv"}
-    starts |= {"{": ".json", "[": ".json", "<": ".mvnx"}
-    if text.startswith("<") and "<mvnx" not in text:
-        return None
+    starts |= {"{": ".json", "[": ".json"}
     return next((ending for start, ending in starts.items() if text.startswith(start)), None)

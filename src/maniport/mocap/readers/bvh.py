@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.marker_sets import END
-from maniport.mocap.readers.text import positive_number, rows_from, text_lines
+from maniport.mocap.readers.text import number_table, positive_number, rows_from, text_lines
 from maniport.mocap.recording import Recording
 from maniport.util.input_limits import PLACES, POINTS, require_at_most
 from maniport.util.validation import Array
@@ -44,7 +44,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
         positions = np.concatenate([_positions(nodes, part) for part in parts])
     time = np.arange(len(positions)) * step
     recording = options.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
-    if not _begins_at_rest(recording):
+    speed = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1) / step
+    if len(speed) < 3 or not speed[0] > max(5.0, 10 * np.percentile(speed[1:], 99)):  # [m/s]
         return recording
     notes = [*recording.notes, "the first frame, a rest pose from which the motion jumps, was omitted"]
     return replace(recording, positions=recording.positions[1:], time=recording.time[:-1], notes=tuple(notes))
@@ -75,22 +76,17 @@ def _hierarchy(lines: list[str]) -> list[_Node]:
             elif word == "CHANNELS":
                 if nodes[path[-1]].channels:
                     raise ValueError("the channels of this joint occur twice")
-                nodes[path[-1]].channels = _channels(rest, columns)
-                columns += len(nodes[path[-1]].channels)
+                matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in rest[1:]]
+                channels = [(columns + i, match[2], match[1]) for i, match in enumerate(matches) if match]
+                if rest[:1] != [str(len(matches))] or len(channels) < len(matches):
+                    raise ValueError("the number of channels differs from the declared one, or a channel is unknown")
+                nodes[path[-1]].channels = channels
+                columns += len(channels)
         except (ValueError, IndexError) as error:
             raise ValueError(f"not readable as BVH: line {number}, {line.strip()!r}: {error}") from None
     if not nodes:
         raise ValueError("the hierarchy holds no ROOT")
     return nodes
-
-
-def _channels(words: list[str], first: int) -> list[tuple[int, str, str]]:
-    """Return the channels of a joint, with columns from `first`."""
-    matches = [re.fullmatch("([xyz])(position|rotation)", word.lower()) for word in words[1:]]
-    channels = [(first + i, match[2], match[1]) for i, match in enumerate(matches) if match]
-    if words[:1] != [str(len(matches))] or len(channels) < len(matches):
-        raise ValueError("the number of channels differs from the declared one, or a channel is unknown")
-    return channels
 
 
 def _motion(lines: list[str], motion: int, width: int) -> tuple[float, Array, list[str]]:
@@ -104,15 +100,9 @@ def _motion(lines: list[str], motion: int, width: int) -> tuple[float, Array, li
     if step is None:
         raise ValueError(f"Frame Time at line {body[1][0]} must be a positive number; found {frame_time[1]!r}")
     declared, rows = int(count[1]), body[2:]
-    if not rows:
-        raise ValueError("the file holds no frames")
-    for number, line in rows:
-        if (values := len(line.split())) != width:
-            fault = "the file is cut off" if number == rows[-1][0] else "the motion is broken"
-            raise ValueError(f"{fault} at line {number}: {values} values instead of {width}")
+    table = number_table(rows, width)
     if declared > len(rows) + 1:
         raise ValueError(f"the file is cut off: its header declares {declared} frames, and there are {len(rows)}")
-    table = np.loadtxt([line for _, line in rows], ndmin=2)
     rate = max(round(1 / step), 1)
     if abs(1 / rate - step) < 1e-4 * step:  # many files cut a thirtieth of a second to 0.033333
         step = 1 / rate
@@ -140,12 +130,3 @@ def _positions(nodes: list[_Node], table: Array) -> Array:
             rotation = rotations[node.parent] @ rotation
         rotations.append(rotation)
     return positions + root[:, None]
-
-
-def _begins_at_rest(recording: Recording) -> bool:
-    """Detect a rest pose at the start: a first step faster than 5 m/s, and ten times faster than any other."""
-    if len(recording) < 4:
-        return False
-    steps = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1)
-    speed = steps / np.diff(recording.time)
-    return bool(speed[0] > 5.0 and speed[0] > 10 * np.percentile(speed[1:], 99))

@@ -7,12 +7,13 @@ skipped. Described at https://www.c3d.org.
 
 import math
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from maniport.mocap.import_options import ImportOptions
-from maniport.mocap.recording import Bools, Recording
+from maniport.mocap.recording import Recording
 from maniport.util.input_limits import FRAMES, PLACES, POINTS, RECORDING_BYTES, read_whole, require_at_most
 from maniport.util.validation import Array
 
@@ -23,29 +24,11 @@ DEC, MIPS = 85, 86
 TEXT, BYTE, SHORT, REAL = -1, 1, 2, 4
 
 Values = list[float] | list[str]
-Parameters = dict[str, Values]
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a C3D file; see `maniport.mocap.readers.read_recording`."""
-    positions, valid, parameters = _read(read_whole(file, (), RECORDING_BYTES))
-    dropped = ~valid | (positions == 0).all(axis=-1) | ~np.isfinite(positions).all(axis=-1)
-    positions[dropped] = np.nan
-    rate = float(parameters["RATE"][0])
-    if not np.isfinite(rate) or rate <= 0:
-        raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
-    names, notes = _names(parameters, positions.shape[1])
-    if dropped.any():
-        absent = ", ".join(name for name, never in zip(names, dropped.all(axis=0), strict=True) if never)
-        notes.append(f"{dropped.mean():.1%} of all points are missing{f'; always: {absent}' if absent else ''}")
-    unit, up = (str((parameters.get(name) or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
-    up = up.lower().replace("+", "")
-    time = np.arange(len(positions)) / rate
-    return options.recording(file, names, positions, time, unit, up, notes=notes)
-
-
-def _read(content: bytes) -> tuple[Array, Bools, Parameters]:
-    """Return points (n_frames, n_points, 3) in the file's unit, whether they are valid, and the group POINT."""
+    content = read_whole(file, (), RECORDING_BYTES)
     if len(content) < BLOCK:
         raise ValueError(f"the file is cut off in its header: {len(content)} of {BLOCK} bytes")
     if content[1] != 0x50:
@@ -56,33 +39,39 @@ def _read(content: bytes) -> tuple[Array, Bools, Parameters]:
         raise ValueError(f"its parameters are missing or damaged at byte {start}")
     if len(section) < BLOCK * section[2]:
         raise ValueError(f"the file is cut off in its parameters: {len(section)} of {BLOCK * section[2]} bytes")
-    groups = _parameters(section, start)
-    point = groups.get("POINT", {})
+    parameters = _parameters(section, start)
     for name, kind in {"USED": SHORT, "SCALE": REAL, "RATE": REAL, "DATA_START": SHORT, "LABELS": TEXT}.items():
-        if point.get(name, (0, []))[0] != kind or (kind != TEXT and not point[name][1]):
+        type_, entries = parameters.get(f"POINT:{name}", (0, []))
+        if type_ != kind or (kind != TEXT and not entries):
             raise ValueError(f"its parameters are damaged: POINT:{name} is missing or of the wrong type")
-    values = {name: value for name, (_, value) in point.items()}
-    trial = {name: value for name, (_, value) in groups.get("TRIAL", {}).items()}
-    return (*_points(content, section[3], values, trial), values)
-
-
-def _names(parameters: Parameters, count: int) -> tuple[tuple[str, ...], list[str]]:
-    """Strip quotes, blanks and the subject's prefix from the labels, as long as the names stay different."""
+    values = {name: entries for name, (_, entries) in parameters.items()}
+    positions = _points(content, section[3], values)
+    rate = float(values["POINT:RATE"][0])
+    if not np.isfinite(rate) or rate <= 0:
+        raise ValueError(f"POINT:RATE must be a positive number; found {rate}")
+    # Quotes, blanks and the subject's prefix are taken off the labels, as long as the names stay different.
     labels: list[str] = []
     for key in ("LABELS", *(f"LABELS{i}" for i in range(2, 100))):  # more than 255 labels continue in LABELS2, …
-        labels += [str(label).strip().strip("\"'").strip() for label in parameters.get(key, [])]
-    labels = [labels[i] if i < len(labels) and labels[i] else f"point{i + 1}" for i in range(count)]
+        labels += [str(label).strip().strip("\"'").strip() for label in values.get(f"POINT:{key}", [])]
+    labels += [""] * positions.shape[1]
+    labels = [label or f"point{i + 1}" for i, label in enumerate(labels[: positions.shape[1]])]
     bare = [label.rsplit(":", 1)[-1].strip().strip("\"'") for label in labels]
-    names = bare if len(set(bare)) == len(bare) else labels
+    differ = len(set(bare)) == len(bare)
     prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
-    notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and names is bare else []
-    return tuple(names), notes
+    notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and differ else []
+    unit, up = (str((values.get(f"POINT:{name}") or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
+    time = np.arange(len(positions)) / rate
+    up = up.lower().replace("+", "")
+    return options.recording(file, bare if differ else labels, positions, time, unit, up, notes=notes)
 
 
-def _parameters(section: bytes, start: int) -> dict[str, dict[str, tuple[int, Values]]]:
-    """Follow the chain of groups and parameters, each of which must lie inside the section and hold its own data."""
+def _parameters(section: bytes, start: int) -> dict[str, tuple[int, Values]]:
+    """Return type and values of the parameters by ``GROUP:NAME``.
+
+    Each entry of the chain of groups and parameters must lie inside the section and hold its own data.
+    """
     order = ">" if section[3] == MIPS else "<"
-    names: dict[int, str] = {}
+    groups: dict[int, str] = {}
     parameters: list[tuple[int, str, tuple[int, Values]]] = []
     at, step = 4, 1
     while step and at + 2 <= len(section) and section[at]:
@@ -95,17 +84,14 @@ def _parameters(section: bytes, start: int) -> dict[str, dict[str, tuple[int, Va
         if step < 0 or end > len(section) or group == 0 or (group > 0 and parameter is None):
             raise ValueError(f"its parameters are damaged at byte {start + at}")
         if parameter is None:
-            names[-group] = name
+            groups[-group] = name
         else:
             parameters.append((group, name, parameter))
         at = end
-    orphan = next((name for group, name, _ in parameters if group not in names), None)
+    orphan = next((name for group, name, _ in parameters if group not in groups), None)
     if orphan is not None:
         raise ValueError(f"its parameters are damaged: {orphan} belongs to no group")
-    groups: dict[str, dict[str, tuple[int, Values]]] = {}
-    for group, name, parameter in parameters:
-        groups.setdefault(names[group], {})[name] = parameter
-    return groups
+    return {f"{groups[group]}:{name}": parameter for group, name, parameter in parameters}
 
 
 def _parameter(section: bytes, at: int) -> tuple[int, Values] | None:
@@ -145,13 +131,13 @@ def _numbers(data: bytes, kind: int, processor: int) -> Array:
         return np.frombuffer(data, f"{order}{code}").astype(np.float64)
 
 
-def _points(content: bytes, processor: int, values: Parameters, trial: Parameters) -> tuple[Array, Bools]:
-    """Return the points of all frames, and whether they are valid."""
+def _points(content: bytes, processor: int, values: Mapping[str, Values]) -> Array:
+    """Return the points (n_frames, n_points, 3) in the file's unit; nan where they are invalid."""
     order = ">" if processor == MIPS else "<"
     _, analog, first, last = struct.unpack_from(f"{order}HHHH", content, 2)
-    used, scale, begin = (float(values[name][0]) for name in ("USED", "SCALE", "DATA_START"))
+    used, scale, begin = (float(values[f"POINT:{name}"][0]) for name in ("USED", "SCALE", "DATA_START"))
     count, start = int(used) % 2**16, BLOCK * (int(begin) % 2**16 - 1)
-    frames = _frame_count(last - first + 1, values, trial)
+    frames = _frame_count(last - first + 1, values)
     kind = REAL if scale < 0 else SHORT
     size = kind * (4 * count + analog)
     require_at_most(count, POINTS, "points")
@@ -173,19 +159,20 @@ def _points(content: bytes, processor: int, values: Parameters, trial: Parameter
     rows = np.frombuffer(content, np.uint8, frames * size, start).reshape(frames, size)[:, : kind * 4 * count]
     numbers = _numbers(rows.tobytes(), kind, processor).reshape(frames, count, 4)
     points = numbers[..., :3] if kind == REAL else numbers[..., :3] * scale
-    return points, numbers[..., 3] >= 0
+    points[~(numbers[..., 3] >= 0) | (points == 0).all(axis=-1)] = np.nan
+    return points
 
 
-def _frame_count(header: int, values: Parameters, trial: Parameters) -> int:
+def _frame_count(header: int, values: Mapping[str, Values]) -> int:
     """Return the number of frames; what exceeds two bytes is in TRIAL or in POINT:LONG_FRAMES."""
     if 0 < header < 65_535:
         return header
-    ends = [trial.get(f"ACTUAL_{end}_FIELD", []) for end in ("START", "END")]
+    ends = [values.get(f"TRIAL:ACTUAL_{end}_FIELD", []) for end in ("START", "END")]
     if all(len(end) == 2 for end in ends):
         first, last = (int(end[0]) % 2**16 + 2**16 * (int(end[1]) % 2**16) for end in ends)
         return last - first + 1
     for name in ("LONG_FRAMES", "FRAMES"):
-        count = (values.get(name) or [0.0])[0]
+        count = (values.get(f"POINT:{name}") or [0.0])[0]
         if isinstance(count, float) and math.isfinite(count) and count > header:
             return int(count)
     return header

@@ -60,22 +60,39 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if not frames:
         raise ValueError("the file holds no frames")
     require_at_most(len(frames), FRAMES, "frames")
-    bodies, time = [_points(frame) for frame in frames], _times(frames)
-    if time is None and (key := _first(head, _RATES)) and 0 < (rate := _number(head[key])) < np.inf:
-        time = np.arange(len(bodies)) / rate
+    bodies = [_points(frame) for frame in frames]
     names = _names(head, bodies)
-    table = _table(names, bodies)
+    require_at_most(len(names), POINTS, "points")
+    require_at_most(len(names) * len(bodies), PLACES, "places (frames × points)")
+    table = np.full((len(bodies), len(names), 4), np.nan)  # x, y, z and confidence
+    for row, body in zip(table, bodies, strict=True):
+        if isinstance(body, dict):
+            row[:] = [body.get(name, (np.nan,) * 4) for name in names]
+        elif body:
+            row[:] = body
     positions, mediapipe = table[..., :3], len(names) == 33
-    if mediapipe:
-        _require_space(positions, names)
+    if mediapipe and {"left_hip", "right_hip"} <= set(names):
+        # In MediaPipe's landmarks of the image the hips are anywhere, and their depth is zero.
+        middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
+        if len(middle := middle[np.isfinite(middle).all(axis=1)]):
+            x, y, depth = np.median(np.abs(middle), axis=0)
+            if depth < 0.05 and max(x, y) > 0.2:
+                raise ValueError(_IN_IMAGE)
     notes = drop_untrusted(positions, table[..., 3])
     orders = load_names("joint_orders.yaml")
     if names is orders["by_count"][17] and arm_error(orders["human36m"], positions) < arm_error(names, positions):
         names = orders["human36m"]
         notes.append("17 keypoints taken in the order of Human3.6M, not of COCO: in it the arms keep their lengths")
-    if several := sum(isinstance(frame, dict) and len(frame.get(_first(frame, _PEOPLE, list) or None, ())) > 1
-                      for frame in frames):  # fmt: skip
-        notes.append(f"several people in {several} frames; the first one was taken")
+    several = [isinstance(frame, dict) and len(frame.get(_first(frame, _PEOPLE, list), ())) > 1 for frame in frames]
+    if any(several):
+        notes.append(f"several people in {sum(several)} frames; the first one was taken")
+    clocks = [_first(frame, _SECONDS) if isinstance(frame, dict) else "" for frame in frames]
+    time: Array | None = None
+    if all(clocks):
+        pairs = zip(frames, clocks, strict=True)
+        time = np.array([_number(frame[key]) * _SECONDS[key] for frame, key in pairs])
+    elif (key := _first(head, _RATES)) and 0 < (rate := _number(head[key])) < np.inf:
+        time = np.arange(len(bodies)) / rate
     unit, up = (head[key] if isinstance(head.get(key), str) else "" for key in ("unit", "up"))
     unit, usual = unit or ("m" if mediapipe else ""), "-y" if mediapipe else "y"
     return options.recording(file, names, positions, time, unit, up, usual, notes=notes)
@@ -185,14 +202,6 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _times(frames: Sequence[Any]) -> Array | None:
-    """Return times [s]; None unless every frame has one."""
-    keys = [_first(frame, _SECONDS) if isinstance(frame, dict) else "" for frame in frames]
-    if not all(keys):
-        return None
-    return np.array([_number(frame[key]) * _SECONDS[key] for frame, key in zip(frames, keys, strict=True)])
-
-
 def _names(head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
     """Return the names of the points, the file's own or those of an order with their number."""
     own = list(dict.fromkeys(name for body in bodies if isinstance(body, dict) for name in body))
@@ -213,27 +222,3 @@ def _names(head: Mapping[str, Any], bodies: list[Any]) -> Sequence[str]:
         f"{counts[0]} keypoints without names; give each a name, or list them in the file "
         f'({{"names": [...], "frames": [...]}}); recognized by their number are {", ".join(map(str, orders))}'
     )
-
-
-def _table(names: Sequence[str], bodies: list[Any]) -> Array:
-    """Return x, y, z and confidence of all points in all frames, shape (n, k, 4)."""
-    require_at_most(len(names), POINTS, "points")
-    require_at_most(len(names) * len(bodies), PLACES, "places (frames × points)")
-    table = np.full((len(bodies), len(names), 4), np.nan)
-    for row, body in zip(table, bodies, strict=True):
-        if isinstance(body, dict):
-            row[:] = [body.get(name, (np.nan,) * 4) for name in names]
-        elif body:
-            row[:] = body
-    return table
-
-
-def _require_space(positions: Array, names: Sequence[str]) -> None:
-    """Reject MediaPipe's landmarks of the image: in them the hips are anywhere, and their depth is zero."""
-    if {"left_hip", "right_hip"} <= set(names):
-        middle = positions[:, [names.index("left_hip"), names.index("right_hip")]].mean(axis=1)
-        present = np.isfinite(middle).all(axis=1)
-        if present.any():
-            x, y, depth = np.median(np.abs(middle[present]), axis=0)
-            if depth < 0.05 and max(x, y) > 0.2:
-                raise ValueError(_IN_IMAGE)

@@ -9,7 +9,6 @@ Those of Rajagopal et al. (2016), which OpenCap and Pose2Sim use, rotate the hum
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,28 +35,45 @@ def read(file: Path, options: ImportOptions) -> Recording:
     columns = [word.removesuffix("/value").rpartition("/")[2] for word in lines[end + 1].split()]
     if columns[:1] != ["time"]:
         raise ValueError(f"line {end + 2} must name the columns, time first; found {lines[end + 1][:80]!r}")
-    table = number_table(rows_from(lines, end + 2), len(columns), str.split)
+    table = number_table(rows_from(lines, end + 2), len(columns))
     declared = header.get("nRows", "")[:15]
     if declared.isdecimal() and int(declared) > len(table) + 1:
         raise ValueError(f"the file is cut off: the header declares {declared} rows, and there are {len(table)}")
     angles = {name: table[:, i] for i, name in enumerate(columns) if i}
     unit, notes, quality_warnings = _radians(angles, header.get("inDegrees", "").lower())
     points: dict[str, Array] = {}
-    for side in ("right", "left"):
-        notes += _add_arm(points, {name: angle * unit for name, angle in angles.items()}, side)
+    for side, mirror, endings in (("right", 1.0, ("", "_r")), ("left", -1.0, ("_l",))):
+        for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):  # noqa: B007 - of the first family
+            own = {name: unit * angles[name + e] for name in family for e in endings if name + e in angles}
+            if own.keys() >= set(family[:4]):
+                break
+        else:
+            continue
+        q = np.stack([own.get(name, np.zeros(len(table))) for name in family], axis=1)
+        valid = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
+        for name, position in points_of(np.where(valid, q, 0.0)).items():
+            points[f"{side}_{name}"] = np.where(valid, position * [1.0, mirror, 1.0], np.nan)
+        missing = ", ".join(name for name in family if name not in own)
+        note = f"points of the {side} arm from its joint angles ({', '.join(own)}), with the lengths of the model"
+        notes.append(f"{note}; not recorded and set to zero: {missing}" if missing else note)
     if not points:
         raise ValueError(
             f"no joint angles of an arm; needed are {', '.join(JOINTS[:4])}, or {', '.join(RAJAGOPAL[:4])} "
             f"with _r or _l; found {', '.join(columns[1:])[:300]}"
         )
     points |= {name: np.tile(np.array(point), (len(table), 1)) for name, point in TRUNK.items()}
-    positions = np.stack(list(points.values()), axis=1)
-    texts: dict[str, Any] = {
-        "origin": "as in the model of the arm",
-        "notes": notes,
-        "quality_warnings": quality_warnings,
-    }
-    return options.recording(file, list(points), positions, table[:, 0], "m", "z", measured=False, **texts)
+    return options.recording(
+        file,
+        list(points),
+        np.stack(list(points.values()), axis=1),
+        table[:, 0],
+        unit="m",
+        up="z",
+        origin="as in the model of the arm",
+        notes=notes,
+        quality_warnings=quality_warnings,
+        measured=False,
+    )
 
 
 def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str], list[str]]:
@@ -77,25 +93,6 @@ def _radians(angles: Mapping[str, Array], degrees: str) -> tuple[float, list[str
         return 1.0, ["angles taken as radians: the header does not state the unit, and those of the arm are ≤ 2 π"], []
     text = f"all angles of the arm are within {largest:.2g}°: if they are radians, write inDegrees=no"
     return np.radians(1.0), [], [text] if degrees == "yes" and 0.0 < largest <= full_turn else []
-
-
-def _add_arm(points: dict[str, Array], angles: Mapping[str, Array], side: str) -> list[str]:
-    """Add the points of an arm in the trunk frame [m] if its first four angles are recorded; others stay at zero."""
-    endings = ("_r", "") if side == "right" else ("_l",)
-    for family, points_of in ((JOINTS, _saul), (RAJAGOPAL, _rajagopal)):
-        own = {name: angles[name + end] for name in family for end in reversed(endings) if name + end in angles}
-        if not all(name in own for name in family[:4]):
-            continue
-        zero = np.zeros(len(own[family[0]]))
-        q = np.stack([own.get(name, zero) for name in family], axis=1)
-        valid = (np.abs(q) < LARGEST_ANGLE).all(axis=1, keepdims=True)
-        mirror = [1.0, 1.0 if side == "right" else -1.0, 1.0]
-        for name, position in points_of(np.where(valid, q, 0.0)).items():
-            points[f"{side}_{name}"] = np.where(valid, position * mirror, np.nan)
-        missing = ", ".join(name for name in family if name not in own)
-        note = f"points of the {side} arm from its joint angles ({', '.join(own)}), with the lengths of the model"
-        return [f"{note}; not recorded and set to zero: {missing}" if missing else note]
-    return []
 
 
 def _saul(q: Array) -> dict[str, Array]:

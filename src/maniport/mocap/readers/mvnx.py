@@ -14,18 +14,8 @@ ELEMENTS = 3_000_000  # Most elements of a file; the largest file of positions a
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
-    """Read an MVNX file; see `maniport.mocap.readers.read_recording`."""
+    """Read an MVNX file, dropping its elements as they end; see `maniport.mocap.readers.read_recording`."""
     existing_file(file, (), RECORDING_BYTES)
-    names, rows, times, rate = _frames(file)
-    if not rows or not names:
-        raise ValueError("the file holds no frames")
-    time = np.arange(len(rows)) / rate if 0 < rate < np.inf else times if np.isfinite(times).all() else None
-    positions = np.array(rows).reshape(len(rows), -1, 3)
-    return options.recording(file, names, positions, time, "m", "z", origin="as in all MVNX files")
-
-
-def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
-    """Return segments, positions and times [s] of all frames, and the rate; elements are dropped as they end."""
     names: list[str] = []
     rows: list[Array] = []
     times: list[float] = []
@@ -52,23 +42,22 @@ def _frames(file: Path) -> tuple[list[str], list[Array], list[float], float]:
         if tag == "position" and text is None and path[-1].tag.endswith("frame"):
             text = element.text or ""
         if tag == "frame" and element.get("type", "normal") == "normal":
-            number = len(rows) + 1
+            number, width = len(rows) + 1, 3 * len(names)
             require_at_most(number, FRAMES, "frames")
             require_at_most(number * len(names), PLACES, "places (frames × segments)")
-            rows.append(_row(number, text, 3 * len(names)))
+            if text is None:
+                raise ValueError(f"frame {number} holds no <position>; export positions of segments, too")
+            words = text.split(None, width)  # more words than that stay in one
+            if len(words) != width:
+                amount = len(words) if len(words) < width else f"more than {width}"
+                raise ValueError(f"frame {number} holds {amount} numbers for {len(names)} segments, not three each")
+            rows.append(np.array(words, dtype=np.float64))
             times.append(float(element.get("time", "nan")) / 1000.0)
         element.clear()
         if path:
             path[-1].remove(element)
-    return names, rows, times, rate
-
-
-def _row(number: int, text: str | None, width: int) -> Array:
-    """Return the numbers of a frame's <position>."""
-    if text is None:
-        raise ValueError(f"frame {number} holds no <position>; export positions of segments, too")
-    words = text.split(None, width)  # more words than that stay in one
-    if len(words) != width:
-        count = len(words) if len(words) < width else f"more than {width}"
-        raise ValueError(f"frame {number} holds {count} numbers for {width // 3} segments, not three each")
-    return np.array([float(word) for word in words])
+    if not rows or not names:
+        raise ValueError("the file holds no frames")
+    time = np.arange(len(rows)) / rate if 0 < rate < np.inf else times if np.isfinite(times).all() else None
+    positions = np.array(rows).reshape(len(rows), -1, 3)
+    return options.recording(file, names, positions, time, "m", "z", origin="as in all MVNX files")

@@ -62,28 +62,26 @@ def read(file: Path, options: ImportOptions) -> Recording:
                 positions = read_npy(stream, size)
             except Exception as error:  # noqa: BLE001 - NumPy raises errors of many types on damaged files
                 raise ValueError(f"not a readable .npy file: {error}") from None
-            return _positions(file, options, {"positions": positions})
+            return _points(file, options, {"positions": np.asarray(positions)})
     names = array_names(file, "recording")
-    keys = {what: next((key for key in known.split() if key in names), None) for what, known in KEYS.items()}
-    loaded = load_arrays(file, "recording", [key for key in keys.values() if key])
-    arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in keys.items() if key}
-    usual = "z"
-    if "poses" not in arrays and {"root", "body"} <= arrays.keys():
-        usual, arrays["poses"] = "", _joined(arrays["root"], arrays["body"])
-    if "poses" in arrays and not {"names", "positions"} <= arrays.keys():
-        return _posed(file, options, arrays, usual)
+    chosen = {what: next((key for key in keys.split() if key in names), None) for what, keys in KEYS.items()}
+    loaded = load_arrays(file, "recording", [key for key in chosen.values() if key])
+    arrays = {what: np.atleast_1d(np.asarray(loaded[key])) for what, key in chosen.items() if key}
+    in_parts = "poses" not in arrays and {"root", "body"} <= arrays.keys()
+    if ("poses" in arrays or in_parts) and not {"names", "positions"} <= arrays.keys():
+        return _posed(file, options, arrays, [arrays[key] for key in (("root", "body") if in_parts else ("poses",))])
     if "positions" not in arrays:
         raise ValueError(
             f"a recording needs the arrays names (k,), positions (n, k, 3), and time (n,) or rate; "
             f"missing: {', '.join(what for what in ('names', 'positions') if what not in arrays)}; "
             f"found: {', '.join(names) or 'nothing'}"
         )
-    return _positions(file, options, arrays)
+    return _points(file, options, arrays)
 
 
-def _positions(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Recording:
+def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Recording:
     """Return a recording of positions (n, k, 3), with names of the file, of a file next to it or recognized."""
-    positions = np.asarray(arrays["positions"])
+    positions = arrays["positions"]
     if positions.ndim != 3 or positions.shape[-1] != 3 or positions.dtype.kind not in "fiu":
         raise ValueError(f"positions must be numbers of shape (n, k, 3); found {positions.shape} of {positions.dtype}")
     require_at_most(positions.size // 3, PLACES, "places (frames × points)")
@@ -92,9 +90,18 @@ def _positions(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) ->
     unit, up, origin, notes = _text(arrays, "unit"), _text(arrays, "up"), "stated in the file", []
     names = arrays["names"] if "names" in arrays else _names_beside(file)
     if names is None:
-        skeleton, names = _recognized(file, positions)
-        up, origin = up or ("z" if skeleton == "holosoma's mocap" else ""), f"as in {skeleton}"
-        notes = [f"{len(names)} joints without names: taken as {skeleton}, in which their arms have constant lengths"]
+        count = positions.shape[1]
+        skeletons: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
+        fits = [name for name, own in skeletons.items() if len(own) == count and arm_error(own, positions) < 1.0]
+        if len(fits) != 1:
+            listed = ", ".join(f"{len(joints)} ({name})" for name, joints in skeletons.items())
+            why = f"{' and '.join(fits)} both fit" if fits else f"recognized by their number are {listed}"
+            raise ValueError(
+                f"{count} joints without names; write one name per line into '{file.stem}.names.txt' next to it ({why})"
+            )
+        names = skeletons[fits[0]]
+        up, origin = up or ("z" if fits[0] == "holosoma's mocap" else ""), f"as in {fits[0]}"
+        notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]
     array = np.asarray(names)
     if array.dtype.kind == "S":
         array = np.char.decode(array, "utf-8", "replace")
@@ -123,20 +130,6 @@ def _names_beside(file: Path) -> Sequence[str] | None:
     return names
 
 
-def _recognized(file: Path, positions: Array) -> tuple[str, Sequence[str]]:
-    """Return the skeleton that joints without names are, and its names."""
-    count = positions.shape[1]
-    known: dict[str, list[str]] = load_names("joint_orders.yaml")["skeletons"]
-    fitting = [name for name, joints in known.items() if len(joints) == count and arm_error(joints, positions) < 1.0]
-    if len(fitting) != 1:
-        listed = ", ".join(f"{len(joints)} ({name})" for name, joints in known.items())
-        why = f"{' and '.join(fitting)} both fit" if fitting else f"recognized by their number are {listed}"
-        raise ValueError(
-            f"{count} joints without names; write one name per line into '{file.stem}.names.txt' next to it ({why})"
-        )
-    return fitting[0], known[fitting[0]]
-
-
 def _time(arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:
     """Return the times, from the rate where there are none; None where there is neither."""
     if "time" in arrays or "rate" not in arrays or options.rate is not None:
@@ -152,23 +145,19 @@ def _text(arrays: Mapping[str, Any], name: str) -> str:
     return str(value.reshape(-1)[0]) if value.size == 1 and value.dtype.kind in "US" else ""
 
 
-def _joined(*parts: Array) -> Array:
-    """Return pose parameters (n, 66 or more) of root and body."""
-    if any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != len(parts[0]) for part in parts):
-        shapes = " and ".join(str(part.shape) for part in parts)
-        raise ValueError(f"poses of root and body must be numbers (n, …) of equal n; found {shapes}")
-    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses: Sequence[Array]) -> Recording:
+    """Return the joints of a body from its pose parameters, in one array or in those of root and body.
 
-
-def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], up: str) -> Recording:
-    """Return the joints of a body in its poses (n, 66 or more) or (n, k, 3), the root at `trans` (n, 3) [m]."""
-    angles, body_height = arrays["poses"], 1.75  # [m]
-    if angles.ndim == 3 and angles.shape[-1] == 3:
-        angles = angles.reshape(len(angles), -1)
-    if angles.ndim != 2 or angles.shape[1] < 66 or angles.dtype.kind not in "fiu" or not len(angles):
-        raise ValueError(f"poses must be numbers of shape (n, 66 or more); found {angles.shape} of {angles.dtype}")
-    count = len(angles)
+    The arrays are (n, k) or (n, k, 3), with 66 numbers or more for each frame; the root is at `trans` (n, 3) [m].
+    """
+    count, body_height = len(poses[0]), 1.75  # [m]
+    if any(part.ndim < 2 or part.dtype.kind not in "fiu" or len(part) != count for part in poses) or not count:
+        shapes = " and ".join(f"{part.shape} of {part.dtype}" for part in poses)
+        raise ValueError(f"poses must be numbers of shape (n, 66 or more), n equal in all parts; found {shapes}")
     require_at_most(count, FRAMES, "frames")
+    angles = np.concatenate([part.reshape(count, -1) for part in poses], axis=1)
+    if angles.shape[1] < 66:
+        raise ValueError(f"poses must have shape (n, 66 or more); found {angles.shape}")
     root = arrays.get("trans", np.zeros((count, 3)))
     if root.shape != (count, 3) or root.dtype.kind not in "fiu":
         raise ValueError(f"trans must be numbers of shape ({count}, 3); found {root.shape} of {root.dtype}")
@@ -179,8 +168,7 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], up: st
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
         f"{body_height} m unless the arm is fitted with the person's height"
     )
-    time = _time(arrays, count, options)
-    names = ["pelvis", *bones]
+    up, time, names = "z" if len(poses) == 1 else "", _time(arrays, count, options), ["pelvis", *bones]
     return options.recording(file, names, positions, time, "m", up, "y", "as in AMASS", notes=[note], measured=False)
 
 

@@ -25,7 +25,6 @@ from maniport.mocap.readers.text import (
 )
 from maniport.mocap.recording import Recording
 from maniport.util.input_limits import NAME, PLACES, POINTS, require_at_most
-from maniport.util.validation import Array
 
 _COLUMN = re.compile(r"(.+?)(?:[ _.:-]+pos(?:ition)?)?[ _.:-]+\(?([xyz])\)?(?: *[\[(](\w+)[\])])?", re.IGNORECASE)
 _CONFIDENCE = re.compile(r"(.+?)[ _.:-]+(?:visibility|confidence|conf|score|likelihood)", re.IGNORECASE)
@@ -36,121 +35,117 @@ LAYOUTS = (
     "NAME_z (or NAME.x …) and time, or a row for each point, with columns time, name, x, y, z"
 )
 
-UNUSED = ""  # Name of a column that is not read
-
 
 @dataclass(frozen=True)
 class Table:
     """A table with one name for each column."""
 
-    columns: Sequence[str]  # NAME_x, NAME_y, NAME_z, time, or `UNUSED`
+    columns: Sequence[str]  # NAME_x, NAME_y, NAME_z, time, or empty where it is not read
     rows: Sequence[Row]
     separator: str
     unit: str = ""  # of length; empty where unknown
     usual: str = "z"  # usual vertical axis
     rate: float | None = None  # frames per second, where no column holds the time
-
-    def fields(self, line: str) -> list[str]:
-        """Return the fields of a row; unused ones are empty."""
-        fields = fields_of(line, self.separator)
-        for i, column in enumerate(self.columns[: len(fields)]):
-            if column == UNUSED:
-                fields[i] = ""
-        return fields
+    advice: str = ""  # for a table without points
 
 
 def read(file: Path, options: ImportOptions) -> Recording:
     """Read a CSV file; see `maniport.mocap.readers.read_recording`."""
-    table = _find_table(text_lines(file))
-    columns = [column.lower() for column in table.columns]
-    words = ("name", "joint", "marker", "keypoint", "landmark", "point")
-    name = next((columns.index(word) for word in words if word in columns), None)
-    if name is not None and all(axis in columns for axis in "xyz"):
-        return _one_row_a_point(file, options, table, columns, name)
+    lines = text_lines(file)
+    rows = rows_from(lines, 0)
+    first = rows[0][1].strip(' "') if rows else ""
+    section = next((i for i, line in enumerate(lines) if line.strip(',;\t "') == "Trajectories"), None)
+    if first.startswith("Format Version"):
+        table = _motive(rows)
+    elif first.startswith("NO_OF_FRAMES"):
+        table = _qualisys(rows)
+    elif section is not None:
+        table = _nexus(lines[section:], section)
+    else:
+        rows = [row for row in rows if not row[1].lstrip().startswith("#")]
+        if not rows:
+            raise ValueError("the file holds no lines")
+        if first.startswith("sep="):  # written by Excel
+            rows = rows[1:] or rows
+        separator = separator_of(rows[0][1])
+        table = Table(fields_of(rows[0][1], separator), rows[1:], separator)
+        words, columns = (
+            ("name", "joint", "marker", "keypoint", "landmark", "point"),
+            list(map(str.lower, table.columns)),
+        )
+        name = next((columns.index(word) for word in words if word in columns), None)
+        if name is not None and all(axis in columns for axis in "xyz"):
+            return _one_row_a_point(file, options, table, columns, name)
     return _one_row_a_frame(file, options, table)
 
 
 def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Recording:
-    indices: dict[str, dict[str, int]] = {}
+    points: dict[str, dict[str, int]] = {}
     confidence: dict[str, int] = {}
+    times: list[tuple[int, float]] = []  # columns, and their units per second
     units = set()
-    require_at_most(max(map(len, table.columns)), NAME, "characters in the name of a column")
+    require_at_most(len(table.columns), 4 * POINTS, "columns")
+    require_at_most(max(map(len, table.columns), default=0), NAME, "characters in the name of a column")
     for i, column in enumerate(table.columns):
         if match := _COLUMN.fullmatch(column):
-            if indices.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
+            if points.setdefault(match[1], {}).setdefault(match[2].lower(), i) != i:
                 raise ValueError(f"the column {column!r} occurs twice")
             units.add(match[3] or "")
         elif match := _CONFIDENCE.fullmatch(column):
             confidence[match[1]] = i
-    names = list(indices)
-    missing = [f"{name}_{axis}" for name, axes in indices.items() for axis in "xyz" if axis not in axes]
-    if not names or missing:
+        elif match := _TIME.fullmatch(column):
+            times.append((i, _per_second(match)))
+    missing = [f"{name}_{axis}" for name, axes in points.items() for axis in "xyz" if axis not in axes]
+    if table.advice and not points:
+        raise ValueError(f"the table holds no positions of points. In {table.advice}")
+    if not points or missing:
         why = f"there is no column {missing[0]}" if missing else f"found columns {', '.join(table.columns[:8])[:200]}"
         raise ValueError(f"{LAYOUTS}; {why}")
-    numbers = number_table(table.rows, len(table.columns), table.fields)
-    positions = numbers[:, [[indices[name][axis] for axis in "xyz"] for name in names]]
-    confidences = numbers[:, [confidence.get(name, 0) for name in names]]
-    notes = drop_untrusted(positions, np.where([name in confidence for name in names], confidences, 1.0))
+    used = [axes[axis] for axes in points.values() for axis in "xyz"]
+    used += [confidence.get(name, axes["x"]) for name, axes in points.items()] + [i for i, _ in times[:1]]
+    numbers = number_table(table.rows, len(table.columns), lambda line: fields_of(line, table.separator), used)
+    positions = numbers[:, : 3 * len(points)].reshape(len(numbers), -1, 3)
+    confidences = numbers[:, 3 * len(points) : 4 * len(points)]
+    notes = drop_untrusted(positions, np.where([name in confidence for name in points], confidences, 1.0))
+    time = np.arange(len(numbers)) / table.rate if table.rate else numbers[:, -1] / times[0][1] if times else None
     unit = table.unit or (units.pop() if len(units) == 1 else "")
-    time = _time(table.columns, numbers) if table.rate is None else np.arange(len(numbers)) / table.rate
-    return options.recording(file, names, positions, time, unit, usual=table.usual, notes=notes)
+    return options.recording(file, list(points), positions, time, unit, usual=table.usual, notes=notes)
 
 
 def _one_row_a_point(file: Path, options: ImportOptions, table: Table, columns: list[str], name: int) -> Recording:
     """Read rows of points; those of one time, or of one frame number, make a frame."""
+    clocks = [(i, _per_second(match)) for i, column in enumerate(columns) if (match := _TIME.fullmatch(column))]
     counters = ("frame", "frame#", "frames", "index", "")
-    clocks = [i for i, column in enumerate(columns) if _TIME.fullmatch(column)]
-    clocks += [i for i, column in enumerate(columns) if column in counters]
+    clocks += [(i, np.nan) for i, column in enumerate(columns) if column in counters]
     if not clocks:
         raise ValueError(f"{LAYOUTS}; there is no column time")
-    used = [clocks[0], *(columns.index(axis) for axis in "xyz")]
+    clock, per_second = clocks[0]
     names: dict[str, int] = {}
-    points = []
-    for number, line in table.rows:
+    points: list[int] = []
+
+    def split(line: str) -> list[str]:
         fields = fields_of(line, table.separator)
-        if len(fields) != len(columns):
-            raise ValueError(f"the table is broken at line {number}: {len(fields)} values instead of {len(columns)}")
-        points.append(names.setdefault(fields[name], len(names)))
-        require_at_most(len(names), POINTS, "points")
-    numbers = number_table(table.rows, len(used), lambda line: [fields_of(line, table.separator)[i] for i in used])
+        if len(fields) == len(columns):
+            points.append(names.setdefault(fields[name], len(names)))
+            require_at_most(len(names), POINTS, "points")
+        return fields
+
+    used = [clock, *map(columns.index, "xyz")]
+    numbers = number_table(table.rows, len(columns), split, used)
     times, frames = np.unique(numbers[:, 0], return_inverse=True)
     require_at_most(len(times) * len(names), PLACES, "places (frames × points)")
     pairs = frames * len(names) + np.array(points)
     if len(np.unique(pairs)) < len(pairs):
         again = int(np.flatnonzero(np.bincount(pairs)[pairs] > 1)[1])
         raise ValueError(f"line {table.rows[again][0]}: this point occurs twice at one time")
-    flat = np.full((len(times) * len(names), 3), np.nan)
-    flat[pairs] = numbers[:, 1:]
-    positions = flat.reshape(len(times), len(names), 3)
-    return options.recording(file, list(names), positions, _time([columns[clocks[0]]], times[:, None]))
+    positions = np.full((len(times) * len(names), 3), np.nan)
+    positions[pairs] = numbers[:, 1:]
+    time = times / per_second if np.isfinite(per_second) else None
+    return options.recording(file, list(names), positions.reshape(len(times), -1, 3), time)
 
 
-def _time(columns: Sequence[str], table: Array) -> Array | None:
-    """Return times [s]; None where no column holds them."""
-    for i, column in enumerate(columns):
-        if match := _TIME.fullmatch(column):
-            return np.asarray(table[:, i] / (1000.0 if (match[1] or "").lower() == "ms" else 1.0))
-    return None
-
-
-def _find_table(lines: Sequence[str]) -> Table:
-    """Find the table of a file of any program."""
-    rows = rows_from(lines, 0)
-    first = rows[0][1].strip(' "') if rows else ""
-    if first.startswith("Format Version"):
-        return _motive(rows)
-    if first.startswith("NO_OF_FRAMES"):
-        return _qualisys(rows)
-    section = next((i for i, line in enumerate(lines) if line.strip(',;\t "') == "Trajectories"), None)
-    if section is not None:
-        return _nexus(lines[section:], section)
-    rows = [row for row in rows if not row[1].lstrip().startswith("#")]
-    if not rows:
-        raise ValueError("the file holds no lines")
-    if first.startswith("sep="):  # written by Excel
-        rows = rows[1:] or rows
-    separator = separator_of(rows[0][1])
-    return Table(fields_of(rows[0][1], separator), rows[1:], separator)
+def _per_second(time: re.Match[str]) -> float:
+    return 1000.0 if (time[1] or "").lower() == "ms" else 1.0
 
 
 def _motive(rows: Sequence[Row]) -> Table:
@@ -168,9 +163,9 @@ def _motive(rows: Sequence[Row]) -> Table:
         name if kind == "Position" and (type_ not in solved or name not in measured) else ""
         for type_, name, kind in zip(types, names, kinds, strict=True)
     ]
-    columns = _columns(points, axes, "Motive: export markers or bones, with their positions")
+    columns, advice = _columns(points, axes), "Motive: export markers or bones, with their positions"
     columns[1:2] = ["time"]
-    return Table(columns, rows[start + 1 :], separator, header.get("Length Units", ""), "y")
+    return Table(columns, rows[start + 1 :], separator, header.get("Length Units", ""), "y", advice=advice)
 
 
 def _nexus(lines: Sequence[str], start: int) -> Table:
@@ -182,11 +177,11 @@ def _nexus(lines: Sequence[str], start: int) -> Table:
     points = _padded(lines[2], separator, len(axes))
     for i in range(1, len(points)):
         points[i] = points[i] or points[i - 1]  # a name is above the first of its columns
-    columns = _columns(points, axes, "Nexus: export trajectories")
     units = {unit for cell in fields_of(lines[4], separator) if (unit := known_unit(cell)) is not None}
     rows = takewhile(lambda row: row[1].strip(separator + " "), enumerate(lines[5:], start + 6))
     rate = positive_number(lines[1].strip(separator + ' "'))
-    return Table(columns, list(rows), separator, units.pop() if len(units) == 1 else "", rate=rate)
+    unit = units.pop() if len(units) == 1 else ""
+    return Table(_columns(points, axes), list(rows), separator, unit, "z", rate, "Nexus: export trajectories")
 
 
 def _qualisys(rows: Sequence[Row]) -> Table:
@@ -205,30 +200,23 @@ def _qualisys(rows: Sequence[Row]) -> Table:
     first = fields_of(rows[0][1], "\t") if rows else []
     columns = [f"{name}_{axis}" for name in header.get("MARKER_NAMES", ()) for axis in "xyz"]
     if first[:2] == ["Frame", "Time"]:
-        columns, rows = [UNUSED, UNUSED, *(columns or first[2:])], rows[1:]
+        columns, rows = ["", "", *(columns or first[2:])], rows[1:]
     elif columns:
-        columns = [UNUSED] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
-    _require_points(columns, "Qualisys: export 3D data, with the names of markers")
-    return Table(columns, rows, "\t", "mm", rate=positive_number(" ".join(header.get("FREQUENCY", ()))))
+        columns = [""] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
+    rate = positive_number(" ".join(header.get("FREQUENCY", ())))
+    return Table(columns, rows, "\t", "mm", "z", rate, "Qualisys: export 3D data, with the names of markers")
 
 
 def _padded(line: str, separator: str, width: int) -> list[str]:
     return (fields_of(line, separator) + [""] * width)[:width]
 
 
-def _columns(points: Sequence[str], axes: Sequence[str], advice: str) -> list[str]:
+def _columns(points: Sequence[str], axes: Sequence[str]) -> list[str]:
     """Name the columns of points; later ones of the same name, as of markers that two models claim, are not used."""
-    columns = [
-        f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else UNUSED
-        for name, axis in zip(points, axes, strict=True)
-    ]
-    first = {name: i for i, name in reversed(list(enumerate(columns)))}
-    columns = [name if first[name] == i else UNUSED for i, name in enumerate(columns)]
-    _require_points(columns, advice)
+    columns: list[str] = []
+    used = {""}
+    for name, axis in zip(points, axes, strict=True):
+        column = f"{name}_{axis.lower()}" if name and axis in ("X", "Y", "Z") else ""
+        columns.append("" if column in used else column)
+        used.add(column)
     return columns
-
-
-def _require_points(columns: Sequence[str], advice: str) -> None:
-    if not any(columns):
-        raise ValueError(f"the table holds no positions of points. In {advice}")
-    require_at_most(len(columns), 4 * POINTS, "columns")

@@ -51,24 +51,40 @@ def rows_from(lines: Sequence[str], start: int) -> list[Row]:
     return [(number, line) for number, line in enumerate(lines[start:], start + 1) if line.strip()]
 
 
-def number_table(rows: Sequence[Row], width: int, split: Callable[[str], list[str]], short: bool = False) -> Array:
-    """Return the numbers of a table, shape (len(rows), width); nan where a field is empty."""
+def number_table(
+    rows: Sequence[Row],
+    width: int,
+    split: Callable[[str], list[str]] = str.split,
+    used: Sequence[int] | None = None,
+    short: bool = False,
+) -> Array:
+    """Return the numbers of the used columns (default: all) of a table, shape (len(rows), len(used)).
+
+    Empty fields and placeholders are nan; with `short` also those that are missing at the end of a row.
+    """
     if not rows:
         raise ValueError("the file holds no frames")
     require_at_most(len(rows) * width, 3 * PLACES, "numbers")
-    table = np.full((len(rows), width), np.nan)
+    table = np.empty((len(rows), width if used is None else len(used)))
     for i, (number, line) in enumerate(rows):
         fields = split(line)
         while len(fields) > width and not fields[-1].strip():
             fields.pop()
-        if len(fields) > width or (len(fields) < width and not short):
+        if short:
+            fields += [""] * (width - len(fields))
+        if len(fields) != width:
             last = i == len(rows) - 1 and len(fields) < width
             fault = "the file is cut off" if last else "the table is broken"
             raise ValueError(f"{fault} at line {number}: {len(fields)} values instead of {width}")
+        if used is not None:
+            fields = [fields[column] for column in used]
         try:
-            table[i, : len(fields)] = [_number(field) for field in fields]
-        except ValueError as error:
-            raise ValueError(f"line {number}: {error}") from None
+            table[i] = list(map(float, fields))
+        except ValueError:  # decimal commas or placeholders
+            try:
+                table[i] = list(map(_number, fields))
+            except ValueError as error:
+                raise ValueError(f"line {number}: {error}") from None
     return table
 
 
@@ -83,9 +99,6 @@ def positive_number(text: str) -> float | None:
 
 def _number(field: str) -> float:
     """Parse a number; nan for the placeholders of missing numbers."""
-    try:
-        return float(field.replace(",", "."))
-    except ValueError:
-        if field.strip().lower() in ("", "na", "n/a", "null", "none", "-"):
-            return np.nan
-        raise
+    if field.strip().lower() in ("", "na", "n/a", "null", "none", "-"):
+        return np.nan
+    return float(field.replace(",", "."))

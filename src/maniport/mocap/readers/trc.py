@@ -24,7 +24,14 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if not names:
         raise ValueError("line 4 must name the points, after Frame# and Time, between tabs")
     table = number_table(rows_from(lines, 5), 2 + 3 * len(names), lambda line: line.split(separator), short=True)
-    positions = table[:, 2:].reshape(len(table), -1, 3)
+    time: Array | None = table[:, 1]
+    complete = np.isfinite(table[:, 1]).all()
+    if rate := positive_number(header.get("DataRate", "")):
+        even = (table[0, 1] if np.isfinite(table[0, 1]) else 0.0) + np.arange(len(table)) / rate
+        if not complete or (np.abs(table[:, 1] - even) < 0.25 / rate).all():
+            time = even  # the column differs by rounding only
+    elif not complete:
+        time = None
     notes: list[str] = []
     warnings: list[str] = []
     for key, what, count in (("NumFrames", "frames", len(table)), ("NumMarkers", "points", len(names))):
@@ -35,20 +42,5 @@ def read(file: Path, options: ImportOptions) -> Recording:
             (warnings if cut else notes).append(f"{text}; the end of the file may be missing" if cut else text)
     if separator != "\t":
         warnings.append(f"the fields of this TRC file are separated by {separator!r}, not by tabs: check the points")
-    if missing := np.isnan(positions).any(axis=-1).mean():
-        notes.append(f"{missing:.1%} of all points are missing")
-    time = _time(table[:, 1], positive_number(header.get("DataRate", "")))
-    unit = header.get("Units", "")
+    positions, unit = table[:, 2:].reshape(len(table), -1, 3), header.get("Units", "")
     return options.recording(file, names, positions, time, unit, usual="y", notes=notes, quality_warnings=warnings)
-
-
-def _time(column: Array, rate: float | None) -> Array | None:
-    """Return times [s], those of the rate where the column differs by rounding only."""
-    finite = np.isfinite(column).all()
-    if rate is None:
-        return column if finite else None
-    even = np.arange(len(column)) / rate
-    start = column[0] if np.isfinite(column[0]) else 0.0
-    if not finite or (np.abs(column - start - even) < 0.25 / rate).all():
-        return np.asarray(start + even)
-    return column

@@ -1,251 +1,136 @@
-"""Where in an arm's workspace a path lets the arm make the target ellipsoids best."""
+"""Placement of a path relative to a robot."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, overload
+import os
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import EllipsoidSpec
+from maniport.arms.chain import rotation_about
 from maniport.errors import InvalidInputError
-from maniport.motion.effort import FULL, as_effort
-from maniport.motion.objective import Damping, Objective
-from maniport.motion.placement.arguments import as_workspace, fixed_place, require_reach, table_height
-from maniport.motion.placement.placed_path import Place, Placement
-from maniport.motion.placement.placement_search import WEIGHT, best_placements
-from maniport.motion.placement.problem import (
-    HEADING,
-    OFFSET,
-    SCALE,
-    TILT,
-    YAW,
-    ArmPath,
-    PlacementProblem,
-    base_rotations,
-)
-from maniport.motion.plan.reachability_map import ReachabilityMap
-from maniport.motion.schedule import of_each
-from maniport.motion.search.descent import PointwiseBest, pointwise_best
-from maniport.motion.search.seed_bank import SeedBank
-from maniport.motion.trajectory import interpolated
-from maniport.util.defaults import DAMPING
-from maniport.util.progress import Progress, Step, between, pieces
-from maniport.util.subsample import evenly_spaced
-from maniport.util.validation import (
-    Array,
-    as_count,
-    as_generator,
-    as_metres,
-    as_rotation,
-    as_times,
-    require_shape,
-)
+from maniport.spd.kernels import congruence
+from maniport.util.atomic_io import folder_written_whole
+from maniport.util.files import save_ellipsoids, save_path
+from maniport.util.notebook import NotebookDisplay
+from maniport.util.validation import Array, as_finite, require_shape
+
+DATA_FILES = ("placed_profile.npz", "path.npz")  # What `Placement.save` writes
 
 
-@overload
-def place_path(path: ArrayLike, profile: ArrayLike, arm: Arm, **options: Any) -> Placement: ...
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """A possible placement of a path.
 
-
-@overload
-def place_path(
-    path: Sequence[ArrayLike], profile: Sequence[ArrayLike], arm: ArmGroup | Sequence[Arm], **options: Any
-) -> tuple[Placement, ...]: ...
-
-
-def place_path(  # type: ignore[misc]
-    path: Any,
-    profile: Any,
-    arm: Any,
-    *,
-    time: ArrayLike | None = None,
-    turn: ArrayLike | None = None,
-    scale: float | tuple[float, float] | None = None,
-    yaw: float | None = None,
-    tilt: float | str | None = None,
-    offset: Sequence[float | None] | ArrayLike | None = None,
-    workspace: Sequence[Sequence[float | None]] | None = None,
-    whole: Any = None,
-    spec: EllipsoidSpec = VELOCITY,
-    damping: Damping = DAMPING,
-    collisions: Any = None,
-    reachability_map: Any = None,
-    bank: Any = None,
-    planning_effort: str = FULL,
-    rank: int = 1,
-    random_state: Any = 0,
-    progress: Progress | None = None,
-) -> Placement | tuple[Placement, ...]:
-    """Find scale, yaw, offset and, on request, a tilt of the base with which an arm comes nearest to target ellipsoids.
-
-    Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
-    for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
-    improved together. The ellipsoids turn with the path, as if the whole task were done in another direction in front
-    of the robot.
-
-    The paths of several arms, such as those of both hands, keep their relation: they are scaled, rotated and moved
-    together, about the mean of all their waypoints. The costs of the arms are summed; collisions between them are not
-    checked.
-
-    Parameters
+    Attributes
     ----------
-    path : array_like, shape (n, 3)
-        Hand positions of the demonstrator in its base frame [m].
-    profile : array_like, shape (n, d, d)
-        Target ellipsoids of the arm, one for each waypoint, as an adapter returns them.
-    arm : Arm, ArmGroup or sequence of Arm
-        With several arms `path`, `profile`, `whole`, `collisions`, `reachability_map` and `bank` are sequences with one
-        value for each arm.
-    time : array_like, shape (n,), optional
-        Times of the waypoints [s], which weigh them. Default: all count alike.
-    turn : array_like, shape (3, 3), optional
-        Rotation that the adapter turned the ellipsoids by, and the path is yet to be turned by. Default: the identity.
-    scale : float or (float, float), optional
-        Factor of the path's size, or the range to search. Default: from 0.5 to 2.
-    yaw : float, optional
-        Rotation about the vertical [rad]. Default: free.
-    tilt : float or "free", optional
-        Lean of the base, to the best side [rad]; "free" is upright where leaning gains nothing. Default: upright.
-    offset : sequence of three floats, optional
-        Position of the path's center in the arm's base frame [m]; None leaves a coordinate free. Default: free.
-    workspace : three pairs of floats, optional
-        Bounds of the path ``((x0, x1), (y0, y1), (z0, z1))`` in the base frame [m]; None or ±inf: open.
-    whole : array_like, shape (m, 3), optional
-        All waypoints of a path that has only some: the arm then reaches each of them without collision, if possible.
-    spec, damping, bank, progress
-        As in `maniport.motion.nearest_feasible`; the bank serves the pointwise optimum.
-    collisions : Collisions or bool, optional
-        Collision model of planned trajectories; True: self-collisions. The path stays above a table.
-    reachability_map : maniport.motion.ReachabilityMap, optional
-        Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
-    planning_effort : str
-        As in `maniport.motion.PlanControl`.
-    rank : int
-        Which of the `candidates` to take, from 1; only the first is made to reach all of `whole`.
-    random_state : optional
-        Random seed.
-
-    Returns
-    -------
-    Placement or tuple of Placement
-        With several arms one for each, with the same scale, rotation and offset.
-
-    Raises
-    ------
-    NotSPDError
-        When an ellipsoid is asymmetric or, with the damping, not positive-definite.
-    InvalidInputError
-        When a value is wrong, the arm reaches nothing in the workspace, the path does not fit, or `rank` is too high.
+    scale, yaw : float
+        Factor of the path's size, and rotation about the vertical [rad], within ±π.
+    tilt, heading : float
+        Lean of the base from upright, and its direction: 0 is that of its own x axis, π/2 of y [rad].
+    offset : ndarray, shape (3,)
+        Position of the path's center in the robot's base frame [m].
+    distance : ndarray, shape (m,)
+        Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
     """
-    generator, effort, chosen = as_generator(random_state), as_effort(planning_effort), as_count(rank, "rank") - 1
-    several = isinstance(arm, ArmGroup | Sequence)
-    arms: Sequence[Arm] = tuple(getattr(arm, "arms", arm)) if several else (arm,)
-    arguments = {
-        "path": path, "profile": profile, "whole": whole, "collisions": collisions,
-        "reachability_map": reachability_map, "bank": bank,
-    }  # fmt: skip
-    paths, profiles, wholes, models, maps, banks = (
-        of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
-    )
-    fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
-    bounds = as_workspace(workspace)
-    step = Step(progress, "Place path")
-    banks = [SeedBank.given_or_built(own, arms[i], spec, generator) for i, own in enumerate(banks)]
-    maps = [
-        ReachabilityMap(own, spec, random_state=generator, collisions=model) if samples is None else samples
-        for own, model, samples in zip(arms, models, maps, strict=True)
-    ]
-    for own, samples in zip(arms, maps, strict=True):
-        samples.require_fits(own, spec)
-    bounds[0, 2] = max(bounds[0, 2], *(table_height(samples.collisions, fixed) for samples in maps))
-    for samples in maps:
-        require_reach(samples, bounds)
-    objectives = [Objective.of(own, spec, damping, WEIGHT) for own in arms]
-    positions, targets = _checked(objectives, paths, profiles)
-    center = np.concatenate(positions).mean(axis=0)
-    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
-    members = tuple(
-        ArmPath(objective, (points - center) @ rotation.T, ellipsoids, samples)
-        for objective, points, ellipsoids, samples in zip(objectives, positions, targets, maps, strict=True)
-    )
-    everything = members
-    if whole is not None:
-        eye = np.eye(spec.size)
-        everything = tuple(
-            replace(own, path=(points - center) @ rotation.T, profile=np.tile(eye, (len(points), 1, 1)))
-            for own, points in zip(members, (as_metres(points, "whole") for points in wholes), strict=True)
-        )
-    times = _times(time, positions)
-    problem = PlacementProblem(members, everything, times, fixed, lower, upper, bounds)
-    results = best_placements(problem, whole is not None, generator, effort, between(step, 0.1, 0.85))
-    if chosen >= len(results):
-        raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
-    best, placed, parts = results[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
-    for i, (member, samples, part) in enumerate(zip(members, banks, parts, strict=True)):
-        candidates = tuple(_named(other.place, other.distance[i]) for other in results)
-        q = interpolated(evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times)))
-        aims = member.targets(best.place)
-        optimum = pointwise_best(aims, samples.starts_for(aims, effort.pointwise_starts), q, part)
-        placed.append(_placement(member, best.place, optimum, center, rotation, candidates))
-    medians = ", ".join(f"{np.median(own.distance):.2f}" for own in placed)
-    step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
-    return tuple(placed) if several else placed[0]
+
+    scale: float
+    yaw: float
+    tilt: float
+    heading: float
+    offset: Array
+    distance: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the distances."""
+        return float(np.sqrt(np.mean(self.distance**2)))
 
 
-def _checked(
-    objectives: Sequence[Objective], paths: Sequence[ArrayLike], profiles: Sequence[ArrayLike]
-) -> tuple[list[Array], list[Array]]:
-    """Check paths and profiles of several arms; return positions and ellipsoids without damping."""
-    positions, targets = list[Array](), list[Array]()
-    for i, objective in enumerate(objectives):
-        index = "" if len(objectives) == 1 else f"s[{i}]"
-        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
-        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
-        positions.append(as_metres(paths[i], f"path{index}"))
-        require_shape(
-            positions[i], f"path{index}", (len(targets[0]), 3), ", one point for each ellipsoid of the profile"
-        )
-    return positions, targets
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement(Place, NotebookDisplay):
+    """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
 
+    p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).
 
-def _times(time: ArrayLike | None, paths: Sequence[Array], speed: float = 0.1) -> Array:
-    """Times of waypoints at a mean speed [m/s], at which placements are compared whatever the demonstrated one."""
-    times = np.arange(len(paths[0]), dtype=float) if time is None else as_times(time, count=len(paths[0]))
-    if len(times) < 2:
-        return times
-    length = max(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths)
-    return np.asarray((times - times[0]) * max(length / speed, 1.0) / (times[-1] - times[0]))
+    Attributes
+    ----------
+    scale, yaw, tilt, heading, offset
+        As in `Place`.
+    distance : ndarray, shape (n,)
+        Distances of the pointwise optimum: the smallest that was found for each waypoint by itself, with the end
+        effector there.
+    path : ndarray, shape (n, 3)
+        Target positions of the end effector in the robot's base frame [m].
+    profile : ndarray, shape (n, d, d)
+        Target ellipsoids there: the given ones, turned by the rotation.
+    spec : EllipsoidSpec
+        Which ellipsoids.
+    mount : ndarray, shape (3, 3)
+        Rotation of the base in a world whose z axis is up; the identity where nothing leans.
+    centre : ndarray, shape (3,)
+        Mean of the given path's waypoints [m].
+    turn : ndarray, shape (3, 3)
+        As given.
+    position_error : ndarray, shape (n,)
+        Distance of the end effector from the waypoint there [m].
+    reachable : ndarray of bool, shape (n,)
+        Whether that is at most 1 mm.
+    joint_positions : ndarray, shape (n, dof)
+        Joint positions of the pointwise optimum [rad or m]: not a motion, they may jump.
+    candidates : tuple of Place
+        The best placements, this one included.
+    """
 
+    path: Array
+    profile: Array
+    spec: EllipsoidSpec
+    mount: Array
+    centre: Array
+    turn: Array
+    position_error: Array
+    reachable: NDArray[np.bool_]
+    joint_positions: Array
+    candidates: tuple[Place, ...] = ()
 
-def _placement(
-    arm: ArmPath,
-    place: Array,
-    best: PointwiseBest,
-    center: Array,
-    rotation: Array,
-    candidates: tuple[Place, ...],
-) -> Placement:
-    positions, profile = (values[0] for values in arm.placed(place[None]))
-    named, error = _named(place, best.distance), best.position_error
-    assert error is not None
-    return Placement(
-        path=positions,
-        profile=profile,
-        spec=arm.objective.spec,
-        **{name: getattr(named, name) for name in ("scale", "yaw", "tilt", "heading", "offset")},
-        mount=base_rotations(place[None])[0],
-        centre=center,
-        turn=rotation,
-        distance=best.distance,
-        position_error=error,
-        reachable=error <= 1e-3,
-        joint_positions=best.joint_positions,
-        candidates=candidates,
-    )
+    @property
+    def rotation(self) -> Array:
+        """By how much path and ellipsoids are turned in the base frame, shape (3, 3)."""
+        return np.asarray(self.mount.T @ rotation_about(2, self.yaw))
 
+    def apply(self, points: ArrayLike) -> Array:
+        """Place other points of the same motion, shape (..., 3) [m], such as those of a denser path."""
+        positions = as_finite(points, "points")
+        if positions.ndim < 1 or positions.shape[-1] != 3:
+            raise InvalidInputError(f"points must have shape (..., 3); found {positions.shape}")
+        rotation = self.rotation @ self.turn
+        return np.asarray(self.scale * (positions - self.centre) @ rotation.T + self.offset)
 
-def _named(place: Array, distance: Array) -> Place:
-    """A placement (7,) by its numbers, with the distances of a trajectory there."""
-    scale, tilt = float(np.exp(place[SCALE])), float(place[TILT])
-    yaw, heading = (float(np.remainder(place[i] + np.pi, 2.0 * np.pi) - np.pi) for i in (YAW, HEADING))
-    return Place(scale, yaw, tilt, heading if tilt else 0.0, place[OFFSET], distance)
+    def turned(self, profile: ArrayLike) -> Array:
+        """Turn other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""
+        ellipsoids, size = as_finite(profile, "profile"), self.spec.size
+        require_shape(ellipsoids, "profile", ("n", size, size))
+        return congruence(self.spec.rotation(self.rotation), ellipsoids)
+
+    def save(self, folder: str | os.PathLike[str], time: ArrayLike | None = None, *, overwrite: bool = False) -> None:
+        """Write `DATA_FILES` to a folder, whole or not at all: ellipsoids and path, with their times (n,) [s] if known.
+
+        Raises
+        ------
+        OutputError
+            When the folder holds earlier ones that may not be overwritten, or other things, or cannot be written.
+        """
+        with folder_written_whole(folder, DATA_FILES, overwrite) as staging:
+            self.write_data(staging, time)
+
+    def write_data(self, folder: Path, time: ArrayLike | None = None) -> None:
+        """Write `DATA_FILES` into an existing folder."""
+        save_ellipsoids(folder / DATA_FILES[0], self.profile, time)
+        save_path(folder / DATA_FILES[1], self.path, time)
+
+    def __repr__(self) -> str:
+        lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
+        place = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
+        optimum = f"pointwise optimum {np.median(self.distance):.2f} (median)"
+        return f"Placement({len(self.path)} points, {place}, {optimum}, {np.sum(~self.reachable)} out of reach)"

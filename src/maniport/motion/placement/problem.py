@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maniport.motion.objective import Objective, Targets
+from maniport.motion.placement.placement import Place
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.spd.kernels import congruence
 from maniport.util.subsample import evenly_spaced
@@ -18,7 +19,14 @@ from maniport.util.validation import Array
 
 SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
 SIZE = 7
-ROUNDING = 1e-9  # How far beyond a workspace a path may be by rounding [m]
+
+
+def named(place: Array, distance: Array) -> Place:
+    """A placement (7,) by its numbers, with distances (n,) there."""
+    scale, tilt = float(np.exp(place[SCALE])), float(place[TILT])
+    yaw, heading = (float(np.remainder(place[i] + np.pi, 2.0 * np.pi) - np.pi) for i in (YAW, HEADING))
+    heading = heading if tilt else 0.0
+    return Place(scale=scale, yaw=yaw, tilt=tilt, heading=heading, offset=place[OFFSET], distance=distance)
 
 
 def base_rotations(places: Array) -> Array:
@@ -52,10 +60,6 @@ class ArmPath:
     profile: Array  # (n, d, d), target ellipsoids of a path that is not turned, without damping
     reachability_map: ReachabilityMap
 
-    def rows(self, rows: NDArray[np.intp]) -> "ArmPath":
-        """Keep some of the waypoints."""
-        return replace(self, path=self.path[rows], profile=self.profile[rows])
-
     def placed(self, places: Array) -> tuple[Array, Array]:
         """Positions (k, n, 3) and ellipsoids (k, n, d, d) at placements (k, 7)."""
         rotations, spec = path_rotations(places), self.objective.spec
@@ -87,7 +91,7 @@ class PlacementProblem:
     """Paths of one or several arms with one common placement, and bounds of it."""
 
     arms: tuple[ArmPath, ...]
-    whole: tuple[ArmPath, ...]  # the same with all waypoints, which stay in the workspace
+    outline: Array  # (m, 3), all waypoints of all arms, which stay in the workspace
     time: Array  # (n,) [s]
     fixed: Array  # (7,), the fixed numbers of the placement; nan where it is free
     lower: Array  # (7,), bounds of placements
@@ -102,7 +106,8 @@ class PlacementProblem:
     def thinned(self, count: int) -> "PlacementProblem":
         """The same with `count` evenly spaced waypoints of each path."""
         rows = evenly_spaced(len(self.time), count)
-        return replace(self, arms=tuple(arm.rows(rows) for arm in self.arms), time=self.time[rows])
+        arms = tuple(replace(arm, path=arm.path[rows], profile=arm.profile[rows]) for arm in self.arms)
+        return replace(self, arms=arms, time=self.time[rows])
 
     def costs(self, places: Array, samples: int) -> Array:
         """Mean cost of placements (k, 7) by the samples next to each waypoint, summed over the arms, shape (k,)."""
@@ -114,26 +119,26 @@ class PlacementProblem:
             total += costs.reshape(positions.shape[:2]).mean(axis=1)
         return total
 
-    def within(self, places: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def inside(self, places: Array) -> Array:
+        """Those of the placements (k, 7) that fit into the workspace, shifted and shrunk where free."""
+        moved, inside = self.within(places)
+        return np.asarray(moved[inside])
+
+    def within(self, places: Array, rounding: float = 1e-9) -> tuple[Array, NDArray[np.bool_]]:
         """Shift placements (k, 7) into the workspace, and shrink the path, where free; and which fit, (k,)."""
-        places, free = places.copy(), self.free
+        places, free, (least, most) = places.copy(), self.free, self.workspace
         if not np.any(np.isfinite(self.workspace)):
             return places, np.ones(len(places), bool)
-        path = np.concatenate([arm.path for arm in self.whole])
-        turned = path @ np.swapaxes(path_rotations(places), 1, 2)
+        turned = self.outline @ np.swapaxes(path_rotations(places), 1, 2)
         low, high = turned.min(axis=1), turned.max(axis=1)
         if free[SCALE]:
-            size = self.workspace[1] - self.workspace[0]
             with np.errstate(divide="ignore", invalid="ignore"):
-                largest = size / (high - low)
-                fixed = np.fmin(
-                    (self.workspace[1] - places[:, OFFSET]) / high, (self.workspace[0] - places[:, OFFSET]) / low
-                )
-                largest = np.where(free[OFFSET], largest, np.maximum(fixed, 0.0)).min(axis=1)
-                places[:, SCALE] = np.minimum(places[:, SCALE], np.log(largest) - ROUNDING)
+                fixed = np.fmin((most - places[:, OFFSET]) / high, (least - places[:, OFFSET]) / low)
+                largest = np.where(free[OFFSET], (most - least) / (high - low), np.maximum(fixed, 0.0)).min(axis=1)
+                places[:, SCALE] = np.minimum(places[:, SCALE], np.log(largest) - rounding)
         scale = np.exp(places[:, SCALE, None])
-        ends = self.workspace[0] - scale * low, self.workspace[1] - scale * high
+        ends = least - scale * low, most - scale * high
         inside = np.minimum(np.maximum(places[:, OFFSET], ends[0]), ends[1])
         places[:, OFFSET] = np.where(free[OFFSET], inside, places[:, OFFSET])
-        kept = (places[:, OFFSET] >= ends[0] - ROUNDING) & (places[:, OFFSET] <= ends[1] + ROUNDING)
-        return places, kept.all(axis=1) & (places[:, SCALE] >= self.lower[SCALE] - ROUNDING)
+        kept = (places[:, OFFSET] >= ends[0] - rounding) & (places[:, OFFSET] <= ends[1] + rounding)
+        return places, kept.all(axis=1) & (places[:, SCALE] >= self.lower[SCALE] - rounding)

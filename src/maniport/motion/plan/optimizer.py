@@ -11,16 +11,17 @@ have a band of 4 · dof − 1 diagonals. Penalties are added for pairs of solids
 Levenberg and Marquardt; joints that a step would drive beyond a position limit stay there.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
+from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
-from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, JointLimits, PathCost
+from maniport.motion.costs.smoothness import Differences, SmoothnessCost
+from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
 CLEARANCE = 0.015  # Distance that motions keep from collisions [m]
@@ -28,13 +29,6 @@ CLEARANCE_WEIGHT = 300.0  # w_c [1/m]
 LIMIT_WEIGHT = 30.0  # w_l [1/s]
 POSITION_WEIGHTS = (30.0, 50.0, 100.0, 200.0, 400.0, 1000.0)
 """Weights of the position error, tried in turn until it is within the tolerance [1/m]."""
-
-
-class WaypointCost(Protocol):
-    """Cost f of the configuration at each waypoint."""
-
-    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +44,11 @@ class TrajectoryTerms:
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another step
     clearance: float | Array = CLEARANCE  # c, or c at each waypoint (n,) [m]
 
-    def smoothed(self, share: float) -> "TrajectoryTerms":
-        """Multiply both smoothness costs."""
-        return replace(self, velocity_cost=share * self.velocity_cost, jerk_cost=share * self.jerk_cost)
-
 
 def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
     """Descend from joint positions q (n, dof); they end within the limits."""
     cost = TrajectoryCost(targets.arm, targets.weighing(position_weight), time, terms)
-    return descend(cost, cost.within(q), terms.rel_tol)
+    return np.asarray(descend(cost, cost.within(q), terms.rel_tol))
 
 
 def optimize_to_tolerance(
@@ -68,11 +58,12 @@ def optimize_to_tolerance(
 
     Return joint positions and the weight. Where the largest weight is not enough, the trajectory is smoothed less.
     """
+    less = replace(terms, velocity_cost=0.1 * terms.velocity_cost, jerk_cost=0.1 * terms.jerk_cost)
     needed = 0.0
-    for weight, smoothness in (*((w, 1.0) for w in POSITION_WEIGHTS), (POSITION_WEIGHTS[-1], 0.1)):
+    for weight, own in (*((weight, terms) for weight in POSITION_WEIGHTS), (POSITION_WEIGHTS[-1], less)):
         if weight < min(needed, POSITION_WEIGHTS[-1]):
             continue
-        q = optimize(targets, time, q, terms.smoothed(smoothness), weight)
+        q = optimize(targets, time, q, own, weight)
         error = targets.tip_error(q)
         if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
             break
@@ -86,21 +77,12 @@ def time_weights(time: Array) -> Array:
     return np.asarray(np.append(halves, 0.0) + np.append(0.0, halves))
 
 
-State = TypeVar("State")
+def descend(problem: Any, state: Any, rel_tol: float, max_iter: int = 60) -> Any:
+    """Descend until a step lowers the cost by less than its share `rel_tol`.
 
-
-class Problem(Protocol[State]):
-    """A least-squares problem for `descend`."""
-
-    def evaluate(self, state: State) -> tuple[float, Any]:
-        """Cost and slopes."""
-
-    def trial(self, state: State, slopes: Any, damping: float) -> tuple[State, float]:
-        """State after a damped step, and the expected decrease of the cost."""
-
-
-def descend(problem: Problem[State], state: State, rel_tol: float, max_iter: int = 60) -> State:
-    """Descend until a step lowers the cost by less than its share `rel_tol`."""
+    ``problem.evaluate(state)`` returns cost and slopes; ``problem.trial(state, slopes, damping)`` the state after a
+    damped step, and the expected decrease of the cost.
+    """
     cost, slopes = problem.evaluate(state)
     damping, growth = 1e-3, 2.0
     for _ in range(max_iter):
@@ -119,65 +101,25 @@ def descend(problem: Problem[State], state: State, rel_tol: float, max_iter: int
     return state
 
 
-class Differences:
-    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
-
-    def __init__(self, time: Array, order: int):
-        count = len(time) - order
-        at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
-        rows = np.tile(np.eye(order + 1), (count, 1, 1))
-        for level in range(1, order + 1):
-            gap = at[:, level:] - at[:, : at.shape[1] - level]
-            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
-        self.order, self.rows, self.spans = order, rows[:, 0], (at[:, -1] - at[:, 0]) / order
-
-    def __call__(self, values: Array) -> Array:
-        """D applied to values (n, dof)."""
-        m = len(self.rows)
-        return np.asarray(sum(self.rows[:, k, None] * values[k : m + k] for k in range(self.order + 1)))
-
-    def transposed(self, values: Array) -> Array:
-        """Dᵀ applied to values (n − k, dof)."""
-        m = len(self.rows)
-        out = np.zeros((m + self.order, values.shape[1]))
-        for k in range(self.order + 1):
-            out[k : m + k] += self.rows[:, k, None] * values
-        return out
-
-    def normal(self, weights: Array) -> Array:
-        """Lower diagonals of Dᵀ W D for each joint, shape (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
-        m = len(self.rows)
-        band = np.zeros((self.order + 1, m + self.order, weights.shape[1]))
-        for below in range(self.order + 1):
-            for k in range(self.order + 1 - below):
-                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
-        return band
-
-
 class TrajectoryCost:
-    """Cost of a trajectory, its gradient and its banded Hessian."""
+    """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
 
-    def __init__(self, arm: JointLimits, waypoints: WaypointCost, time: Array, terms: TrajectoryTerms):
+    def __init__(self, arm: Arm | ArmGroup, waypoints: Any, time: Array, terms: TrajectoryTerms):
         self.arm, self.waypoints, self.terms = arm, waypoints, terms
         self.weights = time_weights(time) if terms.weights is None else terms.weights
         n = len(time)
         self.clearance = np.broadcast_to(terms.clearance, n)
         self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
-        self.derivatives = {order: Differences(time, order) for order in (1, 2, 3) if n > order}
-        self.smoothness = np.zeros((min(4, n), n, arm.dof))  # lower diagonals of the Hessian of both smoothness costs
-        for order, cost in ((1, terms.velocity_cost), (3, terms.jerk_cost)):
-            if order in self.derivatives:
-                difference = self.derivatives[order]
-                weights = np.repeat(cost * difference.spans[:, None], arm.dof, axis=1)
-                self.smoothness[: order + 1] += difference.normal(weights)
+        self.smoothness = SmoothnessCost(time, arm.dof, terms.velocity_cost, terms.jerk_cost)
+        limits = ((1, terms.velocity), (2, terms.acceleration))
+        self.limited = [(Differences(time, k), limit) for k, limit in limits if limit is not None and n > k]
 
     def evaluate(self, q: Array) -> tuple[float, Any]:
         """Cost; half its gradient (n, dof), Gauss-Newton blocks of the waypoints (n, dof, dof), and bands of joints."""
         length, gradient, hessian = self.waypoints.evaluate(q)
         square = length**2
         if self.terms.collisions is not None:
-            largest = float(self.clearance.max())
-            rows, distance, slope = self.terms.collisions.gradient(q, largest, scaled=True)
+            rows, distance, slope = self.terms.collisions.gradient(q, float(self.clearance.max()), scaled=True)
             lacking = self.clearance[rows] - distance
             near = lacking > 0.0
             rows, lacking, slope = rows[near], lacking[near], slope[near]
@@ -185,10 +127,12 @@ class TrajectoryCost:
             np.add.at(square, rows, stiffness * lacking**2)
             np.add.at(gradient, rows, (-stiffness * lacking)[:, None] * slope)
             np.add.at(hessian, rows, stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :])
-        smooth, band = self._smoothness_gradient(q), self.smoothness.copy()
+        smooth, band = self.smoothness.gradient(q), self.smoothness.band.copy()
         cost = float(np.sum(self.weights * square) + np.sum(q * smooth))
         gradient = self.weights[:, None] * gradient + smooth
-        for difference, excess, limit in self._excess(q):
+        for difference, limit in self.limited:
+            share = difference(q) / limit
+            excess = np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0)
             weight = LIMIT_WEIGHT * difference.spans[:, None]
             cost += float(np.sum(weight * excess**2))
             gradient += difference.transposed(weight * excess / limit)
@@ -232,19 +176,3 @@ class TrajectoryCost:
         except LinAlgError:
             return np.zeros_like(sides)
         return np.asarray(solution.reshape(n, dof, k) * free[..., None])
-
-    def _smoothness_gradient(self, q: Array) -> Array:
-        """Half the gradient of the smoothness costs (n, dof): their Hessian times q."""
-        out = self.smoothness[0] * q
-        for below in range(1, len(self.smoothness)):
-            line = self.smoothness[below, : len(q) - below]
-            out[below:] += line * q[:-below]
-            out[:-below] += line * q[below:]
-        return np.asarray(out)
-
-    def _excess(self, q: Array) -> Iterator[tuple[Differences, Array, Array]]:
-        """For velocity and acceleration: differences, by which share they exceed their limits, and the limits."""
-        for order, limit in ((1, self.terms.velocity), (2, self.terms.acceleration)):
-            if limit is not None and order in self.derivatives:
-                share = self.derivatives[order](q) / limit
-                yield self.derivatives[order], np.sign(share) * np.maximum(np.abs(share) - 1.0, 0.0), limit

@@ -5,17 +5,43 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.effort import FULL, Effort, as_effort
+from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import ORIENTATION_WEIGHT, POINTING, axis_weights
-from maniport.motion.placement.arguments import as_workspace
-from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
-from maniport.util.validation import Array, as_number
+from maniport.util.defaults import BATCH_EFFORT, EFFORT, MARGIN, POSITION_TOLERANCE, RATE
+from maniport.util.validation import Array, as_choice, as_number
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Search budget of placement and planning."""
+
+    candidates: int = 4096  # placements compared by samples
+    placement_nodes: int = 60  # nodes per stage of the roadmap of a placement
+    nodes: int = 300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
+    stage: float = 0.55  # longest time between stages at the planning time scale [s]
+    rel_tol: float = 1e-4  # smallest relative decrease of the cost for another optimizer step
+    relaxation: bool = True  # see maniport.motion.plan.arm_planner.relaxed
+    pointwise_starts: int = 32  # samples for the best pointwise solution at each placed waypoint
+    gap_points: int = 250  # most waypoints at which the feasibility gap is searched
+    gap_starts: int = 48  # samples for each of them
+
+
+FULL, QUICK = EFFORT, BATCH_EFFORT
+EFFORTS = {
+    FULL: Effort(),
+    QUICK: Effort(1024, 40, 150, 1.0, 1e-3, relaxation=False, pointwise_starts=8, gap_points=40, gap_starts=16),
+}
+
+
+def as_effort(value: str) -> Effort:
+    """Return the effort of a name."""
+    return EFFORTS[as_choice(value, "planning_effort", tuple(EFFORTS))]
 
 
 @dataclass(frozen=True)
@@ -46,7 +72,7 @@ class PlanControl:
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
     planning_effort : {"full", "quick"}
-        Planning effort, see `maniport.motion.effort`.
+        Search budget, see `maniport.motion.plan.plan_control.Effort`.
 
     Raises
     ------
@@ -72,7 +98,7 @@ class PlanControl:
         as_number(self.rate, "rate", minimum=10.0)
         as_workspace(self.workspace)
         as_effort(self.planning_effort)
-        axis_weights(self.orientation_axes, as_number(self.orientation_weight, "orientation_weight", above=0.0))
+        axis_weights(self.orientation_axes, self.orientation_weight)
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanControl":
@@ -85,15 +111,13 @@ class PlanControl:
         InvalidInputError
             When limits or collisions do not fit the arm, or the home configuration is beyond limits or collides.
         """
-        given = self.motion_limits
-        if planner is not None:
-            limits, apart = planner.limits, planner.collisions
-        else:
-            limits = given if isinstance(given, MotionLimits) else MotionLimits.of(arm, given, self.joint_limit_margin)
-            apart = as_collisions(self.collisions, limits.arm)
+        limits = self.motion_limits if planner is None else planner.limits
+        if not isinstance(limits, MotionLimits):
+            limits = MotionLimits.of(arm, limits, self.joint_limit_margin)
+        model = as_collisions(self.collisions if planner is None else planner.collisions, limits.arm)
         if self.home is not None:
-            require_free(self.home, "home", limits, apart)
-        return replace(self, motion_limits=limits, collisions=apart or False)
+            require_free(self.home, "home", limits, model)
+        return replace(self, motion_limits=limits, collisions=model or False)
 
     @property
     def budget(self) -> Effort:
@@ -101,15 +125,31 @@ class PlanControl:
         return as_effort(self.planning_effort)
 
 
-def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, apart: Collisions | None) -> Array:
+def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, collisions: Collisions | None) -> Array:
     """Require one configuration (dof,) within the limits and without collisions."""
-    q: Array = limits.arm.require_within_limits(configuration, name)
-    if q.ndim != 1:
-        raise InvalidInputError(f"{name} must be one configuration, shape ({limits.arm.dof},); found shape {q.shape}")
-    if apart is not None and apart.collides(q):
-        nearest = apart.nearest(q)
+    q: Array = limits.arm.require_within_limits(configuration, name, single=True)
+    if collisions is not None and collisions.collides(q):
+        nearest = collisions.nearest(q)
         raise InvalidInputError(
             f"{name}: {nearest.first} and {nearest.second} of {limits.arm.name!r} collide, by "
             f"{-1e3 * float(nearest.distance):.0f} mm; give a collision-free configuration"
         )
     return q
+
+
+def as_workspace(workspace: Any) -> Array:
+    """Convert to lower and upper bounds of a path, shape (2, 3), infinite where it is open."""
+    bounds = np.array([[-np.inf] * 3, [np.inf] * 3])
+    if workspace is None:
+        return bounds
+    pairs = list(workspace) if isinstance(workspace, Sequence | np.ndarray) else []
+    if len(pairs) != 3 or not all(isinstance(pair, Sequence | np.ndarray) and len(pair) == 2 for pair in pairs):
+        raise InvalidInputError(
+            f"workspace must be ((x0, x1), (y0, y1), (z0, z1)), None where open; found {workspace!r}"
+        )
+    for i, (low, high) in enumerate(pairs):
+        if low not in (None, -np.inf):
+            bounds[0, i] = as_number(low, f"workspace[{i}][0]")
+        if high not in (None, np.inf):
+            bounds[1, i] = as_number(high, f"workspace[{i}][1]", above=bounds[0, i])
+    return bounds

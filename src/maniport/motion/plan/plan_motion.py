@@ -1,25 +1,27 @@
 """Plan a motion that a robot can run, time it within the robot's limits, and evaluate it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import axis_weights
+from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import EXACT_WEIGHT, Damping, Objective
+from maniport.motion.objective import EXACT_WEIGHT, Damping
+from maniport.motion.plan.arm_planner import planning_time_scale
 from maniport.motion.plan.plan_control import PlanControl
 from maniport.motion.plan.planner import Planner
-from maniport.motion.plan.refinement import planning_time_scale
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
+from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule, of_each, require_few, require_rows
+from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
 from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
-from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
 from maniport.util.subsample import evenly_spaced
@@ -93,7 +95,19 @@ def plan_motion(
         planner.require_fits(arms, spec)
     settings = settings.resolved(arms, planner)
     arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    schedules, bests = _schedules(arms, settings, time, spec, damping, arrays, pointwise_bests)
+    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, axes, arrays)
+    if len({schedule.positions is None for schedule in schedules}) > 1:
+        raise InvalidInputError("paths must be of all arms or of none")
+    require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
+    bests = None
+    if pointwise_bests is not None:
+        values: Any = (pointwise_bests,)
+        if isinstance(arms, ArmGroup):
+            values = of_each(pointwise_bests, "pointwise_bests", len(arms))
+        bests = [as_finite(best, "pointwise_bests").copy() for best in values]
+        for best in bests:
+            require_rows(len(schedules[0]), pointwise_bests=(best, ()))
     relative = as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE
     if relative and (paths is None or len(schedules) < 2):
         raise InvalidInputError("tips='relative' keeps vectors between end effectors; give several arms with paths")
@@ -102,87 +116,47 @@ def plan_motion(
     if planner is None:
         assert isinstance(settings.motion_limits, MotionLimits)
         planner = Planner.of(settings.motion_limits, spec, settings.collisions, generator)
+    group, limits, collisions = planner.group, planner.limits, planner.collisions
     schedules = [
         replace(schedule, objective=replace(schedule.objective, arm=arm))
-        for schedule, arm in zip(schedules, planner.group.arms, strict=True)
+        for schedule, arm in zip(schedules, group.arms, strict=True)
     ]
     # waypoints are inserted between distant ones
     finer, rows = zip(*(own.finer(0.16 / planning_time_scale(settings)) for own in schedules), strict=True)
-    separate = tuple(own.targets() for own in finer)
-    problem = MotionProblem(finer[0].time, separate, planner.limits, planner.collisions, extra)
-    if relative:
-        problem = _relative(problem, planner.group)
-    timed, coupled = planner.solve(problem, settings, generator, between(step, 0.2, 0.9), separate)
-    timed, problem = replace(timed, at=timed.at[rows[0]]), problem[rows[0]]
-    q = timed.waypoints()
+    separate, at = tuple(own.targets() for own in finer), finer[0].time
+    problem, vectors = MotionProblem(at, separate, limits, collisions, extra), tuple[RelativePositionCost, ...]()
+    if relative:  # the vectors from the first end effector to the others take the place of all paths
+        first, *others = (own.positions for own in separate)
+        vectors = tuple(
+            RelativePositionCost(group, (0, i), at, positions - first) for i, positions in enumerate(others, 1)
+        )
+        targets = tuple(replace(own, positions=None) for own in separate)
+        problem = replace(problem, targets=targets, costs=(*extra, *vectors))
+        schedules = [replace(schedule, positions=None) for schedule in schedules]
+    trajectory, coupled = planner.solve(problem, settings, generator, between(step, 0.2, 0.9), separate)
+    trajectory, problem = trajectory.at_waypoints(rows[0]), problem[rows[0]]
+    q = trajectory.joint_positions
     if settings.home is not None:
-        timed = with_approach(timed, planner.limits, settings.home)
-    step.end(f"{timed.time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
+        trajectory = with_approach(trajectory, limits, settings.home)
+    step.end(f"{trajectory.control_time[-1]:.1f} s (human {np.ptp(schedules[0].time):.1f} s)")
     step = Step(progress, "Evaluate trajectory")
     if bests is None:
-        bests = _pointwise_bests(planner, problem, q)
-    trajectory = Trajectory.of_positions(
-        planner.group, timed.at, timed.time, timed.positions, timed.velocities, timed.accelerations
-    )
+        bests = _pointwise_bests(planner, problem, vectors, q)
     options: dict[str, Any] = {"coupled": coupled}
     if relative:
-        schedules = [replace(schedule, positions=None) for schedule in schedules]
-        vectors = [cost for cost in problem.costs if isinstance(cost, RelativePositionCost)]
         options["relative"] = np.stack([cost.at(problem.time) for cost in vectors], axis=1)
         options["relative_error"] = np.stack([cost.error(q, problem.time) for cost in vectors], axis=1)
     result = RobotMotion.of(
-        planner.group, schedules, trajectory, planner.collisions, planner.limits.velocity, planner.limits,
+        group, schedules, trajectory, collisions, limits.velocity,
         position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **options,
     )  # fmt: skip
     step.end()
     return result
 
 
-def _schedules(
-    arms: Arm | ArmGroup,
-    settings: PlanControl,
-    time: ArrayLike,
-    spec: EllipsoidSpec,
-    damping: Damping,
-    arrays: Mapping[str, Any],
-    pointwise_bests: Any,
-) -> tuple[list[Schedule], list[Array] | None]:
-    """Check the targets of each arm, and distances of pointwise optima."""
-    group, schedules = as_group(arms), []
-
-    def of_arms(value: Any, name: str) -> Sequence[Any]:
-        return (value,) if isinstance(arms, Arm) else of_each(value, name, len(group))
-
-    columns = [of_arms(value, name) for name, value in arrays.items()]
-    for arm, own, (profile, path, weights, rotations) in zip(
-        group.arms, group.specs(spec), zip(*columns, strict=True), strict=True
-    ):
-        objective = Objective.of(arm, own, damping, EXACT_WEIGHT, positive=True)
-        objective = objective.keeping(settings.orientation_axes, settings.orientation_weight)
-        schedules.append(Schedule.checked(objective, profile, time, path, weights, rotations))
-    if len({schedule.positions is None for schedule in schedules}) > 1:
-        raise InvalidInputError("paths must be of all arms or of none")
-    require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
-    if pointwise_bests is None:
-        return schedules, None
-    bests = [as_finite(best, "pointwise_bests").copy() for best in of_arms(pointwise_bests, "pointwise_bests")]
-    for best in bests:
-        require_rows(len(schedules[0]), pointwise_bests=(best, ()))
-    return schedules, bests
-
-
-def _relative(problem: MotionProblem, group: ArmGroup) -> MotionProblem:
-    """Return the problem with the vectors from the first end effector to the others instead of all paths."""
-    first, *others = (own.positions for own in problem.targets)
-    vectors = [
-        RelativePositionCost(group, (0, i), problem.time, positions - first)  # type: ignore[operator]
-        for i, positions in enumerate(others, 1)
-    ]
-    targets = tuple(replace(own, positions=None) for own in problem.targets)
-    return replace(problem, targets=targets, costs=(*problem.costs, *vectors))
-
-
-def _pointwise_bests(planner: Planner, problem: MotionProblem, q: Array, most: int = 250) -> list[Array]:
+def _pointwise_bests(
+    planner: Planner, problem: MotionProblem, vectors: tuple[Cost, ...], q: Array, most: int = 250
+) -> list[Array]:
     """Search pointwise optima (n,) of each arm at most at `most` waypoints, also from a motion (n, dof).
 
     With vectors between the end effectors they are optima in the sum of squares of all arms.
@@ -190,7 +164,6 @@ def _pointwise_bests(planner: Planner, problem: MotionProblem, q: Array, most: i
     rows = evenly_spaced(len(q), most)
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
     banks = [own.bank.starts_for(each, STARTS) for own, each in zip(planner.arms, targets, strict=True)]
-    vectors = tuple(cost for cost in problem.costs if isinstance(cost, RelativePositionCost))
     if vectors:
         starts = np.empty((len(rows), STARTS, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):

@@ -1,6 +1,6 @@
 """The planner of a motion problem: each arm by itself in five steps, then all arms together where they interact."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,13 +13,22 @@ from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import require_alike
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
-from maniport.motion.plan.arm_planner import ArmPlanner
-from maniport.motion.plan.coupling import coupled_motion
+from maniport.motion.plan.arm_planner import ArmPlanner, Coarse, time_parameterized
+from maniport.motion.plan.optimizer import (
+    CLEARANCE,
+    CLEARANCE_WEIGHT,
+    POSITION_WEIGHTS,
+    TrajectoryCost,
+    optimize,
+    optimize_to_tolerance,
+)
 from maniport.motion.plan.plan_control import PlanControl
-from maniport.motion.plan.time_parameterization import Timed
+from maniport.motion.plan.roadmap import shortest_path, stages_of
+from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
+from maniport.motion.trajectory import Trajectory, interpolated
 from maniport.util.progress import Part, nobody, pieces
-from maniport.util.validation import as_generator
+from maniport.util.validation import Array, as_generator
 
 
 @dataclass(frozen=True)
@@ -84,7 +93,7 @@ class Planner:
         random_state: Any = 0,
         progress: Part = nobody,
         separate: Sequence[Targets] | None = None,
-    ) -> tuple[Timed, bool]:
+    ) -> tuple[Trajectory, bool]:
         """Plan a motion, as fast as limits allow and at most as fast as the demonstration.
 
         Parameters
@@ -99,19 +108,91 @@ class Planner:
 
         Returns
         -------
-        timed : Timed
+        trajectory : Trajectory
+            Passes the waypoints at its ``time``, and is sampled at the rate of the settings.
         coupled : bool
             Whether several arms were optimized together.
         """
         count, random = len(self.arms), as_generator(random_state)
-        parts = []
-        shares = zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)
+        parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)
         for (arm, targets, own), part in zip(shares, pieces(progress, *count * [1.0]), strict=True):
             costs = problem.costs if count == 1 else ()
             alone = replace(problem, targets=(targets,), limits=arm.limits, collisions=arm.collisions, costs=costs)
             q, timed = arm.solve(alone, settings, own, part)
             parts.append(q)
-        return (timed, False) if count == 1 else coupled_motion(self.arms, problem, parts, settings, random)
+        return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
+
+    def _joined(
+        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanControl, random: np.random.Generator
+    ) -> tuple[Trajectory, bool]:
+        """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact.
+
+        Where the result collides, motions of prioritized planning are further starts, then the tolerance is relaxed.
+        """
+        group, collisions = self.group, problem.collisions
+        values = np.full((len(parts), len(parts[0]), group.dof), np.nan)
+        for part, columns, own in zip(parts, group.columns, values, strict=True):
+            own[:, columns] = part
+        mean = np.nanmean(values, axis=0)  # shared joints are the mean of all arms, or those of one arm
+        starts = [mean, *(np.where(np.isnan(own), mean, own) for own in values)] if group.shared else [mean]
+        near = collisions is not None and collisions.between.known
+        near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
+        if not (group.shared or problem.costs or near):
+            earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])
+            return retime(problem.limits, earliest, mean, rate=settings.rate), False
+        coarse, optimized = Coarse.of(problem, settings), list[Array]()
+        cost = TrajectoryCost(problem.arm, problem, coarse.time, coarse.terms)
+
+        def attempts() -> Iterator[tuple[float, list[Array]]]:
+            """Factors of the position tolerance, and further starts."""
+            yield 1.0, starts
+            has_paths = all(own.positions is not None for own in problem.targets)
+            if has_paths and not group.shared and collisions is not None:
+                yield 1.0, self._prioritized(problem, coarse, parts, random)
+            yield 3.0, []
+            yield np.inf, []
+
+        for relaxation, more in attempts():
+            tolerance = relaxation * settings.position_tolerance
+            optimized += [optimize(problem, coarse.time, q, coarse.terms, POSITION_WEIGHTS[0]) for q in more]
+            best = min(optimized, key=lambda q: cost.evaluate(q)[0])
+            q, _ = optimize_to_tolerance(problem, coarse.time, best, coarse.terms, tolerance)
+            _, timed = time_parameterized(problem, q, settings, tolerance)
+            if collisions is None or not collisions.collides(timed.control_positions).any():
+                break
+        return timed, True
+
+    def _prioritized(
+        self, problem: MotionProblem, coarse: Coarse, parts: Sequence[Array], random: np.random.Generator
+    ) -> list[Array]:
+        """Motions (n, dof) by prioritized planning, in which each arm in turn is the first to avoid the others.
+
+        An arm moves through a roadmap whose nodes cost more near the other arms, which keep their motions.
+        """
+        group, collisions, motions = self.group, problem.collisions, []
+        assert collisions is not None
+        rows = stages_of(coarse.time, 0.55)
+        time = coarse.time[rows]
+        for first in reversed(range(len(parts))):
+            own = list(parts)
+            for i in (first, *(k for k in range(len(parts)) if k != first)):
+                arm = self.arms[i]
+                nodes = arm.reachability_map.nodes(problem.targets[i][rows], 150, random)
+                q = np.empty((len(nodes.q), group.dof))
+                for part, columns in zip(own, group.columns, strict=True):
+                    q[:, columns] = np.repeat(part[rows], np.diff(nodes.first), axis=0)
+                q[:, group.columns[i]] = nodes.q
+                cost = nodes.cost.copy()
+                near, distance, _ = collisions.between.gradient(q, CLEARANCE)
+                np.add.at(cost, near, (CLEARANCE_WEIGHT * (CLEARANCE - distance)) ** 2)
+                if arm.collisions is not None:
+                    cost += 1e4 * arm.collisions.collides(nodes.q)
+                path = shortest_path(
+                    replace(nodes, cost=cost), time, arm.largest_changes(time), coarse.joint_motion_weight
+                )
+                own[i] = interpolated(time, nodes.q[path], coarse.time)
+            motions.append(group.joined(*own))
+        return motions
 
 
 def _copies(generator: np.random.Generator, count: int) -> list[np.random.Generator]:

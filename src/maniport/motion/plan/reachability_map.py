@@ -7,19 +7,17 @@ in the middle of their range.
 """
 
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
 from maniport.arms.manipulability import manipulability
-from maniport.motion.arm_model import require_alike
+from maniport.motion.arm_model import Axis
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
 from maniport.spd.kernels import compose, congruence, distances, eigh
@@ -29,37 +27,6 @@ SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3
 GAP_WEIGHT = 30.0  # Weight of the distance between a position and the sample that stands for it [1/m]
 MIN_NODES = 16  # Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach
 BLOCK = 1024  # Number of targets compared with their samples at a time: their data stays in the processor's cache
-
-
-@dataclass(frozen=True)
-class Axis:
-    """A fixed line about which the first joint turns the whole arm."""
-
-    frame: Array  # (3, 3); rows: two directions across the line and the one along it
-    origin: Array  # (3,); point of the line next to the base [m]
-
-    @classmethod
-    def of(cls, jacobian: Array, tips: Array) -> "Axis | None":
-        """Find the line from the first columns of Jacobians (n, 6, dof) and the positions there (n, 3)."""
-        direction = jacobian[:, 3:, 0]
-        moment = jacobian[:, :3, 0] - np.cross(direction, tips)
-        turns = abs(np.linalg.norm(direction[0]) - 1.0) < 1e-9
-        if not turns or np.ptp(direction, axis=0).max() > 1e-9 or np.ptp(moment, axis=0).max() > 1e-9:
-            return None
-        across = np.linalg.svd(direction[:1])[2][1:]
-        across[1] = np.cross(direction[0], across[0])
-        return cls(np.vstack([across, direction[0]]), np.cross(direction[0], moment[0]))
-
-    def cylindrical(self, points: Array) -> tuple[Array, Array]:
-        """Distance from the line and position along it (..., 2) [m], and angle about it (...) [rad]."""
-        local = (points - self.origin) @ self.frame.T
-        radius = np.hypot(local[..., 0], local[..., 1])
-        return np.stack([radius, local[..., 2]], axis=-1), np.arctan2(local[..., 1], local[..., 0])
-
-    def rotations(self, angles: Array) -> Array:
-        """Rotations about the line, shape (..., 3, 3)."""
-        vectors = angles[..., None] * self.frame[2]
-        return np.asarray(Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(*angles.shape, 3, 3))
 
 
 class ReachabilityMap:
@@ -111,32 +78,20 @@ class ReachabilityMap:
         return q
 
     @cached_property
-    def tips(self) -> Array:
-        """Positions of the end effector at `q`, shape (n, 3) [m]."""
-        return np.ascontiguousarray(self.arm.forward(self.q)[:, :3, 3])
+    def _located(self) -> tuple[cKDTree, Array]:
+        """Tree of the coordinates of `q`, and the rotations there (n,)."""
+        coordinates, angles = self.coordinates(np.ascontiguousarray(self.arm.forward(self.q)[:, :3, 3]))
+        return cKDTree(coordinates), angles
 
     @cached_property
-    def ellipsoids(self) -> Array:
-        """Ellipsoids at `q`, shape (n, d, d)."""
+    def _ellipsoids(self) -> Array:
+        """Ellipsoids at `q`, turned to angle 0, shape (n, d, d)."""
         ellipsoids = manipulability(self.arm.jacobian(self.q), self.arm.resolved(self.spec.velocity))
-        if self.spec.kind == "velocity":
-            return ellipsoids
-        values, vectors = eigh(ellipsoids)
-        singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
-        return compose(1.0 / np.maximum(values, singular), vectors)
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.coordinates(self.tips)[0])
-
-    @cached_property
-    def _angles(self) -> Array:
-        return self.coordinates(self.tips)[1]
-
-    @cached_property
-    def _aligned_ellipsoids(self) -> Array:
-        """Ellipsoids of the samples turned to angle 0."""
-        return self._turned_back(self.ellipsoids, self._angles)
+        if self.spec.kind == "force":
+            values, vectors = eigh(ellipsoids)
+            singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)
+            ellipsoids = compose(1.0 / np.maximum(values, singular), vectors)
+        return self._turned_back(ellipsoids, self._located[1])
 
     @cached_property
     def _orientations(self) -> Array:
@@ -147,46 +102,31 @@ class ReachabilityMap:
         return self._count
 
     @cached_property
-    def spacing(self) -> float:
-        """Median distance from a sample to the next, however the arm is turned [m]."""
-        return float(np.median(self._tree.query(self._tree.data[:1000], k=[2])[0]))
-
-    @cached_property
     def reach(self) -> Array:
         """Positions of the end effector at the samples, the first joint as sampled, shape (n, 3) [m]."""
-        return self._turned_tips(np.arange(len(self.q)), self._samples[:, 0] - self.q[:, 0])
-
-    def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
-        """Raise InvalidInputError unless this map is of the same arm and ellipsoids."""
-        require_alike("the reachability_map was built for", (self.arm, arm), (self.spec, spec), limits=True)
+        return np.ascontiguousarray(self.arm.forward(self._samples)[:, :3, 3])
 
     def coordinates(self, points: Array) -> tuple[Array, Array]:
         """Coordinates without the arm's rotation (..., 2), or (..., 3) without an axis, and that rotation (...)."""
         return (points, np.zeros(points.shape[:-1])) if self.axis is None else self.axis.cylindrical(points)
-
-    def offsets(self, positions: Array) -> Array:
-        """From positions (n, 3) to the nearest sample, turned there whatever the limits of the first joint [m]."""
-        coordinates, angles = self.coordinates(positions)
-        rows = self._tree.query(coordinates)[1]
-        return self._turned_tips(rows, angles - self._angles[rows]) - positions
 
     def costs(self, objective: Objective, ellipsoids: Array, positions: Array, count: int) -> Array:
         """Least d² + (`GAP_WEIGHT` · gap)² of the samples next to positions (n, 3), for ellipsoids (n, d, d); (n,).
 
         The gap is from a position to a sample that is turned there as far as the first joint's limits allow.
         """
-        coordinates, angles = self.coordinates(positions)
+        (coordinates, angles), (tree, _) = self.coordinates(positions), self._located
         damped = objective.damped(self._turned_back(ellipsoids, angles))
         result = np.empty(len(coordinates))
         for first in range(0, len(coordinates), BLOCK):
             part = slice(first, first + BLOCK)
-            gaps, rows = self._tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
+            gaps, rows = tree.query(coordinates[part], k=[*range(1, min(count, len(self.q)) + 1)])
             gaps = gaps**2
             if self.axis is not None:
                 turned = self._first_joint(rows, angles[part])
                 beyond = turned - np.clip(turned, self.arm.lower[0], self.arm.upper[0])
                 gaps += (2.0 * coordinates[part, :1] * np.sin(0.5 * beyond)) ** 2
-            distance = distances(damped[part, None], objective.damped(self._aligned_ellipsoids[rows]))
+            distance = distances(damped[part, None], objective.damped(self._ellipsoids[rows]))
             result[part] = np.min(distance**2 + GAP_WEIGHT**2 * gaps, axis=1)
         return result
 
@@ -223,8 +163,10 @@ class ReachabilityMap:
         """Samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
         assert targets.positions is not None
         coordinates, angles = self.coordinates(targets.positions)
-        rows = self._tree.query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
-        q, ellipsoids = self.q[rows], self.ellipsoids[rows]
+        rows = self._located[0].query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]
+        own, q = targets.objective, self.q[rows]
+        aligned = own.damped(self._turned_back(targets.ellipsoids, angles))
+        square = distances(aligned[:, None], own.damped(self._ellipsoids[rows])) ** 2
         allowed, rotations = np.ones(rows.shape, bool), np.eye(3)
         if self.axis is not None:
             lower, upper = self.arm.lower[0], self.arm.upper[0]
@@ -234,12 +176,9 @@ class ReachabilityMap:
             allowed |= ~allowed.any(axis=1, keepdims=True)  # better off the position than nothing at all
             rotations = self.axis.rotations(turned - q[..., 0])
             q = np.concatenate([turned[..., None], q[..., 1:]], axis=-1)
-            ellipsoids = congruence(self.spec.rotation(rotations), ellipsoids)
-        values = eigh(congruence(targets.whitening[:, None], targets.objective.damped(ellipsoids)))[0]
-        square = np.sum(np.log(np.maximum(values, np.finfo(np.float64).tiny)) ** 2, axis=-1)
         if targets.turned:
             assert targets.rotations is not None
-            weights = np.array(targets.objective.axis_weights)
+            weights = np.array(own.axis_weights)
             needed = self._idle_turns @ (weights > 0.0)
             q[..., needed] = self._samples[rows][..., needed]
             error = rotations @ self._orientations[rows] - targets.rotations[:, None]
@@ -256,16 +195,9 @@ class ReachabilityMap:
         allowed[:, 0] = True
         return turned[allowed], np.repeat(owner, allowed.sum(axis=1))
 
-    def _turned_tips(self, rows: NDArray[np.intp], angles: Array) -> Array:
-        """Positions of samples (n,) after the arm has turned by angles (n,), shape (n, 3) [m]."""
-        if self.axis is None:
-            return self.tips[rows]
-        turned = self.axis.rotations(angles) @ (self.tips[rows] - self.axis.origin)[..., None]
-        return np.asarray(turned[..., 0] + self.axis.origin)
-
     def _first_joint(self, rows: NDArray[np.intp], angles: Array) -> Array:
         """First joint of samples (n, k) turned to angles (n,), next to the middle of its limits."""
-        turned = angles[:, None] - self._angles[rows]
+        turned = angles[:, None] - self._located[1][rows]
         return np.asarray(self.q[rows, 0] + np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi)
 
     def _turned_back(self, ellipsoids: Array, angles: Array) -> Array:

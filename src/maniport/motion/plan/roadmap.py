@@ -108,8 +108,9 @@ def turned_to_rotations(targets: Targets, q: Array) -> Array:
     """Turn end effectors at q (n, dof) toward their target rotations, and bring them near their positions."""
     arm, targets = targets.arm, targets.weighing(SEARCH_WEIGHT)
     for _ in range(NEWTON_STEPS):
-        terms = targets.pose_residuals(q, arm.forward(q), arm.jacobian(q))
-        residual, slope = (np.concatenate(parts, axis=1) for parts in zip(*terms, strict=True))
+        poses, jacobian = arm.forward(q), arm.jacobian(q)
+        residual = np.concatenate([cost.at(poses) for cost in targets.pose_costs], axis=1)
+        slope = np.concatenate([cost.slopes(poses, jacobian) for cost in targets.pose_costs], axis=1)
         square = np.swapaxes(slope, 1, 2) @ slope + np.eye(arm.dof)  # a little weight on joint motion
         change = np.linalg.solve(square, np.swapaxes(slope, 1, 2) @ residual[..., None])
         q = _stepped(arm, q, -change[..., 0])

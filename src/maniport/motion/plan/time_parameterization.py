@@ -1,67 +1,23 @@
 """Time parameterization: when a robot passes each waypoint, time-optimally within its limits."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, CubicHermiteSpline, PchipInterpolator, make_interp_spline
+from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
-from maniport.motion.plan.path_speed import fill_speeds
+from maniport.motion.plan.joint_path import JointPath, fill_speeds
 from maniport.motion.schedule import require_few, require_rows
+from maniport.motion.trajectory import Trajectory
 from maniport.util.defaults import RATE
 from maniport.util.validation import Array, as_number, as_times
 
 REST = 3  # Samples of rest at either end, so that differences up to the third see the robot start and stop
-PATH_TOLERANCE = 1e-4
-"""Largest distance of a path from a waypoint, or beyond a limit, that needs no other spline [rad or m]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """A motion at a constant rate, from rest to rest; `retime` makes it.
-
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        From 0, at a constant rate [s].
-    positions, velocities, accelerations : ndarray, shape (m, dof)
-        [rad] or [m], and per second and second²: central differences of the positions.
-    at : ndarray, shape (n,)
-        When each of the given waypoints is passed [s], increasing.
-    begin, end : float
-        When the motion along the waypoints begins and ends [s]; `with_approach` adds motions before and after.
-    deviation : ndarray, shape (dof,)
-        Largest distance from the waypoints at these times [rad] or [m], due to limited jerk and the smooth path.
-    """
-
-    time: Array
-    positions: Array
-    velocities: Array
-    accelerations: Array
-    at: Array
-    begin: float
-    end: float
-    deviation: Array
-
-    @classmethod
-    def of_positions(
-        cls, positions: Array, rate: float, at: Array, begin: float, end: float, deviation: Array
-    ) -> "Timed":
-        """Add times, velocities and accelerations to positions (m, dof) that are at rest at either end."""
-        ends = np.concatenate([positions[:1], positions, positions[-1:]])
-        velocities, accelerations = 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0)
-        time = np.arange(len(positions)) / rate
-        return cls(time, positions, velocities, accelerations, at, begin, end, deviation)
-
-    def waypoints(self) -> Array:
-        """Joint positions at the times `at`, shape (n, dof)."""
-        return np.stack([np.interp(self.at, self.time, column) for column in self.positions.T], axis=1)
-
-
-def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE) -> Timed:
+def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float = RATE) -> Trajectory:
     """Pass waypoints at the demonstrated times, or as soon as the limits allow where that is later.
 
     A cubic spline through the waypoints, with the demonstrated time as its parameter, is passed time-optimally within
@@ -84,8 +40,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
 
     Returns
     -------
-    Timed
-        First, second and third differences of its samples are within the limits, and so are the positions.
+    Trajectory
+        From rest at 0 s to rest. First, second and third differences of its samples are within the limits, and so are
+        the positions; velocities and accelerations are central differences. It passes the waypoints at ``time``.
 
     Raises
     ------
@@ -114,32 +71,34 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     while worst.max() > 1.0:
         speed = speed / (1.0005 * max(worst[0], worst[1] ** (1 / 2), worst[2] ** (1 / 3)))
         samples, rest, worst = _sampled(limits, path, speed, frequency)
-    at = path.passed(speed)[path.knots] + rest / frequency
-    timed = Timed.of_positions(samples, frequency, at, 0.0, (len(samples) - 1) / frequency, np.zeros(limits.arm.dof))
-    return replace(timed, deviation=np.abs(timed.waypoints() - points).max(axis=0))
+    return _at_rate(limits, samples, frequency, path.passed(speed)[path.knots] + rest / frequency)
 
 
-def with_approach(
-    timed: Timed, limits: MotionLimits, home: ArrayLike, back: bool = True, *, share: float = 0.3
-) -> Timed:
-    """Begin at a home configuration, and end there, with straight motions in joint space from rest to rest.
+def _at_rate(limits: MotionLimits, positions: Array, rate: float, waypoints: Array) -> Trajectory:
+    """Add times and derivatives to positions (m, dof) at rest at either end; `waypoints` are passed at times (n,)."""
+    ends = np.concatenate([positions[:1], positions, positions[-1:]])
+    velocities, accelerations = 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0)
+    time = np.arange(len(positions)) / rate
+    return Trajectory.of_positions(limits.arm, waypoints, time, positions, velocities, accelerations, limits)
+
+
+def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, share: float = 0.3) -> Trajectory:
+    """Begin and end at a home configuration, with straight motions in joint space from rest to rest.
 
     Parameters
     ----------
-    timed : Timed
-        A motion that begins and ends at rest.
+    motion : Trajectory
+        From rest at 0 s to rest, at a constant rate.
     limits : MotionLimits
     home : array_like, shape (dof,)
         Within the position limits [rad] or [m].
-    back : bool
-        Return after the motion.
     share : float
         Share of the limits of velocity, acceleration and jerk that is used.
 
     Returns
     -------
-    Timed
-        Longer; `begin` and `end` are those of the motion itself, and `at` is shifted.
+    Trajectory
+        Longer; its waypoints are passed later.
 
     Raises
     ------
@@ -147,28 +106,22 @@ def with_approach(
         When the home configuration has another shape or is beyond the limits, or a motion takes more than 3 million
         samples.
     """
-    start = limits.arm.require_within_limits(home, "home")
-    if start.ndim != 1:
-        raise InvalidInputError(f"home must be one configuration, shape ({limits.arm.dof},); found shape {start.shape}")
-    rate = (len(timed.time) - 1) / timed.time[-1]
+    start = limits.arm.require_within_limits(home, "home", single=True)
+    rate = (len(motion.control_time) - 1) / motion.control_time[-1]
     slow = replace(limits, **{quantity: share * getattr(limits, quantity) for quantity in DERIVATIVES})
-    before = _straight(slow, start, timed.positions[0], rate)
-    after = _straight(slow, timed.positions[-1], start, rate) if back else timed.positions[:0]
-    shift = len(before) / rate
-    positions = np.concatenate([before, timed.positions, after])
-    at, begin, end = timed.at + shift, timed.begin + shift, timed.end + shift
-    return Timed.of_positions(positions, rate, at, begin, end, timed.deviation)
+
+    def straight(first: Array, last: Array) -> Array:
+        duration = float((np.abs(last - first) / slow.velocity).max())  # with velocity limits alone
+        if duration < 1e-6:
+            return np.repeat(first[None], REST + 1, axis=0)
+        return retime(slow, [0.0, duration], np.stack([first, last]), rate=rate).control_positions
+
+    own = motion.control_positions
+    before, after = straight(start, own[0]), straight(own[-1], start)
+    return _at_rate(limits, np.concatenate([before, own, after]), rate, motion.time + len(before) / rate)
 
 
-def _straight(limits: MotionLimits, first: Array, last: Array, rate: float) -> Array:
-    """Samples of a straight motion from rest to rest, shape (m, dof)."""
-    duration = float((np.abs(last - first) / limits.velocity).max())  # with velocity limits alone
-    if duration < 1e-6:
-        return np.repeat(first[None], REST + 1, axis=0)
-    return retime(limits, [0.0, duration], np.stack([first, last]), rate=rate).positions
-
-
-def _fastest(limits: MotionLimits, path: "JointPath", scale: Array) -> Array:
+def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
     """Parameter speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the acceleration limits."""
     # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
     allowed = np.minimum(limits.acceleration, 0.1 * limits.jerk) * scale[:, None]
@@ -194,7 +147,7 @@ def _fastest(limits: MotionLimits, path: "JointPath", scale: Array) -> Array:
     return speed
 
 
-def _sampled(limits: MotionLimits, path: "JointPath", speed: Array, rate: float) -> tuple[Array, int, Array]:
+def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
     """Samples with limited jerk, how many of them are rest at either end, and the largest share of each limit."""
     passed = path.passed(speed)
     require_few(passed[-1] * rate)
@@ -233,7 +186,7 @@ def _shares(limits: MotionLimits, samples: Array, rate: float, quantity: str) ->
     return np.asarray(np.abs(np.diff(samples.T, order)) * (rate**order / getattr(limits, quantity))[:, None])
 
 
-def _easing(limits: MotionLimits, path: "JointPath", speed: Array, samples: Array, rest: int, rate: float) -> Array:
+def _easing(limits: MotionLimits, path: JointPath, speed: Array, samples: Array, rest: int, rate: float) -> Array:
     """Factors for the acceleration limits at the grid, shape (k,): below 1 around samples that exceed them."""
     share = _shares(limits, samples, rate, "acceleration").max(axis=0)
     share = maximum_filter1d(share, 2 * (rest - REST) + 1)  # what the moving average has mixed
@@ -256,56 +209,3 @@ def _require_above_rounding(limits: MotionLimits, rate: float) -> None:
             f"limits: jerk of {limits.arm.joint_names[i]} must be at least {least[i]:.2g} at {rate:g} samples a "
             f"second, since positions are rounded numbers; found {limits.jerk[i]:g}"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class JointPath:
-    """A path with continuous second derivatives; its parameter is the time since the first waypoint [s]."""
-
-    spline: BSpline  # from the parameter to joint positions (dof,)
-    grid: Array  # (k,), parameters at which the time parameterization knows the path
-    first: Array  # (k, dof), first derivatives there
-    second: Array  # (k, dof), second derivatives there
-    knots: NDArray[np.int64]  # (n,), indices of the waypoints in the grid
-
-    @classmethod
-    def through(cls, times: Array, points: Array, lower: Array, upper: Array) -> "JointPath":
-        """Lay a cubic spline through waypoints (n, dof) at increasing times (n,), within limits."""
-        since = times - times[0]
-        spline = make_interp_spline(since, points, k=min(3, len(since) - 1))
-        overshoots = np.any((spline.c < lower - PATH_TOLERANCE) | (spline.c > upper + PATH_TOLERANCE))
-        spline.c = np.clip(spline.c, lower, upper)  # a B-spline lies between its coefficients
-        plain, pieces = spline, np.ones(len(since) - 1, np.int64)
-        for finer in (4, 8, 16, 32) if overshoots else ():  # the error at the waypoints falls with the square
-            fine = np.interp(np.arange(finer * (len(since) - 1) + 1) / finer, np.arange(len(since)), since)
-            spline = make_interp_spline(fine, _within(since, points, fine, finer, lower, upper), k=3)
-            spline.c = np.clip(spline.c, lower, upper)
-            moved = np.abs(plain(fine) - spline(fine)).max(axis=1) > PATH_TOLERANCE
-            pieces[np.minimum(np.flatnonzero(moved) // finer, len(since) - 2)] = finer
-            if np.abs(spline(since) - points).max() <= PATH_TOLERANCE:
-                break
-        count = np.clip(since[-1] / 15e-3, 1250, 2500)  # twice as many make a motion 0.4 % shorter
-        each = np.maximum(pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64))
-        knots = np.concatenate([[0], np.cumsum(each)])
-        grid = np.interp(np.arange(knots[-1] + 1), knots, since)
-        return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
-
-    def passed(self, speed: Array) -> Array:
-        """Times at which the grid is passed [s] with parameter speeds (k,), squares of which are linear between."""
-        return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(self.grid) / (speed[1:] + speed[:-1]))])
-
-
-def _within(since: Array, points: Array, fine: Array, finer: int, lower: Array, upper: Array) -> Array:
-    """Positions (m, dof) of a path through waypoints that stays within limits, at times `fine` (m,)."""
-    slopes = make_interp_spline(since, points, k=min(3, len(since) - 1))(since, 1)
-    flat = np.asarray(PchipInterpolator(since, points)(since, 1))
-    while True:
-        path = CubicHermiteSpline(since, points, slopes)(fine)
-        beyond = (path < lower - PATH_TOLERANCE) | (path > upper + PATH_TOLERANCE)
-        piece = np.minimum(np.arange(len(fine)) // finer, len(since) - 2)
-        wrong = np.zeros(points.shape, dtype=bool)
-        for end in (0, 1):
-            np.logical_or.at(wrong, piece + end, beyond)
-        if not np.any(wrong & (slopes != flat)):
-            return np.asarray(np.clip(path, lower, upper))
-        slopes = np.where(wrong, flat, slopes)

@@ -6,14 +6,14 @@ has reached it the others end, and every few steps the worse half of them does.
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from maniport.motion.kernels import step_within_limits
-from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT
+from maniport.motion.objective import EXACT_WEIGHT, SEARCH_WEIGHT, Targets
+from maniport.motion.problem import MotionProblem
 from maniport.util.progress import Part, counted, nobody, pieces
 from maniport.util.validation import Array
 
@@ -22,87 +22,7 @@ STARTS = 32  # Samples that a search for the pointwise optimum starts from
 LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken
 
 
-class JointLimits(Protocol):
-    """An arm, or two with the joints of both."""
-
-    lower: Array
-    upper: Array
-    dof: int
-
-
-class PathCost(Protocol):
-    """Targets, one row each, such as `maniport.motion.objective.Targets`."""
-
-    @property
-    def arm(self) -> JointLimits:
-        """The arm, or two."""
-
-    def __getitem__(self, rows: Any) -> "PathCost":
-        """Some of the targets, or each several times."""
-
-    def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
-        """√f (n,), half the gradient of f (n, dof) and its Gauss-Newton Hessian (n, dof, dof)."""
-
-    def distance(self, q: Array) -> Array:
-        """Distance of target and achieved ellipsoids, shape (n,)."""
-
-    def tip_error(self, q: Array) -> Array | None:
-        """Position errors [m], shape (n,) or (n, arms); None without paths."""
-
-    def weighing(self, position_weight: float) -> "PathCost":
-        """Change the weight of the position error [1/m]."""
-
-
-class Searches:
-    """The state of all searches, shapes (n · k, ...): the k of the first target, then those of the second and so on."""
-
-    def __init__(self, target: PathCost, starts: Array):
-        self.target, (self.count, self.each, dof) = target, starts.shape
-        self.lower, self.upper = target.arm.lower, target.arm.upper
-        self.q = np.clip(starts.reshape(-1, dof), self.lower, self.upper)
-        self.owner = np.repeat(np.arange(self.count), self.each)
-        self.length, self.gradient, self.hessian = target[self.owner].evaluate(self.q)
-        self.damping, self.growth = np.full(len(self.q), 0.1), np.full(len(self.q), 2.0)
-
-    def step(self, active: NDArray[np.intp]) -> None:
-        """Try one step in each active search and take those that lower the cost."""
-        trial, expected = np.empty((len(active), self.q.shape[1])), np.empty(len(active))
-        step_within_limits(
-            self.q[active], self.gradient[active], self.hessian[active], self.damping[active],
-            self.lower, self.upper, trial, expected,
-        )  # fmt: skip
-        length, gradient, hessian = self.target[self.owner[active]].evaluate(trial)
-        gain = 0.5 * (self.length[active] ** 2 - length**2)
-        taken = gain > LEAST_GAIN * expected
-        rows, lost = active[taken], active[~taken]
-        ratio = gain[taken] / expected[taken]
-        self.q[rows], self.length[rows] = trial[taken], length[taken]
-        self.gradient[rows], self.hessian[rows] = gradient[taken], hessian[taken]
-        self.damping[rows] *= np.maximum(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
-        self.growth[rows] = 2.0
-        self.damping[lost] *= self.growth[lost]
-        self.growth[lost] *= 2.0
-
-    def still_open(self, active: NDArray[np.intp], tol: float) -> NDArray[np.intp]:
-        """The active searches that have something left to gain, of targets that none has reached."""
-        q, slope, length = self.q[active], self.gradient[active], self.length[active]
-        held = ((q <= self.lower) & (slope > 0)) | ((q >= self.upper) & (slope < 0))
-        curvature = np.diagonal(self.hessian[active], axis1=1, axis2=2)
-        # flatter joints, such as one whose axis goes through the end effector, have only rounding in both
-        flat = np.maximum(1e-9 * curvature.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
-        curvature = np.maximum(curvature, flat)
-        promise = np.where(held, 0.0, 0.5 * slope**2 / curvature).max(axis=1)
-        reached = (self.length.reshape(self.count, self.each).min(axis=1) <= tol)[self.owner[active]]
-        going = ~reached & (promise > tol * length) & np.isfinite(length) & (self.damping[active] < LARGEST_DAMPING)
-        return np.asarray(active[going])
-
-    def better_half(self, active: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Of each target's active searches the better half, at least one."""
-        order = active[np.lexsort((self.length[active], self.owner[active]))]
-        owner = self.owner[order]
-        first = np.searchsorted(owner, owner)
-        size = np.searchsorted(owner, owner, side="right") - first
-        return np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
+PathCost = Targets | MotionProblem  # with a row for each target
 
 
 def descend(
@@ -127,18 +47,49 @@ def descend(
 
 
 def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving: int) -> Array:
-    searches = Searches(target, starts)
-    active = searches.still_open(np.arange(len(searches.q)), tol)
+    """Search from all starts at once: rows are those of the first target, then those of the second and so on."""
+    (count, each, dof), lower, upper = starts.shape, target.arm.lower, target.arm.upper
+    q = np.clip(starts.reshape(-1, dof), lower, upper)
+    owner = np.repeat(np.arange(count), each)
+    length, gradient, hessian = target[owner].evaluate(q)
+    damping, growth = np.full(len(q), 0.1), np.full(len(q), 2.0)
+
+    def still_open(rows: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Those that have something left to gain, of targets that none has reached."""
+        slope, own = gradient[rows], length[rows]
+        held = ((q[rows] <= lower) & (slope > 0)) | ((q[rows] >= upper) & (slope < 0))
+        curvature = np.diagonal(hessian[rows], axis1=1, axis2=2)
+        # flatter joints, such as one whose axis goes through the end effector, have only rounding in both
+        flat = np.maximum(1e-9 * curvature.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        promise = np.where(held, 0.0, 0.5 * slope**2 / np.maximum(curvature, flat)).max(axis=1)
+        reached = (length.reshape(count, each).min(axis=1) <= tol)[owner[rows]]
+        return np.asarray(rows[~reached & (promise > tol * own) & np.isfinite(own) & (damping[rows] < LARGEST_DAMPING)])
+
+    active = still_open(np.arange(len(q)))
     for iteration in range(1, max_iter + 1):
         if not len(active):
             break
-        searches.step(active)
-        active = searches.still_open(active, tol)
-        if iteration % halving == 0:
-            active = searches.better_half(active)
-    lengths = searches.length.reshape(searches.count, searches.each)
-    best = np.arange(searches.count) * searches.each + np.argmin(lengths, axis=1)
-    return np.asarray(searches.q[best])
+        trial, expected = np.empty((len(active), dof)), np.empty(len(active))
+        step_within_limits(q[active], gradient[active], hessian[active], damping[active], lower, upper, trial, expected)
+        trial_length, trial_gradient, trial_hessian = target[owner[active]].evaluate(trial)
+        gain = 0.5 * (length[active] ** 2 - trial_length**2)
+        taken = gain > LEAST_GAIN * expected
+        rows, lost = active[taken], active[~taken]
+        ratio = gain[taken] / expected[taken]
+        q[rows], length[rows] = trial[taken], trial_length[taken]
+        gradient[rows], hessian[rows] = trial_gradient[taken], trial_hessian[taken]
+        damping[rows] *= np.maximum(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
+        growth[rows] = 2.0
+        damping[lost] *= growth[lost]
+        growth[lost] *= 2.0
+        active = still_open(active)
+        if iteration % halving == 0:  # of each target the better half, at least one
+            order = active[np.lexsort((length[active], owner[active]))]
+            own = owner[order]
+            first = np.searchsorted(own, own)
+            size = np.searchsorted(own, own, side="right") - first
+            active = np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
+    return np.asarray(q[np.arange(count) * each + np.argmin(length.reshape(count, each), axis=1)])
 
 
 @dataclass(frozen=True)
@@ -150,19 +101,12 @@ class PointwiseBest:
     position_error: Array | None  # (n,) [m]
 
 
-def pointwise_best(
-    targets: PathCost, starts: Array, known: Array | None = None, progress: Part = nobody
-) -> PointwiseBest:
-    """Search from starts (n, k, dof), then from the results of the neighbors and from known configurations (n, dof)."""
+def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = nobody) -> PointwiseBest:
+    """Search from starts (n, k, dof), then from the results of the neighbors and from a motion (n, dof)."""
     first, then = pieces(progress, 4.0, 1.0)
     q = descend(targets.weighing(SEARCH_WEIGHT), starts, 1e-6, 100, block=64, progress=first)
-    candidates = [q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), *([] if known is None else [known])]
-    return improved_from(targets, np.stack(candidates, axis=1), then)
-
-
-def improved_from(targets: PathCost, starts: Array, progress: Part = nobody) -> PointwiseBest:
-    """Search from known configurations (n, k, dof) alone."""
-    q = descend(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=progress)
+    starts = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), motion], axis=1)
+    q = descend(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=then)
     return PointwiseBest(q, targets.distance(q), targets.tip_error(q))
 
 

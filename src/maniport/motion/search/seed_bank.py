@@ -18,8 +18,6 @@ from maniport.util.defaults import DAMPING
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, as_square, require_shape
 
-BANK_SIZE = 16_384
-
 
 class SeedBank(NotebookDisplay):
     """Seed configurations: sampled configurations of an arm with their positions and ellipsoids.
@@ -45,17 +43,18 @@ class SeedBank(NotebookDisplay):
         self.tip_positions = np.ascontiguousarray(arm.forward(joint_positions)[:, :3, 3])
         self.ellipsoids = arm.ellipsoids(joint_positions, spec)
         self.damping = as_damping(damping, lambda: self.ellipsoids, positive=True)
+        self._shift = self.damping.epsilon * np.eye(self.ellipsoids.shape[-1])
         # A congruence changes no affine-invariant distance; about the mean, log space agrees with it best.
-        logs = apply(self._damped(self.ellipsoids), np.log)
+        logs = apply(self.ellipsoids + self._shift, np.log)
         self._whitening = roots(apply(logs.mean(axis=0), np.exp))[1]
-        self._vectors = self._log_vectors(self._damped(self.ellipsoids))
+        self._vectors = self._log_vectors(self.ellipsoids + self._shift)
         self._trees: dict[float, cKDTree] = {}
 
     @classmethod
     def build(
         cls,
         arm: Arm,
-        n: int = BANK_SIZE,
+        n: int = 16_384,
         random_state: Any = 0,
         *,
         spec: EllipsoidSpec = VELOCITY,
@@ -90,7 +89,7 @@ class SeedBank(NotebookDisplay):
     def given_or_built(cls, bank: "SeedBank | None", arm: Arm, spec: EllipsoidSpec, random_state: Any) -> "SeedBank":
         """Return `bank`, which must fit, or build one where it is None."""
         if bank is None:
-            return cls.build(arm, BANK_SIZE, random_state, spec=spec)
+            return cls.build(arm, random_state=random_state, spec=spec)
         bank.require_fits(arm, spec)
         return bank
 
@@ -101,11 +100,7 @@ class SeedBank(NotebookDisplay):
         return f"SeedBank({self.arm.name!r}, n={len(self)}, {self.spec}, damping {self.damping.epsilon:.3g})"
 
     def query(
-        self,
-        ellipsoids: ArrayLike,
-        positions: ArrayLike | None = None,
-        k: int = 5,
-        position_weight: float = 6.0,
+        self, ellipsoids: ArrayLike, positions: ArrayLike | None = None, k: int = 5, position_weight: float = 6.0
     ) -> Array:
         """Configurations whose ellipsoids, and positions where given, are most similar to the targets.
 
@@ -127,12 +122,11 @@ class SeedBank(NotebookDisplay):
 
         Raises
         ------
-        InvalidInputError
-            When an argument has a wrong shape or value.
-        NotSPDError
-            When an ellipsoid is asymmetric or, with the bank's damping, not positive-definite.
+        InvalidInputError, NotSPDError
+            When an argument has a wrong shape or value, or an ellipsoid is asymmetric or, with the bank's damping, not
+            positive-definite.
         """
-        damped = self._damped(as_square(ellipsoids, "ellipsoids", len(self._whitening)))
+        damped = as_square(ellipsoids, "ellipsoids", len(self._whitening)) + self._shift
         vectors, weight = self._log_vectors(as_points(damped, "ellipsoids", minimum=1)), 0.0
         if positions is not None:
             weight = as_number(position_weight, "position_weight", above=0.0)
@@ -141,8 +135,7 @@ class SeedBank(NotebookDisplay):
             known = np.concatenate([self._vectors, weight * self.tip_positions], axis=1)
             self._trees[weight] = cKDTree(known if weight else self._vectors)
         count = min(as_count(k, "k"), len(self))
-        _, nearest = self._trees[weight].query(vectors, k=[*range(1, count + 1)])
-        return np.asarray(self.joint_positions[nearest])
+        return np.asarray(self.joint_positions[self._trees[weight].query(vectors, k=[*range(1, count + 1)])[1]])
 
     def starts_for(self, targets: Targets, k: int) -> Array:
         """Samples to search for targets from, shape (n, k, dof); the damping of the targets need not be the bank's."""
@@ -152,9 +145,6 @@ class SeedBank(NotebookDisplay):
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this bank is of the same arm, whatever its limits, and ellipsoids."""
         require_alike("the seed bank was built for", (self.arm, arm), (self.spec, spec), limits=False)
-
-    def _damped(self, ellipsoids: Array) -> Array:
-        return ellipsoids + self.damping.epsilon * np.eye(ellipsoids.shape[-1])
 
     def _log_vectors(self, damped: Array) -> Array:
         return to_vector(apply(congruence(self._whitening, damped), np.log))

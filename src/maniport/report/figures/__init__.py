@@ -2,10 +2,9 @@
 
 Every function returns a `matplotlib.figure.Figure` without a window and without global state, as wide as one column of
 a paper. Profiles and domains are mappings from names to arrays. Colors follow roles (``roles=``, as in
-`maniport.report.roles`), else the order. `write_figures` draws the figures of a saved result.
+`maniport.report.page.content`), else the order. `write_figures` draws the figures of a saved result.
 """
 
-import base64
 import json
 import os
 import re
@@ -17,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
-from maniport.report.page.content import Line, Panel
+from maniport.report.page.content import ACHIEVED, HUMAN_JOINTS, PERSON, Line, Panel, unpacked
 from maniport.report.renderings import ENDINGS, PAGE
-from maniport.report.roles import ACHIEVED, PERSON, TARGET
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 from maniport.util.optional import matplotlib
@@ -30,12 +28,13 @@ matplotlib()  # raises MissingPackageError
 from matplotlib import rc_context  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from maniport.report.figures.curves import curves, panel_figure  # noqa: E402
-from maniport.report.figures.space import (  # noqa: E402
+from maniport.report.figures.drawing import (  # noqa: E402
     arms,
+    curves,
     diffusion_map,
     ellipsoids,
     map_figure,
+    panel_figure,
 )
 
 __all__ = [
@@ -110,76 +109,53 @@ def _motion(page: Path) -> dict[str, Any]:
     text = read_whole(page, (), KEYPOINTS_BYTES).decode("utf-8", "replace")
     found = re.search(r'<script type="application/json" id="motion-0">(.*?)</script>', text, re.DOTALL)
     try:
-        data = _decoded(json.loads(found[1]) if found else None)
+        data = unpacked(json.loads(found[1]) if found else None)
         return {**data, "time": data["start"] + data["time"]}
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise FileFormatError(f"{str(page)!r} is not the page of a result: {error}") from None
 
 
-def _decoded(value: Any) -> Any:
-    """Return data of a page with its arrays, packed by `maniport.report.page.content`."""
-    if isinstance(value, list):
-        return [_decoded(item) for item in value]
-    if not isinstance(value, dict):
-        return value
-    for form, kind in {"f32": "<f4", "u16": "<u2", "u32": "<u4"}.items():
-        if isinstance(value.get(form), str):
-            array = np.frombuffer(base64.b64decode(value[form]), kind).reshape(value["shape"])
-            return array.astype(float if form == "f32" else int)
-    return {key: _decoded(item) for key, item in value.items()}
-
-
 def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
     """Draw what a page has: arms, ellipsoids, curves, and the map."""
-    stages, time, unit = data["stages"], data["time"], data["unit"]
-    groups = {name: [_panel(panel) for panel in panels] for name, panels in data["panels"].items()}
-    roles = {role: role for role in (PERSON.name, TARGET.name, ACHIEVED.name)}
+    stages, time, unit, size = data["stages"], data["time"], data["unit"], data["size"]
+    groups = {
+        name: [Panel(**panel | {"lines": tuple(Line(**line) for line in panel["lines"])}) for panel in panels]
+        for name, panels in data["panels"].items()
+    }
     if not stages:
         yield "learned", panel_figure(time, [panel for panels in groups.values() for panel in panels])
         return
-    several = any(len(stage["bodies"]) > 1 for stage in stages)
+    columns = 2 if any(len(stage["bodies"]) > 1 for stage in stages) else 1
     if any(body["ellipsoids"] for stage in stages for body in stage["bodies"]):
-        yield "arms", _arms(stages, unit, data["size"])
-        profiles = _profiles(stages)
-        if not several and len(profiles) > 1:
-            yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles=roles)
-        yield "curves", panel_figure(time, groups["Ellipsoids"], 2 if several else 1)
-    omitted = "Ellipsoids", "Joints of the person"
-    moved = [panel for name, panels in groups.items() if name not in omitted for panel in panels]
-    if moved:
-        yield "motion", panel_figure(time, moved, 2 if several else 1)
+        skeletons, shells, roles, within, profiles = {}, {}, {}, {}, dict[str, Array]()
+        for stage in stages:
+            rotation = np.eye(3) if stage["rotation"] is None else np.reshape(stage["rotation"], (3, 3))
+            for k, body in enumerate(stage["bodies"]):
+                # symmetric matrices (n, 3, 3) of their entries xx, xy, xz, yy, yz, zz
+                drawn = {role: six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+                         for role, six in body["ellipsoids"].items()}  # fmt: skip
+                name, role = (
+                    f"{stage['name']}, arm {k + 1}",
+                    next(one for one in (PERSON.name, ACHIEVED.name) if one in drawn),
+                )
+                skeletons[name], shells[name], roles[name], within[name] = (
+                    body["skeleton"],
+                    drawn[role],
+                    role,
+                    stage["name"],
+                )
+                profiles |= {
+                    one: rotation.T @ points @ rotation for one, points in drawn.items() if one != ACHIEVED.name
+                }
+        yield "arms", arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
+        if columns == 1 and len(profiles) > 1:  # all in the frame of the person
+            yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles={role: role for role in profiles})
+        yield "curves", panel_figure(time, groups["Ellipsoids"], columns)
+    omitted = "Ellipsoids", HUMAN_JOINTS
+    if moved := [panel for name, panels in groups.items() if name not in omitted for panel in panels]:
+        yield "motion", panel_figure(time, moved, columns)
     if data["map"]:
         clouds, lines = data["map"]["domains"], data["map"]["profiles"]
         names = {cloud["name"]: cloud["role"] for cloud in [*clouds, *lines]}
         domains, paths = ({cloud["name"]: cloud["coordinates"] for cloud in sets} for sets in (clouds, lines))
         yield "diffusion_map", map_figure(domains, paths, time, names)
-
-
-def _profiles(stages: list[dict[str, Any]]) -> dict[str, Array]:
-    """Return ellipsoids of the first arm by role, all in the frame of the person."""
-    profiles = dict[str, Array]()
-    for stage in stages:
-        rotation = np.eye(3) if stage["rotation"] is None else np.reshape(stage["rotation"], (3, 3))
-        drawn = stage["bodies"][0]["ellipsoids"].items()
-        profiles |= {role: rotation.T @ _full(six) @ rotation for role, six in drawn if role != ACHIEVED.name}
-    return profiles
-
-
-def _arms(stages: list[dict[str, Any]], unit: str, size: float) -> Figure:
-    skeletons, shells, roles, within = {}, {}, {}, {}
-    for stage in stages:
-        for k, body in enumerate(stage["bodies"]):
-            name = f"{stage['name']}, arm {k + 1}"
-            role = PERSON.name if PERSON.name in body["ellipsoids"] else ACHIEVED.name
-            skeletons[name], shells[name] = body["skeleton"], _full(body["ellipsoids"][role])
-            roles[name], within[name] = role, stage["name"]
-    return arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
-
-
-def _full(six: Array) -> Array:
-    """Symmetric matrices (n, 3, 3) of their entries xx, xy, xz, yy, yz, zz (n, 6)."""
-    return six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-
-
-def _panel(panel: dict[str, Any]) -> Panel:
-    return Panel(**{**panel, "lines": tuple(Line(**line) for line in panel["lines"])})

@@ -10,37 +10,20 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any
 
 import jinja2
 from markupsafe import Markup, escape
 
 from maniport.errors import InvalidInputError
-from maniport.report.page.content import (
-    STATES,
-    Animation,
-    Body,
-    Cloud,
-    DomainMap,
-    Image,
-    Line,
-    Panel,
-    Part,
-    Stage,
-    as_json,
-)
-from maniport.report.roles import ROLES
-from maniport.report.values import INFO, Metric, Report
+from maniport.report.page.content import ROLES, STATES, Animation, Image, as_json
+from maniport.report.values import Report
 from maniport.util.atomic_io import written_whole
 from maniport.version import __version__
 
-__all__ = [
-    "Animation", "Body", "Cloud", "DomainMap", "Image", "Line", "Panel", "Part", "Stage", "as_html", "document",
-    "write_page",
-]  # fmt: skip
-
 CARDS = ("distance", "position_error", "orientation_error", "limits", "collisions")
 """Keys of the metrics of a summary that are on cards."""
+
+SCRIPTS = ("geometry", "surface", "scene", "exports", "curves", "strips", "states", "map", "player", "page", "print")
 
 LARGEST = 6_000_000  # Upper bound of the size of a page [bytes]
 
@@ -72,69 +55,44 @@ def as_html(report: Report, contents: Contents | None = None) -> str:
 
 def document(title: str, body: str, script: str, style: str = "", data: str = "", end: str = "") -> str:
     """Return an HTML file that loads nothing, in the style of all pages."""
-    style = _colors() + _asset("page.css") + style
-    hashes = {"script_hash": _hash(script), "style_hash": _hash(style)}
-    values = {"title": title, "body": body, "script": script, "style": style, "data": data, "end": end}
-    return templates().get_template("document.html").render(**values, **hashes, version=__version__)
+    colors = templates().get_template("colors.css").render(roles=ROLES.values(), states=STATES.values())
+    parts = {"script": script, "style": colors + _asset("page.css") + style}
+    # names of the script and the style sheet for the security policy of the page, which allows no other
+    hashes = {f"{name}_hash": f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+              for name, text in parts.items()}  # fmt: skip
+    values = parts | hashes | {"title": title, "body": body, "data": data, "end": end, "version": __version__}
+    return templates().get_template("document.html").render(**values)
 
 
 def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> str:
     """Render the page with at most so many times of each animation, with or without surfaces of arms."""
     data: list[str] = []
-    places: list[dict[str, Any]] = []
+    motions: dict[str, list[dict[str, str]]] = {}
     menu: list[tuple[str, str]] = []
     for k, section in enumerate(report.sections):
-        content, motions = contents.get(section.key or section.title, ()), []
+        name = section.key or section.title
         if section.folded and ("Details", "folded") not in menu:
             menu.append(("Details", "folded"))
         if k and section.title and not section.folded:
             menu.append((section.title, f"section-{k}"))
-        for animation in (one for one in content if isinstance(one, Animation)):
-            name = f"motion-{len(data)}"
-            motions.append({"id": name, "note": _note(animation, frames, surfaces)})
+        for animation in (one for one in contents.get(name, ()) if isinstance(one, Animation)):
+            label, notes = f"motion-{len(data)}", [animation.note]
+            if len(animation.time) > frames:
+                notes.append(f"{frames} of {len(animation.time)} times are included.")
+            if not surfaces and any(body.parts for stage in animation.stages for body in stage.bodies):
+                notes.append("Drawn as skeletons: with surfaces this file would be too large.")
+            motions.setdefault(name, []).append({"id": label, "note": " ".join(filter(None, notes))})
             titles = [*animation.panels, *(["Domains and profiles"] if animation.map is not None else [])]
-            menu += [(title, f"{name}-{i}") for i, title in enumerate(titles)]  # the scripts give these ids
+            menu += [(title, f"{label}-{i}") for i, title in enumerate(titles)]  # the scripts give these ids
             encoded = as_json(animation, frames, surfaces=surfaces)
-            data.append(f'<script type="application/json" id="{name}">{encoded}</script>')
-        metrics = [metric for metric in section.metrics if metric.text and metric.severity == INFO]
-        if report.summary is not None:
-            metrics = [metric for metric in metrics if metric not in report.summary.metrics or metric.key not in CARDS]
-        places.append({
-            "id": f"section-{k}", "section": section, "motions": motions,
-            "images": [image for image in content if isinstance(image, Image)],
-            "statistics": [(one.heading, *one.cells(), one.where) for one in metrics if one.is_statistics],
-            "metrics": [metric for metric in metrics if not metric.is_statistics],
-        })  # fmt: skip
-    folded = next((place["id"] for place in places if place["section"].folded), "")
-    cards = _cards(() if report.summary is None else report.summary.metrics)
-    template = templates().get_template("report.html")
-    body = template.render(report=report, places=places, menu=menu, motions=len(data), first_folded=folded,
-                           summary_cards=cards)  # fmt: skip
+            data.append(f'<script type="application/json" id="{label}">{encoded}</script>')
+    images = {name: [one for one in content if isinstance(one, Image)] for name, content in contents.items()}
+    values = {"report": report, "cards": CARDS, "menu": menu, "count": len(data), "motions": motions, "images": images}
+    body = templates().get_template("report.html").render(**values)
     end = " Keys: space to play, ← and → to step." if data else ""
-    return document(report.title, body, _script(), data="\n".join(data), end=end)
-
-
-def _cards(metrics: Sequence[Metric]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return titles and lines of cards: one for each statistics, and one for the limits and the collisions."""
-    cards = []
-    for metric in metrics:
-        if metric.is_statistics:
-            unit = f" {metric.unit}".replace(" °", "°").rstrip()
-            notes = "median", "95th percentile", f"max {metric.where}"
-            cards.append((metric.label, [(c + unit, note) for c, note in zip(metric.cells(), notes, strict=True)]))
-    others = [metric for metric in metrics if metric.key in CARDS and not metric.is_statistics]
-    lines = [("", f"{metric.label}: {metric.text}") for metric in others]
-    return [*cards, *([("Limits and collisions", lines)] if lines else [])]
-
-
-def _note(animation: Animation, frames: int, surfaces: bool) -> str:
-    """Describe an animation and what is omitted from it."""
-    sentences = [animation.note] if animation.note else []
-    if len(animation.time) > frames:
-        sentences.append(f"{frames} of {len(animation.time)} times are included.")
-    if not surfaces and any(body.parts for stage in animation.stages for body in stage.bodies):
-        sentences.append("Drawn as skeletons: with surfaces this file would be too large.")
-    return " ".join(sentences)
+    script = "\n".join(_asset(f"{name}.js") for name in SCRIPTS)
+    script = f'(() => {{\n"use strict";\n{script}}})();\n'  # all in one scope
+    return document(report.title, body, script, data="\n".join(data), end=end)
 
 
 @cache
@@ -155,30 +113,3 @@ def _linked(text: str, motions: int) -> Markup:
 @cache
 def _asset(name: str) -> str:
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
-
-
-@cache
-def _script() -> str:
-    """Return all scripts in one scope."""
-    names = ["geometry", "surface", "scene", "exports", "curves", "strips", "states", "map", "player", "page", "print"]
-    return '(() => {\n"use strict";\n' + "\n".join(_asset(f"{name}.js") for name in names) + "})();\n"
-
-
-def _colors() -> str:
-    """Return the style of roles and states on a light and on a dark background."""
-    light, dark = (
-        "".join(f"--{role.name}:{getattr(role, ground)};" for role in ROLES.values())
-        + "".join(f"--state{k}:{colors[number]};" for k, colors in enumerate(STATES.values()))
-        for number, ground in enumerate(("color", "dark"))
-    )
-    rules = "".join(
-        f".{name}{{color:var(--{name})}}.without-{name} :is(path.{name},.of-{name}){{display:none}}" for name in ROLES
-    )
-    rules += "".join(f".state{k}{{color:var(--state{k});fill:var(--state{k})}}" for k in range(len(STATES)))
-    night = f"@media screen and (prefers-color-scheme:dark){{:root:not([data-print]){{{dark}}}}}"
-    return f":root{{{light}}}{night}{rules}\n"
-
-
-def _hash(text: str) -> str:
-    """Name a script or a style sheet for the security policy of the page, which allows no other."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -1,19 +1,37 @@
-"""Content of the page of a result: arms with their ellipsoids, curves and the map of the domains."""
+"""Content of the page of a result: arms with their ellipsoids, curves over time, and the map of the domains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
-from maniport.arms import Arm, EllipsoidSpec, Surface
+from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.human import middle_of
 from maniport.errors import FileFormatError
+from maniport.learning.agreement import axis_deviations
 from maniport.pipeline import LearnedProfile
-from maniport.pipeline.results import ArmTransfer, MotionResult, TransferResult
-from maniport.report.page.content import STATES, Animation, Body, Cloud, DomainMap, Panel, Part, Stage
-from maniport.report.page.panels import alternated, panels_of, panels_of_learned, profiles_of
-from maniport.report.roles import ACHIEVED, PERSON, ROLES, TARGET
+from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
+from maniport.report.metrics import METRICS
+from maniport.report.page.content import (
+    ACHIEVED,
+    HUMAN_JOINTS,
+    PERSON,
+    REFERENCE,
+    ROLES,
+    STATES,
+    TARGET,
+    Animation,
+    Body,
+    Cloud,
+    DomainMap,
+    Line,
+    Panel,
+    Part,
+    Stage,
+)
 from maniport.spd.diffusion_map import map_of
+from maniport.spd.ellipsoid import lengths
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array
 
@@ -30,33 +48,41 @@ TORSO = np.array([
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
     """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
     if isinstance(result, LearnedProfile):
-        return Animation(result.alignment.time, (), panels_of_learned(result), unit=result.spec.unit)
+        parts = [_panels_of_learned(part) for part in result.each_arm()]
+        sides = [str(arm.side) for arm in result.arms]
+        curves = {group: _alternated([part[group] for part in parts], sides) for group in parts[0]}
+        return Animation(result.alignment.time, (), curves, unit=result.spec.unit)
     transfer = result if isinstance(result, TransferResult) else None
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     time = transfer.time if transfer is not None else moved[0].time
     spec = transfer.spec if transfer is not None else moved[0].spec
-    stages, notes, chart = [], [_ellipsoid_note(spec)], None
-    if transfer is not None:
-        stages.append(_person(transfer.arms, spec, notes))
-        if len(transfer.arms) == 1:
-            chart = _map(transfer.arms[0], spec, transfer.base_rotation)
+    notes, moves = [], "translates" if spec.part == "translation" else "rotates"
+    if spec.part == "full":
+        notes.append("Ellipsoids of six dimensions cannot be drawn; their distances can.")
+    else:
+        notes.append(
+            f"An ellipsoid shows how fast the end effector {moves} in each direction at unit joint speed; a semi-axis "
+            f"of 1 {spec.velocity.unit} is drawn 0.25 m long."
+        )
+        notes += ["Drawn are the inverses of the force ellipsoids."] if spec.kind == "force" else []
+    stages = [_person(transfer.arms, spec, notes)] if transfer is not None else []
     if moved:
         stages.append(_robot(result, spec, notes))
     else:
         notes.append("The robot was not moved.")
-    groups: dict[str, list[list[Panel]]] = {}
+    topics: dict[str, list[list[Panel]]] = {}
     for arm in result.arms:
-        for group, panels in panels_of(result, arm, spec):
-            groups.setdefault(group, []).append(panels)
-    order = list(STATES)
+        for topic, panels in _panels_of(result, arm, spec):
+            topics.setdefault(topic, []).append(panels)
+    names, order = [arm.name for arm in result.arms], list(STATES)
     return Animation(
         time,
         tuple(stages),
-        {group: alternated(panels, [arm.name for arm in result.arms]) for group, panels in groups.items()},
-        chart,
+        {topic: _alternated(panels, names) for topic, panels in topics.items()},
+        _map(transfer.arms[0], spec, transfer.base_rotation) if transfer is not None and len(names) == 1 else None,
         unit=spec.velocity.unit,
         clocks={"robot": moved[0].time} if transfer is not None and moved else {},
-        legend={role: ROLES[role].about for role in profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
+        legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
         note=" ".join(notes),
         states=tuple(max(worst, key=order.index) for worst in zip(*(one.status for one in moved), strict=True)),
     )
@@ -66,9 +92,12 @@ def _person(arms: Sequence[ArmTransfer], spec: EllipsoidSpec, notes: list[str]) 
     """Return the arms of the person, about the middle of the neck."""
     bodies = []
     for arm in arms:
-        drawn = {PERSON.name: profiles_of(arm, spec)[PERSON.name]} if spec.part != "full" else {}
-        body = body_of(arm.fit.arm, arm.fit.joint_angles, drawn, name="Person", notes=notes)
-        bodies.append(_shifted(body, np.array([0.0, -middle_of(arm.fit.arm), 0.0])))
+        drawn = {PERSON.name: _profiles_of(arm, spec)[PERSON.name]} if spec.part != "full" else {}
+        body = _body(arm.fit.arm, arm.fit.joint_angles, drawn, name="Person", notes=notes)
+        shift = np.eye(4)
+        shift[1, 3] = -middle_of(arm.fit.arm)
+        parts = tuple(replace(part, poses=shift @ part.poses) for part in body.parts)
+        bodies.append(replace(body, skeleton=body.skeleton + shift[:3, 3], parts=parts))
     return Stage("Person", tuple(bodies), torso=TORSO)
 
 
@@ -78,9 +107,9 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     for arm in result.arms:
         assert arm.motion is not None
         drawn = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved} if spec.part != "full" else {}
-        body = body_of(arm.robot, arm.motion.joint_positions, drawn, arm.motion.path, notes=notes)
-        drawn_parts = [part for other in bodies for part in other.parts]
-        own = tuple(part for part in body.parts if not any(_is_same(part, other) for other in drawn_parts))
+        body = _body(arm.robot, arm.motion.joint_positions, drawn, arm.motion.path, notes=notes)
+        others = [part for other in bodies for part in other.parts]
+        own = tuple(part for part in body.parts if not any(_is_same(part, other) for other in others))
         bodies.append(replace(body, parts=own))
     rotation = None
     if isinstance(result, TransferResult):
@@ -89,55 +118,29 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
     return Stage(result.robot.name, tuple(bodies), rotation)
 
 
-def body_of(
-    arm: Arm,
-    joint_positions: Array,
-    ellipsoids: Mapping[str, Array] | None = None,
-    path: Array | None = None,
-    name: str | None = None,
-    notes: list[str] | None = None,
-) -> Body:
-    """Return an arm at each time with ellipsoids at its end effector; a note is added if it has no surfaces."""
-    body = Body(name or arm.name, arm.skeleton(joint_positions), ellipsoids or {}, path)
-    try:
-        surfaces = arm.surfaces()
-    except FileFormatError as error:  # the page is useful without surfaces
-        if notes is not None:
-            notes.append(f"{body.name} is drawn as a skeleton: {error}")
-        return body
-    poses = arm.link_poses(joint_positions)
-    return replace(body, parts=tuple(_part(surface, poses[:, surface.joint]) for surface in surfaces))
-
-
-def _part(surface: Surface, poses: Array) -> Part:
-    """Return a surface with each point once, so that the script of the page finds triangles that meet."""
-    corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
-    points, places = np.unique(corners, axis=0, return_inverse=True)
-    return Part(points, places.reshape(-1, 3), poses)
-
-
-def _shifted(body: Body, offset: Array) -> Body:
-    pose = np.eye(4)
-    pose[:3, 3] = offset
-    parts = tuple(replace(part, poses=pose @ part.poses) for part in body.parts)
-    return replace(body, skeleton=body.skeleton + offset, parts=parts)
-
-
 def _is_same(part: Part, other: Part) -> bool:
     """Return whether two surfaces move alike and have the same bounds [m]; they may be simplified differently."""
     first, second = ((one.points.min(axis=0), one.points.max(axis=0)) for one in (part, other))
     return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
 
 
-def _ellipsoid_note(spec: EllipsoidSpec) -> str:
-    if spec.part == "full":
-        return "Ellipsoids of six dimensions cannot be drawn; their distances can."
-    moves = "translates" if spec.part == "translation" else "rotates"
-    note = (
-        f"An ellipsoid shows how fast the end effector {moves} in each direction at unit joint speed; a semi-axis of "
-        f"1 {spec.velocity.unit} is drawn 0.25 m long."
-    )
-    return note + (" Drawn are the inverses of the force ellipsoids." if spec.kind == "force" else "")
+def _body(
+    arm: Arm, joint_positions: Array, ellipsoids: Mapping[str, Array], path: Array | None = None, name: str = "",
+    *, notes: list[str],
+) -> Body:  # fmt: skip
+    """Return an arm at each time with ellipsoids at its end effector; a note is added if it has no surfaces."""
+    body, parts = Body(name or arm.name, arm.skeleton(joint_positions), ellipsoids, path), []
+    try:
+        surfaces = arm.surfaces()
+    except FileFormatError as error:  # the page is useful without surfaces
+        notes.append(f"{body.name} is drawn as a skeleton: {error}")
+        return body
+    poses = arm.link_poses(joint_positions)
+    for surface in surfaces:  # each point once, so that the script of the page finds triangles that meet
+        corners = np.asarray(surface.points, dtype="<f4")[surface.triangles].reshape(-1, 3)
+        points, places = np.unique(corners, axis=0, return_inverse=True)
+        parts.append(Part(points, places.reshape(-1, 3), poses[:, surface.joint]))
+    return replace(body, parts=tuple(parts))
 
 
 def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: int = 40, dots: int = 300) -> DomainMap:
@@ -162,3 +165,106 @@ def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: in
         for sets in (domains, profiles)
     )  # fmt: skip
     return DomainMap(clouds, lines, "Ellipsoids are regularized as in the fit.")
+
+
+def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:
+    """Return velocity ellipsoids of an arm by role; those of force ellipsoids are the inverses."""
+    profiles = {PERSON.name: arm.demonstrated_profile} if isinstance(arm, ArmTransfer) else {}
+    if isinstance(arm, ArmTransfer) and arm.motion is None:
+        profiles[TARGET.name] = arm.target_profile
+    if spec.kind == "force":
+        profiles = {role: np.asarray(np.linalg.inv(profile)) for role, profile in profiles.items()}
+    if arm.motion is not None:
+        profiles |= {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
+    return profiles
+
+
+def _panels_of(
+    result: TransferResult | MotionResult, arm: ArmResult, spec: EllipsoidSpec
+) -> Iterator[tuple[str, list[Panel]]]:
+    """Yield panels of curves of an arm by topic."""
+    motion, distance, error = arm.motion, METRICS["distance"], METRICS["position_error"]
+    if motion is not None:
+        lines = [Line("achieved", motion.distance)]
+        if motion.pointwise_best is not None:
+            lines.append(Line("best pointwise distance found", motion.pointwise_best, REFERENCE.name, 1))
+        panels = [Panel(distance.label, "", tuple(lines), distance.description)]
+        if motion.position_error is not None:
+            line = Line("end effector", np.maximum(1e3 * motion.position_error, 1e-2))  # the axis is logarithmic
+            panels.append(Panel(error.label, error.unit, (line,), error.description, logarithmic=True))
+        yield "Distance and position error", panels
+    if spec.part != "full":
+        panels = semi_axis_panels(_profiles_of(arm, spec), spec.velocity.unit)
+        if motion is not None:
+            angle = Line("longest axis", np.degrees(motion.major_axis_angle))
+            meaning = "Between target and achieved. The line breaks where two axes have one length."
+            panels.insert(0, Panel(METRICS["major_axis_angle"].label, "°", (angle,), meaning, span=(0.0, 90.0)))
+        yield "Ellipsoids", panels
+    if motion is not None:
+        robot = result.robot
+        names = [robot.joint_names[column] for column in robot.columns[result.arms.index(arm)]]
+        panels = _joints(arm.robot, motion.joint_positions, ACHIEVED.name, names)
+        if robot.shared and arm is result.arms[0]:
+            yield f"Shared joints of {robot.name}", [panel for panel in panels if panel.title in robot.shared]
+        yield f"Joints of {robot.name}", [panel for panel in panels if panel.title not in robot.shared]
+    if isinstance(arm, ArmTransfer):
+        yield HUMAN_JOINTS, _joints(arm.fit.arm, arm.fit.joint_angles, PERSON.name, arm.fit.arm.joint_names)
+
+
+def _alternated(panels: Sequence[Sequence[Panel]], names: Sequence[str]) -> tuple[Panel, ...]:
+    """Alternate panels of arms and name the arm in titles."""
+    if len(panels) == 1:
+        return tuple(panels[0])
+    rows = zip_longest(*panels)
+    pairs = (pair for row in rows for pair in zip(names, row, strict=True) if pair[1] is not None)
+    return tuple(replace(panel, title=f"{name.capitalize()}: {panel.title}") for name, panel in pairs)
+
+
+def _joints(arm: Arm, positions: Array, role: str, names: Sequence[str]) -> list[Panel]:
+    """Return a panel for each joint with its limits; positions (n, dof) [rad or m], angles are drawn in degrees."""
+    panels = []
+    for k, name in enumerate(names):
+        unit, factor = ("°", 180.0 / np.pi) if arm.joint_units[k] == "rad" else (arm.joint_units[k], 1.0)
+        low, high = factor * float(arm.lower[k]), factor * float(arm.upper[k])
+        panel = Panel(name, unit, (Line("", factor * positions[:, k], role),), "No limits.", strip=True)
+        if np.isfinite(high - low):
+            margin = 0.06 * (high - low)
+            meaning = f"Limits {low:.3g} and {high:.3g} {unit}.".replace("-", "−")
+            panel = replace(panel, meaning=meaning, limits=(low, high), span=(low - margin, high + margin))
+        panels.append(panel)
+    return panels
+
+
+def semi_axis_panels(profiles: Mapping[str, Array], unit: str) -> list[Panel]:
+    """Return panels of each semi-axis of profiles (n, d, d) by role, the longest first."""
+    curves = {role: lengths(points)[:, ::-1] for role, points in profiles.items()}
+    d = next(iter(curves.values())).shape[1]
+    panels = []
+    for k, word in enumerate(("Longest", "Middle", "Shortest") if d == 3 else ("Longest", "Shortest")):
+        lines = tuple(Line(role, axes[:, k], role, wide=role == TARGET.name and len(curves) > 1)
+                      for role, axes in curves.items())  # fmt: skip
+        panels.append(Panel(f"{word} semi-axis", unit, lines))
+    return panels
+
+
+def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
+    """Return the curves of demonstrations and of the profile that is learned from them."""
+    time, deviations = learned.alignment.time, axis_deviations(learned.profile, learned.covariance)
+    semi_axes, demonstrated = lengths(learned.profile), lengths(learned.alignment.ellipsoids)
+    d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
+
+    def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
+        lines = [Line(name, one, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
+                 for k, (name, one) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
+        factors: list[tuple[str, Array | float, int]] = [("learned", 1.0, 0)]
+        if deviation is not None:
+            factors += [("+ 1 deviation", np.exp(deviation), 1), ("− 1 deviation", np.exp(-deviation), 1)]
+        lines += [Line(name, np.interp(time, learned.time, values * factor), ACHIEVED.name, style)
+                  for name, factor, style in factors]  # fmt: skip
+        return Panel(title, unit, tuple(lines))
+
+    axes = [panel(f"Semi-axis {d - k}", unit, demonstrated[..., k], semi_axes[:, k], deviations[:, k])
+            for k in reversed(range(d))]  # fmt: skip
+    hand = [panel(f"Hand, {name}", "m", learned.paths[..., k], learned.path[:, k])
+            for k, name in enumerate(("x forward", "y left", "z up"))]  # fmt: skip
+    return {"Learned ellipsoids": tuple(axes), "Learned path": tuple(hand)}

@@ -1,9 +1,9 @@
-"""Content of a page as values and arrays, and its encoding for the scripts of the page."""
+"""Content of a page as values and arrays with their colors, and its encoding for the scripts of the page."""
 
 import base64
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,37 @@ from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
 from maniport.motion import status
-from maniport.report.roles import ROLES
 from maniport.util.subsample import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_times
+
+
+@dataclass(frozen=True)
+class Role:
+    """A role with its colors on a light and on a dark background, and for dots behind lines."""
+
+    name: str
+    color: str
+    dark: str
+    pale: str
+    about: str  # text of a legend
+
+    @property
+    def rgb(self) -> tuple[int, int, int]:
+        """The color on a light background as three numbers from 0 to 255."""
+        red, green, blue = bytes.fromhex(self.color[1:])
+        return red, green, blue
+
+
+# Okabe & Ito's blue, vermilion and (darker) green, which remain distinct for color-blind readers
+PERSON = Role("person", "#0072B2", "#56B4E9", "#8FC1E3", "human ellipsoid")
+TARGET = Role("target", "#D55E00", "#F28B42", "#F3B48B", "target ellipsoid of the robot (shell)")
+ACHIEVED = Role("achieved", "#00805D", "#2FC596", "#8CD3BE", "achieved ellipsoid of the robot")
+REFERENCE = Role("reference", "#000000", "#E8EDF2", "#999999", "reference (dashed)")
+
+ROLES = {role.name: role for role in (PERSON, TARGET, ACHIEVED, REFERENCE)}
+
+OTHERS = ("#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe & Ito's other colors, for data without a role."""
 
 STATES = {
     status.FOLLOWED: ("#D9E0E6", "#3A4652"),
@@ -27,45 +55,9 @@ STATES = {
 }
 """States of a waypoint from good to bad, with their colors on a light and on a dark background."""
 
+HUMAN_JOINTS = "Joints of the person"  # Topic of panels
 
-def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
-    """Encode an array as its shape and, in base64, its numbers in little-endian order."""
-    values = np.ascontiguousarray(array, dtype={"f32": "<f4", "u16": "<u2", "u32": "<u4"}[form])
-    return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
-
-
-def is_gap(steps: Array) -> NDArray[np.bool_]:
-    """Return which time steps are more than three times the median, so that a line breaks there."""
-    return np.asarray(steps > 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
-
-
-def _six(matrices: Array) -> dict[str, Any]:
-    """Encode entries xx, xy, xz, yy, yz, zz of symmetric matrices (n, d, d), d ≤ 3; ellipses become flat ellipsoids."""
-    n, d, _ = matrices.shape
-    padded = np.zeros((n, 3, 3))
-    padded[:, :d, :d] = matrices
-    return packed(padded[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
-
-
-def _seven(poses: Array) -> dict[str, Any]:
-    """Encode positions and unit quaternions x y z w of poses (n, 4, 4); a single one where nothing moves."""
-    if np.abs(poses - poses[0]).max() < 1e-9:
-        poses = poses[:1]
-    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-    back = np.einsum("ni,ni->n", turns[:-1], turns[1:]) < 0
-    turns[1:] *= np.cumprod(np.where(back, -1.0, 1.0))[:, None]
-    return packed(np.concatenate([poses[:, :3, 3], turns], axis=1))
-
-
-def _whole(numbers: NDArray[np.integer]) -> dict[str, Any]:
-    return packed(numbers, "u16" if numbers.max(initial=0) < 2**16 else "u32")
-
-
-def _flat(array: Array) -> list[float]:
-    return [float(value) for value in np.ravel(array)]
-
-
-OVER_TIME: dict[str, Any] = {"over_time": True}  # Metadata of fields whose arrays have a row for each time
+FORMS = {"f32": "<f4", "u16": "<u2", "u32": "<u4"}  # Numbers of encoded arrays, in little-endian order
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +65,8 @@ class Part:
     """The surface of a link."""
 
     points: Array  # (m, 3) in the frame of the link [m]
-    triangles: NDArray[np.integer] = field(metadata={"form": _whole})  # (k, 3) rows of `points`
-    poses: Array = field(metadata={**OVER_TIME, "form": _seven})  # (n, 4, 4) of the link in the base frame [m]
+    triangles: NDArray[np.integer]  # (k, 3) rows of `points`
+    poses: Array  # (n, 4, 4) of the link in the base frame [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +74,9 @@ class Body:
     """A moving arm with ellipsoids at its end effector."""
 
     name: str
-    skeleton: Array = field(metadata=OVER_TIME)  # (n, k, 3) corners of the polyline from base to end effector [m]
-    # (n, 3, 3) by role, in the unit of the animation
-    ellipsoids: Mapping[str, Array] = field(default_factory=dict, metadata={**OVER_TIME, "form": _six})
-    path: Array | None = field(default=None, metadata=OVER_TIME)  # (n, 3) target positions of the end effector [m]
+    skeleton: Array  # (n, k, 3) corners of the polyline from base to end effector [m]
+    ellipsoids: Mapping[str, Array] = field(default_factory=dict)  # (n, d, d) by role, d ≤ 3, in the animation's unit
+    path: Array | None = None  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
 
     def __post_init__(self) -> None:
@@ -99,10 +90,8 @@ class Stage:
 
     name: str
     bodies: tuple[Body, ...]
-    # (3, 3) of the camera, from the frame of the other stages
-    rotation: Array | None = field(default=None, metadata={"form": _flat})
-    # (k, 7) rods of a torso: start, end, radius [m]
-    torso: Array | None = field(default=None, metadata={"form": lambda rods: rods.round(4).tolist()})
+    rotation: Array | None = None  # (3, 3) of the camera, from the frame of the other stages
+    torso: Array | None = None  # (k, 7) rods of a torso: start, end, radius [m]
 
 
 @dataclass(frozen=True)
@@ -118,7 +107,7 @@ class Line:
     """Values over time, nan where there are none; `style` 0 to 2: solid, dashed, dotted; `wide` lines are pale."""
 
     name: str
-    values: Array = field(metadata=OVER_TIME)
+    values: Array
     role: str = "achieved"
     style: int = 0
     wide: bool = False
@@ -140,10 +129,6 @@ class Panel:
     span: tuple[float, float] | None = None  # ends of the axis; None: those of the values
     strip: bool = False  # drawn as a strip until it is opened
 
-    def __post_init__(self) -> None:
-        if not self.lines:
-            raise InvalidInputError(f"the panel {self.title!r} must have at least one line")
-
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
@@ -152,7 +137,7 @@ class Cloud:
     name: str
     role: str
     coordinates: Array  # (n, 2)
-    ellipsoids: Array | None = field(metadata={"form": _six})  # (n, d, d), d ≤ 3
+    ellipsoids: Array | None  # (n, d, d), d ≤ 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +145,7 @@ class DomainMap:
     """Domains as clouds, and profiles as lines with a point for each time of an animation."""
 
     domains: tuple[Cloud, ...]
-    profiles: tuple[Cloud, ...] = field(default=(), metadata=OVER_TIME)
+    profiles: tuple[Cloud, ...] = ()
     note: str = ""
 
 
@@ -174,7 +159,7 @@ class Animation:
     map: DomainMap | None = None
     unit: str = ""  # of semi-axes
     size: float = 0.25  # length of a semi-axis of one `unit` [m]
-    clocks: Mapping[str, Array] = field(default_factory=dict, metadata=OVER_TIME)  # (n,) further times by name [s]
+    clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
     legend: Mapping[str, str] = field(default_factory=dict)  # descriptions of ellipsoids by role
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
@@ -192,32 +177,89 @@ class Animation:
 
 def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
-    if not surfaces:
-        bare = [replace(stage, bodies=tuple(replace(body, parts=()) for body in stage.bodies))
-                for stage in animation.stages]  # fmt: skip
-        animation = replace(animation, stages=tuple(bare))
-    kept = evenly_spaced(len(animation.time), frames)
-    time, names = animation.time[kept], list(STATES)
-    states = [names.index(animation.states[k]) for k in kept] if animation.states else []
-    data = _encoded(animation, kept) | {
+    kept, chart, names = evenly_spaced(len(animation.time), frames), animation.map, list(STATES)
+    time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
+    data = vars(animation) | {
         "start": float(time[0]),
         "time": packed(time - time[0]),
         "gaps": np.flatnonzero(is_gap(np.diff(time))).tolist(),
+        "stages": [
+            vars(stage) | {
+                "rotation": None if stage.rotation is None else stage.rotation.ravel().tolist(),
+                "torso": None if stage.torso is None else stage.torso.round(4).tolist(),
+                "bodies": [
+                    vars(body) | {
+                        "skeleton": packed(body.skeleton[kept]),
+                        "ellipsoids": {role: _six(points[kept]) for role, points in body.ellipsoids.items()},
+                        "path": None if body.path is None else packed(body.path[kept]),
+                        "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
+                    } for body in stage.bodies
+                ],
+            } for stage in animation.stages
+        ],
+        "panels": {
+            topic: [vars(panel) | {"lines": [vars(line) | {"values": packed(line.values[kept])}
+                                             for line in panel.lines]} for panel in panels]
+            for topic, panels in animation.panels.items()
+        },
+        "map": None if chart is None else vars(chart) | {
+            "domains": [_cloud(cloud) for cloud in chart.domains],
+            "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
+        },
+        "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
-    }
+    }  # fmt: skip
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")  # nothing in the data may end the element
 
 
-def _encoded(value: Any, kept: NDArray[np.intp], over_time: bool = False, form: Callable[..., Any] = packed) -> Any:
-    """Encode a value of a page by its fields; those over time keep the rows `kept` alone."""
-    if is_dataclass(value):
-        return {one.name: _encoded(getattr(value, one.name), kept, one.metadata.get("over_time", over_time),
-                                   one.metadata.get("form", packed)) for one in fields(value)}  # fmt: skip
-    if isinstance(value, Mapping):
-        return {name: _encoded(item, kept, over_time, form) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_encoded(item, kept, over_time, form) for item in value]
-    if isinstance(value, np.ndarray):
-        return form(value[kept] if over_time else value)
-    return value
+def is_gap(steps: Array) -> NDArray[np.bool_]:
+    """Return which time steps are more than three times the median, so that a line breaks there."""
+    return np.asarray(steps > 3.0 * np.median(steps)) if len(steps) else np.zeros(0, dtype=bool)
+
+
+def packed(array: ArrayLike, form: str = "f32") -> dict[str, Any]:
+    """Encode an array as its shape and, in base64, its numbers."""
+    values = np.ascontiguousarray(array, dtype=FORMS[form])
+    return {"shape": list(values.shape), form: base64.b64encode(values.tobytes()).decode("ascii")}
+
+
+def unpacked(value: Any) -> Any:
+    """Return the data of a page with its arrays."""
+    if isinstance(value, list):
+        return [unpacked(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    for form, kind in FORMS.items():
+        if isinstance(value.get(form), str):
+            array = np.frombuffer(base64.b64decode(value[form]), kind).reshape(value["shape"])
+            return array.astype(float if form == "f32" else int)
+    return {key: unpacked(item) for key, item in value.items()}
+
+
+def _six(matrices: Array) -> dict[str, Any]:
+    """Encode entries xx, xy, xz, yy, yz, zz of symmetric matrices (n, d, d), d ≤ 3; ellipses become flat ellipsoids."""
+    n, d, _ = matrices.shape
+    padded = np.zeros((n, 3, 3))
+    padded[:, :d, :d] = matrices
+    return packed(padded[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]])
+
+
+def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
+    """Encode a surface with positions and unit quaternions x y z w of its poses; a single one where nothing moves."""
+    poses = part.poses[kept]
+    if np.abs(poses - poses[0]).max() < 1e-9:
+        poses = poses[:1]
+    rotations = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    flipped = np.einsum("ni,ni->n", rotations[:-1], rotations[1:]) < 0  # successive ones have the same sign
+    rotations[1:] *= np.cumprod(np.where(flipped, -1.0, 1.0))[:, None]
+    return {
+        "points": packed(part.points),
+        "triangles": packed(part.triangles, "u16" if part.triangles.max(initial=0) < 2**16 else "u32"),
+        "poses": packed(np.concatenate([poses[:, :3, 3], rotations], axis=1)),
+    }
+
+
+def _cloud(cloud: Cloud, kept: NDArray[np.intp] | slice = slice(None)) -> dict[str, Any]:
+    ellipsoids = None if cloud.ellipsoids is None else _six(cloud.ellipsoids[kept])
+    return vars(cloud) | {"coordinates": packed(cloud.coordinates[kept]), "ellipsoids": ellipsoids}

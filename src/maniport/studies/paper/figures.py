@@ -13,66 +13,54 @@ from maniport.studies.paper.tables import OURS, TOY, TRAJECTORIES, our_adapter, 
 from maniport.transfer import DomainAdapter
 from maniport.util.validation import Array
 
-MOTION = "H-Eval-4"  # The human trajectory in the paper's figure: upward motion of the extended arm
-
 
 def toy_figures(seed: int = 0) -> dict[str, Figure]:
     """The ten new ellipsoids of the toy data before and after."""
     draw = known_truth.toy_draw(seed)
     adapter = our_adapter(paper_table("I")[1], damping=None).set_params(random_state=seed)
-    points, truth = draw.evaluation[TOY[0]]
     fit_quietly(adapter, draw)
-    names = ("transformed", "adapted", "Panda's own (truth)")
-    return {"toy-ellipsoids": _adapted(adapter, points, truth, names)}
+    return {"toy-ellipsoids": _mapped(adapter, *draw.evaluation[TOY[0]], ("transformed", "Panda's own (truth)"))}
 
 
 def two_dof_figures(seed: int = 0) -> dict[str, Figure]:
     """Both two-joint arms along M-Eval-1, and its ellipsoids before and after; 100 training points, PT + ICP + w³."""
     domains = known_truth.training(100)
     adapter = _fitted("II", 100, "PT + ICP + w³", trajectories.MOUNTING, domains, seed)
-    points, truth = known_truth.evaluation()["M-Eval-1"]
     path = trajectories.two_dof_evaluation()["M-Eval-1"]
     teacher, student = trajectories.two_dof_arms()
-    arms = {"horizontal (teacher)": (teacher, path), "vertical (student)": (student, path)}
-    names = ("horizontal arm", "adapted", "vertical arm (truth)")
+    truth = known_truth.evaluation()["M-Eval-1"]
     return {
-        "two-dof-arms": _arms(arms, size=0.25),
-        "two-dof-ellipsoids": _adapted(adapter, points, truth, names),
+        "two-dof-arms": _arms({"horizontal (teacher)": (teacher, path), "vertical (student)": (student, path)}, 0.25),
+        "two-dof-ellipsoids": _mapped(adapter, *truth, ("horizontal arm", "vertical arm (truth)")),
     }
 
 
 def human_robot_figures(seed: int = 0) -> dict[str, Figure]:
     """Both seven-joint arms along H-Eval-4, its ellipsoids before and after, and the steps of the adaptation."""
-    baseline, _ = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed)
-    points, truth = human_robot.evaluation(baseline)[MOTION]
+    motion = "H-Eval-4"  # the human trajectory in the paper's figure: upward motion of the extended arm
+    baseline = human_robot.naive_baseline(human_robot.REMEDIES[OURS], seed)
+    points, truth = human_robot.evaluation(baseline)[motion]
     adapter = _fitted("III", 25, "PT + ICP", human_robot.SAME_FRAME, human_robot.training(25), seed)
     teacher, student = human_robot.training(human_robot.ALL)
-    path = trajectories.human_evaluation()[MOTION]
+    path = trajectories.human_evaluation()[motion]
     arms = {
         "rHuMan (teacher)": (trajectories.human_arm(), path),
         "Panda (student)": (trajectories.robot_arm(), trajectories.robot_path(path)),
     }
+    original = adapter.teacher_side(points, "profile")
+    steps = {"person": original, "adapted": adapter.transform(points) + adapter.released_damping_ * np.eye(3)}
+    steps["1 recentered"] = whiten(original, adapter.teacher_mean_)
+    steps["2 scaled"] = powm(steps["1 recentered"], adapter.dispersion_ratio_)
+    steps["3 rotated"] = congruence(adapter.rotation_, steps["2 scaled"])
     domains = {"person, training": adapter.teacher_side(teacher), "Panda, training": adapter.student_side(student)}
-    names = ("person", "adapted", "naive baseline")
     return {
-        "human-robot-arms": _arms(arms, size=0.2),
-        "human-robot-ellipsoids": _adapted(adapter, points, truth, names),
-        "human-robot-diffusion": figures.diffusion_map(domains, adaptation_steps(adapter, points)),
+        "human-robot-arms": _arms(arms, 0.2),
+        "human-robot-ellipsoids": _mapped(adapter, points, truth, ("person", "naive baseline")),
+        "human-robot-diffusion": figures.diffusion_map(domains, steps),
     }
 
 
 DRAWN = {"toy": toy_figures, "two-dof": two_dof_figures, "human-robot": human_robot_figures}
-
-
-def adaptation_steps(adapter: DomainAdapter, profile: Array) -> dict[str, Array]:
-    """Return a profile after each step of a fitted rigid adapter, shapes (n, d, d), regularized throughout."""
-    original = adapter.teacher_side(profile, "profile")
-    recentered = whiten(original, adapter.teacher_mean_)
-    scaled = powm(recentered, adapter.dispersion_ratio_)
-    rotated = congruence(adapter.rotation_, scaled)
-    adapted = adapter.transform(profile) + adapter.released_damping_ * np.eye(profile.shape[-1])
-    steps = {"1 recentered": recentered, "2 scaled": scaled, "3 rotated": rotated}
-    return {"person": original, "adapted": adapted, **steps}
 
 
 def _fitted(
@@ -86,8 +74,8 @@ def _fitted(
     return adapter
 
 
-def _adapted(adapter: DomainAdapter, points: Array, truth: Array, names: tuple[str, str, str]) -> Figure:
-    profiles = dict(zip(names, (points, adapter.transform(points), truth), strict=True))
+def _mapped(adapter: DomainAdapter, points: Array, truth: Array, names: tuple[str, str]) -> Figure:
+    profiles = {names[0]: points, "adapted": adapter.transform(points), names[1]: truth}
     return figures.ellipsoids(np.arange(1, len(points) + 1), profiles, axis="number of the ellipsoid")
 
 

@@ -11,7 +11,7 @@ from maniport.estimator import clone
 from maniport.spd import exp, log, logm, to_vector, transport
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper import trajectories
-from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
+from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Line, measure, measure_defaults
 from maniport.studies.paper.tables import (
     AUTHORS,
     FLOOR,
@@ -84,40 +84,37 @@ def _coordinates(points: Array) -> Array:
 
 def human_robot(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the experiment from the human arm to the Panda; random sets begin with seed `seed`."""
-    outcomes: list[Outcome] = []
-    title, samples = "Table III: human arm to Panda", 5000
-    facts: dict[str, Any] = {"naive baseline, samples of each domain": samples}
-    rows = paper_table("III")
+    lines, samples, rows = list[Line](), 5000, paper_table("III")
+    title, facts = "Table III: human arm to Panda", dict[str, Any]({"naive baseline, samples of each domain": samples})
     authors_truth = evaluation(AuthorsBaseline(FLOOR).fit(*_uniform(samples, seed)))
     parts = pieces(Step(progress, title), *(1.0 for _ in REMEDIES))
     for (settings, remedy), part in zip(REMEDIES.items(), parts, strict=True):
-        baseline, seconds = naive_baseline(remedy, seed)
-        facts[f"naive baseline, seconds to build, {settings}"] = seconds
-        truth = evaluation(baseline)
+        started = clock.perf_counter()
+        baseline = naive_baseline(remedy, seed, samples)
+        facts[f"naive baseline, seconds to build, {settings}"] = clock.perf_counter() - started
+        truths = [(settings, evaluation(baseline))] + [(AUTHORS, authors_truth)] * (settings == PAPER)
         for row in counted(rows, len(rows), part):
-            outcomes.append(_row(row, settings, seed, draws, truth))
-            if settings == PAPER:
-                outcomes.append(_row(row, AUTHORS, seed, draws, authors_truth))
+            for name, truth in truths:
+                lines += _row(row, name, seed, draws, truth)
+        truth = truths[0][1]
         resampled = [Draw(seed + 1, *_uniform(samples, seed + 1), truth)]
-        tasks = [Draw(seed, *training(ALL), truth)]
-        outcomes += [
-            measure(clone(baseline), resampled, settings, "baselines", None, str(samples), "naive baseline, resampled"),
-            measure(IdentityMap(**remedy), tasks, settings, "baselines", None, "0", "identity"),
-            measure(ParallelTransport(**remedy), tasks, settings, "baselines", None, str(ALL), "PT only"),
-        ]
+        trained = [Draw(seed, *training(ALL), truth)]
+        for adapter, sets, count, method in (
+            (clone(baseline), resampled, samples, "naive baseline, resampled"),
+            (IdentityMap(**remedy), trained, 0, "identity"),
+            (ParallelTransport(**remedy), trained, ALL, "PT only"),
+        ):
+            lines += measure(adapter, sets, settings, "baselines", None, str(count), method)
     teacher, student = _arms()
     large = _ellipsoids(teacher.sample(TEACHER_SAMPLES, seed), student.sample(STUDENT_SAMPLES, seed + 1))
     sizes = f"{TEACHER_SAMPLES} and {STUDENT_SAMPLES}"
-    outcomes += measure_defaults([Draw(seed, *large, truth)], "Sobol samples", sizes, SAME_FRAME)
-    return Experiment("human-robot", title, NOTES, tuple(outcomes), facts)
+    lines += measure_defaults([Draw(seed, *large, truth)], "Sobol samples", sizes, SAME_FRAME)
+    return Experiment("human-robot", title, NOTES, tuple(lines), facts)
 
 
-def naive_baseline(remedy: dict[str, Any], seed: int, samples: int = 5000) -> tuple[NearestNeighbor, float]:
-    """Build the table of the naive baseline from uniform samples of both arms; also return the seconds it took."""
-    teacher, student = _uniform(samples, seed)
-    started = clock.perf_counter()
-    baseline = NearestNeighbor(**remedy, n_samples=samples).fit(teacher, student)
-    return baseline, clock.perf_counter() - started
+def naive_baseline(remedy: dict[str, Any], seed: int, samples: int = 5000) -> NearestNeighbor:
+    """Build the table of the naive baseline from uniform samples of both arms."""
+    return NearestNeighbor(**remedy, n_samples=samples).fit(*_uniform(samples, seed))
 
 
 def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Truth:
@@ -129,17 +126,16 @@ def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Truth:
 
 def training(samples: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms along their training trajectories, every n-th of 400; shapes (samples, 3, 3)."""
-    paths = trajectories.human_training(), trajectories.robot_training()
-    joined = (trajectories.every(np.concatenate(list(path.values())), samples) for path in paths)
-    return _ellipsoids(*joined)
+    person = trajectories.human_training()
+    paths = np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
+    return _ellipsoids(*(trajectories.every(path, samples) for path in paths))
 
 
-def _row(row: PaperRow, settings: str, seed: int, draws: int, truth: Truth) -> Outcome:
+def _row(row: PaperRow, settings: str, seed: int, draws: int, truth: Truth) -> list[Line]:
     adapter = our_adapter(row, SAME_FRAME) if settings == OURS else paper_adapter(row)
-    exact = settings == AUTHORS
+    exact, sets = settings == AUTHORS, []
     if row.data == TRAJECTORIES:
         return measure(adapter, [Draw(seed, *training(row.samples), truth, exact)], settings, row.data, row)
-    sets = []
     for s in range(seed, seed + draws):
         teacher, student = (trajectories.every(points, row.samples) for points in _uniform(ALL, s))
         sets.append(Draw(s, teacher, student, truth, exact))

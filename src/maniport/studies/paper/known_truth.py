@@ -1,13 +1,11 @@
 """The experiments with a ground truth: toy data (Table I, § IV-B) and two planar arms (Table II, § V-A)."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from maniport.spd import mean
 from maniport.spd.regularization import Regularization
 from maniport.studies.paper import trajectories
-from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Outcome, measure, measure_defaults
+from maniport.studies.paper.outcome import DRAWS, Draw, Experiment, Line, measure, measure_defaults
 from maniport.studies.paper.tables import (
     FLOOR,
     OURS,
@@ -15,7 +13,6 @@ from maniport.studies.paper.tables import (
     RANDOM,
     TOY,
     TRAJECTORIES,
-    PaperRow,
     our_adapter,
     paper_adapter,
     paper_table,
@@ -47,17 +44,16 @@ ARMS_NOTES = (
 def toy(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
     """Run the toy experiment on several draws, beginning with seed `seed`."""
     data = [toy_draw(seed + k) for k in range(draws)]
-    title, outcomes, rows = "Table I: toy data", [], paper_table("I")
+    title, lines, rows = "Table I: toy data", list[Line](), paper_table("I")
     for row in counted(rows, len(rows), Step(progress, title)):
-        outcomes.append(measure(paper_adapter(row, eigenvalue_floor=None), data, PAPER, row.data, row))
-        outcomes.append(measure(our_adapter(row, damping=None), data, OURS, row.data, row))
-    return Experiment("toy", title, TOY_NOTES, tuple(outcomes))
+        lines += measure(paper_adapter(row, eigenvalue_floor=None), data, PAPER, row.data, row)
+        lines += measure(our_adapter(row, damping=None), data, OURS, row.data, row)
+    return Experiment("toy", title, TOY_NOTES, tuple(lines))
 
 
 def toy_draw(seed: int, samples: int = 100, new: int = 10) -> Draw:
     """Sample the Panda's ellipsoids, and transform them rigidly for the teacher."""
-    random = np.random.default_rng(seed)
-    arm = trajectories.robot_arm()
+    random, arm = np.random.default_rng(seed), trajectories.robot_arm()
     ellipsoids = arm.manipulability(arm.sample(samples + new, random, "uniform"))
     student, others = np.split(Regularization(eigenvalue_floor=FLOOR).apply(ellipsoids, "samples"), [samples])
 
@@ -71,24 +67,37 @@ def toy_draw(seed: int, samples: int = 100, new: int = 10) -> Draw:
 
 
 def two_dof(seed: int, progress: Progress | None = None, draws: int = DRAWS) -> Experiment:
-    """Run the experiment with two-joint arms; random sets begin with seed `seed`."""
-    title, sample_sizes, jobs = "Table II: two-joint arms", (256, 1024, 4096), list(_jobs(seed, draws))
-    outcomes: list[Outcome] = []
-    rows, sizes = pieces(Step(progress, title), 0.8, 0.2)
-    for row, data, sets in counted(jobs, len(jobs), rows):
-        printed = None if data == SAME else row  # the paper has no such data
-        for settings, adapter in ((PAPER, paper_adapter(row)), (OURS, our_adapter(row, trajectories.MOUNTING))):
-            outcomes.append(measure(adapter, sets, settings, data, printed, samples=row.label, method=row.method))
-    teacher, student = trajectories.two_dof_arms()
-    for size in counted(sample_sizes, len(sample_sizes), sizes):
+    """Run the experiment with two-joint arms; random sets begin with seed `seed`.
+
+    Random rows come twice, with separate and with the same joint samples; the paper has only the first.
+    """
+    title, sizes, truth, rows = "Table II: two-joint arms", (256, 1024, 4096), evaluation(), paper_table("II")
+    jobs = [(row, TRAJECTORIES) for row in rows if row.data == TRAJECTORIES]
+    jobs += [(row, data) for data in (SEPARATE, SAME) for row in rows if row.data == RANDOM]
+    (teacher, student), lines, seeds = trajectories.two_dof_arms(), list[Line](), range(seed, seed + draws)
+    tables, defaults = pieces(Step(progress, title), 0.8, 0.2)
+    for row, data in counted(jobs, len(jobs), tables):
         sets = []
-        for s in range(seed, seed + draws):
-            random = np.random.default_rng(s)
-            sets.append(Draw(s, *_ellipsoids(teacher.sample(size, random), student.sample(size, random)), evaluation()))
-        outcomes += measure_defaults(
-            sets, "Sobol samples, sampled separately for each arm", str(size), trajectories.MOUNTING
-        )
-    return Experiment("two-dof", title, ARMS_NOTES, tuple(outcomes))
+        for own in seeds if data != TRAJECTORIES else [seed]:
+            random = np.random.default_rng(own)
+            if data == TRAJECTORIES:
+                domains = training(row.samples)
+            else:
+                first = teacher.sample(500, random, "uniform")
+                second = first if data == SAME else student.sample(500, random, "uniform")
+                domains = _ellipsoids(*(trajectories.every(points, row.samples) for points in (first, second)))
+            sets.append(Draw(own, *domains, truth))
+        printed = None if data == SAME else row
+        for settings, adapter in ((PAPER, paper_adapter(row)), (OURS, our_adapter(row, trajectories.MOUNTING))):
+            lines += measure(adapter, sets, settings, data, printed, samples=row.label, method=row.method)
+    for size in counted(sizes, len(sizes), defaults):
+        sets = []
+        for own in seeds:
+            random = np.random.default_rng(own)
+            sets.append(Draw(own, *_ellipsoids(teacher.sample(size, random), student.sample(size, random)), truth))
+        data = "Sobol samples, sampled separately for each arm"
+        lines += measure_defaults(sets, data, str(size), trajectories.MOUNTING)
+    return Experiment("two-dof", title, ARMS_NOTES, tuple(lines))
 
 
 def evaluation() -> dict[str, tuple[Array, Array]]:
@@ -100,27 +109,6 @@ def training(samples: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms along the training trajectories, every n-th of 400; shapes (samples, 3, 3)."""
     path = trajectories.every(trajectories.two_dof_training().reshape(-1, 2), samples)
     return _ellipsoids(path, path)
-
-
-def _jobs(seed: int, draws: int) -> Iterator[tuple[PaperRow, str, list[Draw]]]:
-    """Rows of the table with their data; random rows come twice, with separate and with the same joint samples."""
-    truth, rows = evaluation(), paper_table("II")
-    for row in rows:
-        if row.data == TRAJECTORIES:
-            yield row, TRAJECTORIES, [Draw(seed, *training(row.samples), truth)]
-    for name in (SEPARATE, SAME):
-        for row in rows:
-            if row.data == RANDOM:
-                yield row, name, [Draw(s, *_random(row.samples, s, name), truth) for s in range(seed, seed + draws)]
-
-
-def _random(samples: int, seed: int, how: str) -> tuple[Array, Array]:
-    """Ellipsoids of both arms at uniform joint samples, every n-th of 500."""
-    teacher, student = trajectories.two_dof_arms()
-    random = np.random.default_rng(seed)
-    first = teacher.sample(500, random, "uniform")
-    second = first if how == SAME else student.sample(500, random, "uniform")
-    return _ellipsoids(trajectories.every(first, samples), trajectories.every(second, samples))
 
 
 def _ellipsoids(teacher_path: Array, student_path: Array) -> tuple[Array, Array]:

@@ -19,6 +19,15 @@ from maniport.util.validation import Array
 
 DRAWS = 10  # Random sets over which errors are averaged
 
+Line = dict[str, Any]
+"""Errors of one method on one evaluation set: means over draws, with the row of the paper where it prints the number.
+
+Keys: ``table``, ``row``, ``paper_rmse`` and ``paper_iterations`` (None where the paper has none), ``data``,
+``samples``, ``method``, ``evaluation``, ``settings`` (`PAPER`, `AUTHORS` or `OURS`), ``adapter``, each form of `RMSE`
+with its standard deviation (``_spread``), ``iterations``, ``seconds`` of a fit (median), ``draws``, ``seed`` of the
+first draw, and ``warned``, the number of fits with warnings.
+"""
+
 
 @dataclass(frozen=True)
 class Draw:
@@ -32,60 +41,14 @@ class Draw:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Errors of one method that was fitted to all draws with the same settings."""
-
-    row: PaperRow | None  # of the paper, if it prints the number
-    data: str
-    samples: str
-    method: str
-    settings: str  # of the fit: `PAPER`, `AUTHORS` or `OURS`
-    adapter: str  # the settings in full
-    errors: Mapping[str, Sequence[RMSE]]  # by evaluation set, one for each draw
-    iterations: float  # mean over draws
-    seconds: float  # of a fit, median over draws
-    draws: int
-    seed: int  # of the first draw; the next ones follow
-    warned: int  # draws in which the library warned
-
-    def lines(self) -> list[dict[str, Any]]:
-        """Return one line of a table for each evaluation set: means and standard deviations over draws."""
-        row = self.row
-        lines = []
-        for name, errors in self.errors.items():
-            forms: dict[str, float] = {}
-            for form in (form.name for form in fields(RMSE)):
-                values = [getattr(error, form) for error in errors]
-                forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
-            lines.append(
-                {
-                    "table": row and row.table,
-                    "row": row and row.row,
-                    **{key: getattr(self, key) for key in ("data", "samples", "method")},
-                    "evaluation": name,
-                    "paper_rmse": row and row.rmse[name],
-                    "paper_iterations": row and row.iterations,
-                    **{key: getattr(self, key) for key in ("settings", "adapter")},
-                    **forms,
-                    **{key: getattr(self, key) for key in ("iterations", "seconds", "draws", "seed", "warned")},
-                }
-            )
-        return lines
-
-
-@dataclass(frozen=True)
 class Experiment:
     """One experiment of the paper, repeated."""
 
     name: str
     title: str
     notes: tuple[str, ...]
-    outcomes: tuple[Outcome, ...]
+    lines: tuple[Line, ...]
     facts: Mapping[str, Any] = field(default_factory=dict)  # further numbers, with their units in the names
-
-    def lines(self) -> list[dict[str, Any]]:
-        """Return the lines of all outcomes; see `Outcome.lines`."""
-        return [line for outcome in self.outcomes for line in outcome.lines()]
 
 
 def measure(
@@ -96,8 +59,8 @@ def measure(
     row: PaperRow | None = None,
     samples: str = "",
     method: str = "",
-) -> Outcome:
-    """Fit an adapter to every draw and average its errors."""
+) -> list[Line]:
+    """Fit an adapter to every draw; return a line for each evaluation set."""
     errors: dict[str, list[RMSE]] = {name: [] for name in draws[0].evaluation}
     iterations, seconds, warned = [], [], 0
     for draw in draws:
@@ -113,29 +76,44 @@ def measure(
             target = truth if draw.regularized else fitted.student_side(truth, "truth")
             damped = fitted.transform(points) + fitted.released_damping_ * np.eye(points.shape[-1])
             errors[name].append(rmse(target, damped))
-    return Outcome(
-        row=row,
-        data=data,
-        samples=row.label if row else samples,
-        method=row.method if row else method,
-        settings=settings,
-        adapter=repr(adapter),
-        errors=errors,
-        iterations=float(np.mean(iterations)),
-        seconds=float(np.median(seconds)),
-        draws=len(draws),
-        seed=draws[0].seed,
-        warned=warned,
-    )
+    lines = []
+    for name, own in errors.items():
+        forms: dict[str, float] = {}
+        for form in (form.name for form in fields(RMSE)):
+            values = [getattr(error, form) for error in own]
+            forms |= {form: float(np.mean(values)), f"{form}_spread": float(np.std(values))}
+        lines.append(
+            {
+                "table": row and row.table,
+                "row": row and row.row,
+                "data": data,
+                "samples": row.label if row else samples,
+                "method": row.method if row else method,
+                "evaluation": name,
+                "paper_rmse": row and row.rmse[name],
+                "paper_iterations": row and row.iterations,
+                "settings": settings,
+                "adapter": repr(adapter),
+                **forms,
+                "iterations": float(np.mean(iterations)),
+                "seconds": float(np.median(seconds)),
+                "draws": len(draws),
+                "seed": draws[0].seed,
+                "warned": warned,
+            }
+        )
+    return lines
 
 
-def measure_defaults(draws: Sequence[Draw], data: str, samples: str, base_rotation: ArrayLike) -> list[Outcome]:
+def measure_defaults(draws: Sequence[Draw], data: str, samples: str, base_rotation: ArrayLike) -> list[Line]:
     """Measure our defaults with the base rotation, without and with matching."""
-    adapters = {
-        "PT only": ParallelTransport(damping=DAMPING, base_rotation=base_rotation),
-        "PT + ICP": RiemannianICP(damping=DAMPING, base_rotation=base_rotation),
-    }
-    return [measure(kind, draws, OURS, data, samples=samples, method=method) for method, kind in adapters.items()]
+    known: dict[str, Any] = {"damping": DAMPING, "base_rotation": base_rotation}
+    adapters = {"PT only": ParallelTransport(**known), "PT + ICP": RiemannianICP(**known)}
+    return [
+        line
+        for method, adapter in adapters.items()
+        for line in measure(adapter, draws, OURS, data, samples=samples, method=method)
+    ]
 
 
 def fit_quietly(adapter: DomainAdapter, draw: Draw) -> bool:

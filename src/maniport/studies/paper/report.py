@@ -2,20 +2,19 @@
 
 import csv
 import io
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from maniport.report.metrics import describe, warning
-from maniport.report.runs import software
-from maniport.report.values import Metric, Report, Section, Table
-from maniport.studies.methods import Comparison, in_short
-from maniport.studies.paper.outcome import Experiment
+from maniport.evaluation import Evaluation
+from maniport.report.metrics import describe
+from maniport.report.results import software
+from maniport.report.values import Metric, Report, Section, Table, warning
+from maniport.studies.methods import methods_section
+from maniport.studies.paper.outcome import Experiment, Line
 from maniport.studies.paper.tables import AUTHORS, OURS, PAPER
 from maniport.util.notebook import NotebookDisplay
-
-MATCHED, LOWER, HIGHER = "within 20 %", "lower", "higher"
 
 FORMS = {"per_dispersion": "÷ c", "per_squared_dispersion": "÷ c²"}
 """Forms of the error in the paper's text and in the authors' program, with their column heads."""
@@ -44,56 +43,17 @@ class Reproduction(NotebookDisplay):
     experiments: tuple[Experiment, ...]
     seed: int
     seconds: float  # of all experiments
-    methods: Comparison | None = None
+    methods: Mapping[str, Evaluation] | None = None  # comparison of methods, by motion
 
     def __repr__(self) -> str:
         names = ", ".join(experiment.name for experiment in self.experiments)
         return f"Reproduction({names}; seed {self.seed}, {self.seconds:.0f} s)"
 
 
-@dataclass(frozen=True)
-class Group:
-    """Counts of the numbers of one table that are matched, lower and higher."""
-
-    table: str  # Roman number
-    settings: str  # of our fits
-    error: str  # "÷ c" or "÷ c²"
-    matched: int
-    lower: int
-    higher: int
-    reason: str  # empty where all are matched
-
-
-def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> tuple[Group, ...]:
-    """Count the paper's numbers that are matched, lower and higher, by table, settings and form of the error."""
-    lines = [line for each in experiments for line in each.lines() if line["table"] and line["settings"] != OURS]
-    ratios: dict[tuple[str, str, str], list[float]] = {}
-    for line, form in product(lines, FORMS):
-        key = line["table"], line["settings"], FORMS[form]
-        ratios.setdefault(key, []).append(line[form] / line["paper_rmse"])
-    groups = []
-    for (table, settings, error), values in ratios.items():
-        lower = sum(value < 1.0 - tolerance for value in values)
-        higher = sum(value > 1.0 + tolerance for value in values)
-        matched = len(values) - lower - higher
-        groups.append(Group(table, settings, error, matched, lower, higher, REASONS[table] if lower + higher else ""))
-    return tuple(groups)
-
-
-def comparison_section(experiments: Iterable[Experiment]) -> Section:
-    """Return the counts of `compare` as a table."""
-    groups = compare(experiments)
-    rows = tuple(tuple(map(str, asdict(group).values())) for group in groups)
-    columns = "table", "settings", "error", MATCHED, LOWER, HIGHER, "reason"
-    table = Table(columns, rows, "", "groups", [asdict(group) for group in groups])
-    lead = "The paper's numbers against ours with the paper's settings; our defaults use the base rotation and damping."
-    return Section("Comparison with the paper", (), (table,), "comparison", lead)
-
-
 @describe.register
 def reproduction_report(reproduction: Reproduction) -> Report:
     """Return a section for each experiment, and the comparison with the paper."""
-    method = [in_short(reproduction.methods)] if reproduction.methods is not None else []
+    method = [methods_section(reproduction.methods)] if reproduction.methods is not None else []
     run = Section(
         "Run",
         (
@@ -103,22 +63,43 @@ def reproduction_report(reproduction: Reproduction) -> Report:
             *software(reproduction.seed),
         ),
     )  # fmt: skip
-    sections = map(experiment_section, reproduction.experiments)
+    groups = compare(reproduction.experiments)
+    table = Table(tuple(groups[0]), tuple(tuple(map(str, group.values())) for group in groups), "", "groups", groups)
+    lead = "The paper's numbers against ours with the paper's settings; our defaults use the base rotation and damping."
+    compared = Section("Comparison with the paper", (), (table,), "comparison", lead)
     return Report(
         "The paper's experiments, repeated",
         "Human-to-robot manipulability transfer by Riemannian ICP: the paper's numbers, its settings repeated, and "
         "maniport's defaults.",
-        (*sections, *method, run, comparison_section(reproduction.experiments)),
+        (*map(experiment_section, reproduction.experiments), *method, run, compared),
     )
+
+
+def compare(experiments: Iterable[Experiment], tolerance: float = 0.2) -> list[dict[str, Any]]:
+    """Count the paper's numbers that are matched, lower and higher, by table, settings and form of the error."""
+    lines = [line for own in experiments for line in own.lines if line["table"] and line["settings"] != OURS]
+    ratios: dict[tuple[str, str, str], list[float]] = {}
+    for line, form in product(lines, FORMS):
+        key = line["table"], line["settings"], FORMS[form]
+        ratios.setdefault(key, []).append(line[form] / line["paper_rmse"])
+    groups = []
+    for (table, settings, error), values in ratios.items():
+        lower = sum(value < 1.0 - tolerance for value in values)
+        higher = sum(value > 1.0 + tolerance for value in values)
+        counts = {f"within {100 * tolerance:.0f} %": len(values) - lower - higher, "lower": lower, "higher": higher}
+        reason = REASONS[table] if lower + higher else ""
+        groups.append({"table": table, "settings": settings, "error": error, **counts, "reason": reason})
+    return groups
 
 
 def experiment_section(experiment: Experiment) -> Section:
     """Return the paper's rows with our numbers below each, and rows that the paper does not have."""
-    lines = experiment.lines()
+    lines = list(experiment.lines)
     metrics = [Metric(name, _number(value), key=name, value=value) for name, value in experiment.facts.items()]
-    for settings in dict.fromkeys(outcome.settings for outcome in experiment.outcomes):
-        counts = [(one.warned, one.draws) for one in experiment.outcomes if one.settings == settings]
-        warned, draws = map(sum, zip(*counts, strict=True))
+    for settings in dict.fromkeys(line["settings"] for line in lines):
+        own = [line for line in lines if line["settings"] == settings]
+        fits = {(line["row"], line["data"], line["samples"], line["method"]): line for line in own}.values()
+        warned, draws = (sum(line[key] for line in fits) for key in ("warned", "draws"))
         if warned:
             metrics.append(warning("fits", f"{experiment.title}, {settings}: warnings in {warned} of {draws} fits"))
     printed, further = ([line for line in lines if (line["table"] is None) is extra] for extra in (False, True))
@@ -131,19 +112,20 @@ def experiment_section(experiment: Experiment) -> Section:
 def experiment_report(experiment: Experiment, figures: Iterable[str] = ()) -> Report:
     """Return the report of one experiment alone, with its figures by name."""
     links = "\n".join(f"![{name}]({name}.png)\nVector graphics: [{name}.svg]({name}.svg)" for name in figures)
-    return Report(experiment.title, "", (experiment_section(experiment), Section("Figures", text=links)))
+    sections = [experiment_section(experiment), *([Section("Figures", text=links)] if links else [])]
+    return Report(experiment.title, "", tuple(sections))
 
 
 def as_csv(experiment: Experiment) -> str:
-    """Return one line for each outcome and evaluation set."""
-    stream, lines = io.StringIO(), experiment.lines()
-    table = csv.DictWriter(stream, list(lines[0]), lineterminator="\n")
+    """Return the lines of an experiment."""
+    stream = io.StringIO()
+    table = csv.DictWriter(stream, list(experiment.lines[0]), lineterminator="\n")
     table.writeheader()
-    table.writerows(lines)
+    table.writerows(experiment.lines)
     return stream.getvalue()
 
 
-def _pivot(lines: list[dict[str, Any]], caption: str, key: str = "", value: Any = None) -> Table:
+def _pivot(lines: list[Line], caption: str, key: str = "", value: Any = None) -> Table:
     """Arrange lines as the paper does: a column for each evaluation set, a row for each settings and form."""
     names = "data", "samples", "method"
     columns = [*dict.fromkeys(line["evaluation"] for line in lines)]

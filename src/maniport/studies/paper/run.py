@@ -7,8 +7,10 @@ from pathlib import Path
 
 from maniport.errors import InvalidInputError
 from maniport.report.metrics import report_of
+from maniport.report.page import write_page
+from maniport.report.page.content import Image
 from maniport.report.renderings import files_of, write_report
-from maniport.studies.methods import compare_methods
+from maniport.studies.methods import compare_methods, methods_report
 from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
 from maniport.studies.paper.outcome import DRAWS, Experiment, fit_quietly
@@ -27,15 +29,14 @@ FIGURES = {
 }
 """Names of the figures of each experiment, without suffix."""
 
-REPORT, METHODS_FILE = "report.html", "methods"
-
+REPORT = "report.html"
 FILES = (
     *(f"{name}{suffix}" for name in EXPERIMENTS for suffix in (".md", ".csv", ".json")),
-    *(f"{METHODS_FILE}{suffix}" for suffix in (".md", ".json")),
+    *("methods.md", "methods.json"),
     *(file for names in FIGURES.values() for file in files_of(*names)),
     REPORT,
 )
-"""The files that `reproduce` writes for all experiments."""
+"""The files that `reproduce` writes for all experiments, with methods and figures."""
 
 
 def reproduce(
@@ -45,56 +46,50 @@ def reproduce(
     progress: Progress | None = None,
     draws: int = DRAWS,
     methods: Sequence[str] = (),
+    figures: bool = False,
     overwrite: bool = False,
 ) -> Reproduction:
-    """Run one or all of the paper's experiments and write tables and figures to a folder, whole or not at all."""
+    """Run one or all of the paper's experiments and write tables, and figures, to a folder, whole or not at all."""
     names = tuple(EXPERIMENTS) if as_choice(which, "experiment", (*EXPERIMENTS, ALL)) == ALL else (which,)
     first, count = as_count(seed, "seed", minimum=0), as_count(draws, "draws")
     if methods and HUMAN_ROBOT not in names:
         raise InvalidInputError(f"methods are compared in the experiment {HUMAN_ROBOT!r}; found {which!r}")
+    if figures:
+        from maniport.util.optional import matplotlib
+
+        matplotlib()  # raises MissingPackageError
     require_free(Path(output), FILES, overwrite)
-    report = progress or no_progress
-    started = clock.perf_counter()
+    report, started = progress or no_progress, clock.perf_counter()
     for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
         fit_quietly(adapter, toy_draw(0))  # loads the kernels, which would count as part of the first fit
     with folder_written_whole(output, FILES, overwrite) as folder:
-        experiments = tuple(_run(name, first, folder, report, count) for name in names)
+        experiments, pictures = [], dict[str, list[Image]]()
+        for name in names:
+            experiments.append(experiment := EXPERIMENTS[name](first, report, draws=count))
+            report(experiment.title, 1.0, f"{len(experiment.lines)} results")
+            if figures:
+                pictures[name] = _drawn(name, first, folder, report)
+            (folder / f"{name}.csv").write_text(as_csv(experiment), encoding="utf-8")
+            for suffix in (".md", ".json"):
+                drawn = FIGURES[name] if figures else ()
+                write_report(folder / f"{name}{suffix}", experiment_report(experiment, drawn))
         compared = compare_methods(methods, first, report) if methods else None
-        reproduction = Reproduction(experiments, first, clock.perf_counter() - started, compared)
+        reproduction = Reproduction(tuple(experiments), first, clock.perf_counter() - started, compared)
         if compared is not None:
             for suffix in (".md", ".json"):
-                write_report(folder / f"{METHODS_FILE}{suffix}", report_of(compared))
-        _write_page(reproduction, folder)
+                write_report(folder / f"methods{suffix}", methods_report(compared))
+        write_page(folder / REPORT, report_of(reproduction), pictures)
     return reproduction
 
 
-def _write_page(reproduction: Reproduction, folder: Path) -> None:
-    """Write the page with the tables and the figures that were written before."""
-    from maniport.report.page import Image, write_page
-
-    pictures = {
-        name: [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]
-        for name in (experiment.name for experiment in reproduction.experiments)
-    }
-    write_page(folder / REPORT, report_of(reproduction), pictures)
-
-
-def _run(name: str, seed: int, folder: Path, progress: Progress, draws: int) -> Experiment:
-    """Run one experiment and write its files."""
-    from maniport.util.optional import matplotlib
-
-    matplotlib()  # raises MissingPackageError
+def _drawn(name: str, seed: int, folder: Path, progress: Progress) -> list[Image]:
+    """Draw the figures of an experiment, and return them for the page."""
     from maniport.report import figures
     from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
 
-    experiment = EXPERIMENTS[name](seed, progress, draws=draws)
-    progress(experiment.title, 1.0, f"{len(experiment.lines())} results")
-    step = f"{experiment.title}, figures"
+    step = f"{name}, figures"
     progress(step, 0.0)
     for title, figure in DRAWN[name](seed).items():
         figures.save(figure, folder / title)
     progress(step, 1.0, ", ".join(FIGURES[name]))
-    (folder / f"{name}.csv").write_text(as_csv(experiment), encoding="utf-8")
-    for suffix in (".md", ".json"):
-        write_report(folder / f"{name}{suffix}", experiment_report(experiment, FIGURES[name]))
-    return experiment
+    return [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]

@@ -5,9 +5,8 @@ There are two ways: as the paper did, and as maniport does by default.
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.resources import files
-from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -21,16 +20,7 @@ PAPER, AUTHORS, OURS = "ours, paper's settings", "ours, authors' baseline", "our
 
 FLOOR = 1e-4  # Smallest eigenvalue (footnote 1 of the paper); maniport's own defaults have `DAMPING` instead
 
-PAPER_RIGID: Mapping[str, Any] = MappingProxyType(
-    {"damping": None, "base_rotation": None, "scale": True, "dispersion": "mean"}
-)
-"""Everything in the paper's text about steps 1, 2 and 4; no base_rotation is known."""
-
-PAPER_SEARCH = Search(n_starts=8, require_improvement=False, max_iter=100, tol=1e-8)
-"""The same about ICP: the cheapest of several starts, at most 100 iterations. Start and weights differ by row."""
-
 TRAJECTORIES, RANDOM = "trajectories", "random"
-IDENTITY, TRANSPORT = "identity", "parallel-transport"
 
 
 @dataclass(frozen=True)
@@ -86,14 +76,17 @@ def paper_table(number: str) -> tuple[PaperRow, ...]:
 
 
 def paper_adapter(row: PaperRow, eigenvalue_floor: float | None = FLOOR) -> DomainAdapter:
-    """Return the adapter that a row of the paper was made with."""
+    """Return the adapter that a row of the paper was made with, by the paper's text."""
+    rigid: dict[str, Any] = {"scale": True, "dispersion": "mean"}  # no base_rotation is known
+    rigid |= {"damping": None, "base_rotation": None, "eigenvalue_floor": eigenvalue_floor}
     if row.exponent is None:
-        return ParallelTransport(**PAPER_RIGID, eigenvalue_floor=eigenvalue_floor)
+        return ParallelTransport(**rigid)
+    # the cheapest of several starts, at most 100 iterations; start and weights differ by row
+    search: dict[str, Any] = {"n_starts": 8, "require_improvement": False, "max_iter": 100, "tol": 1e-8}
     return RiemannianICP(
-        **PAPER_RIGID,
-        eigenvalue_floor=eigenvalue_floor,
+        **rigid,
         correspondence=EllipsoidCorrespondence(exponent=row.exponent),
-        search=replace(PAPER_SEARCH, start=row.start, most_singular=row.most_singular),
+        search=Search(start=row.start, most_singular=row.most_singular, **search),
     )
 
 

@@ -23,14 +23,6 @@ from maniport.util.validation import Array
 MOUNTING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 """Base of the vertical two-joint arm, the student; the teacher's is the identity. A quarter turn about y."""
 
-PLANE, UPWARD = (-90, 130), (79, 180)
-"""Plane of elevation from start to end of a sideways motion, and elevation of an upward one [deg]."""
-
-ROBOT_SHOULDER = np.array([0.0, 0.0, 0.333])
-"""Where the axes of the Panda's first three joints meet, in its base frame [m]."""
-READY = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
-"""The Panda's usual ready position [rad], from which the search for its trajectories begins."""
-
 
 def two_dof_arms() -> tuple[Arm, Arm]:
     """Teacher and student of § V-A: two links of one meter, in the horizontal x-y and in the vertical y-z plane."""
@@ -54,20 +46,20 @@ def human_arm() -> Arm:
     return rhuman(upper_arm=0.302, forearm=0.2795, hand=0.05)
 
 
-def human_training() -> dict[str, Array]:
+def human_training() -> list[Array]:
     """Four sideways and four upward motions of the extended arm, each of shape (50, 7) [rad]."""
-    side = {f"side_{angle}": _human(plane=PLANE, elevation=angle) for angle in (90, 110, 120, 150)}
-    return side | {f"up_{angle}": _human(plane=angle, elevation=UPWARD) for angle in (0, 30, 45, 90)}
+    sideways = [_human(plane=(-90, 130), elevation=angle) for angle in (90, 110, 120, 150)]
+    return sideways + [_human(plane=angle, elevation=(79, 180)) for angle in (0, 30, 45, 90)]
 
 
 def human_evaluation() -> dict[str, Array]:
     """H-Eval-1 to -4, each of shape (50, 7) [rad]."""
     inward = float(np.degrees(human_arm().upper[2]))
     return {
-        "H-Eval-1": _human(plane=PLANE, elevation=140),
+        "H-Eval-1": _human(plane=(-90, 130), elevation=140),
         "H-Eval-2": _human(elevation=90, elbow=(0, 130)),
         "H-Eval-3": _human(plane=(0, 90), elevation=90, axial=(0, inward), elbow=(0, 90)),
-        "H-Eval-4": _human(plane=60, elevation=UPWARD),
+        "H-Eval-4": _human(plane=60, elevation=(79, 180)),
     }
 
 
@@ -77,24 +69,14 @@ def robot_arm() -> Arm:
     return load_arm("panda", frame="panda_link8")
 
 
-def robot_training() -> dict[str, Array]:
-    """The Panda's trajectories for `human_training`, each of shape (50, 7) [rad]."""
-    return {name: robot_path(path) for name, path in human_training().items()}
-
-
-def robot_evaluation() -> dict[str, Array]:
-    """The Panda's trajectories for `human_evaluation`, each of shape (50, 7) [rad]."""
-    return {name: robot_path(path) for name, path in human_evaluation().items()}
-
-
-def robot_targets(path: ArrayLike, reach: float = 0.815) -> Array:
-    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, shape (n, 3) [m], in its base frame.
+def robot_targets(path: ArrayLike, reach: float = 0.815) -> tuple[Array, Array]:
+    """Positions of the Panda's flange for a joint path (n, 7) of the human arm, and of its shoulder, in its base frame.
 
     While the human arm is extended, the flange is `reach` from the shoulder; its farthest is 0.858 m.
     """
-    arm = human_arm()
+    arm, shoulder = human_arm(), np.array([0.0, 0.0, 0.333])  # where the axes of its first three joints meet [m]
     extended = float(np.linalg.norm(arm.forward(np.zeros(arm.dof))[:3, 3]))
-    return np.asarray(ROBOT_SHOULDER + reach / extended * arm.forward(path)[:, :3, 3])
+    return np.asarray(shoulder + reach / extended * arm.forward(path)[:, :3, 3]), shoulder
 
 
 def robot_path(path: ArrayLike, pull: float = 1e-3, smoothing: float = 0.1) -> Array:
@@ -102,17 +84,18 @@ def robot_path(path: ArrayLike, pull: float = 1e-3, smoothing: float = 0.1) -> A
 
     The weights [m/rad] are those of the ready position and of second differences, relative to the position error.
     """
-    arm, targets = robot_arm(), robot_targets(path)
+    arm, (targets, shoulder) = robot_arm(), robot_targets(path)
 
     def residual(q: Array) -> tuple[Array, Array]:
         return arm.forward(q)[:, :3, 3] - targets, arm.jacobian(q)[:, :3]
 
-    ahead = targets - ROBOT_SHOULDER
+    ahead = targets - shoulder
     facing = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
     if np.linalg.norm(ahead[:, :2], axis=1).min() < 0.05:  # overhead, the direction means nothing
         facing[:] = facing[0]
     facing -= 2 * np.pi * np.round(np.mean(facing) / (2 * np.pi))
-    start = np.tile(READY, (len(targets), 1))
+    ready = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)  # the usual one
+    start = np.tile(ready, (len(targets), 1))
     start[:, 0] = np.clip(facing, arm.lower[0], arm.upper[0])
     neutral = start.mean(axis=0)
     weights = np.full(start.shape, smoothing)

@@ -6,9 +6,11 @@ from numpy.testing import assert_allclose
 
 import maniport as mp
 from maniport.arms import VELOCITY
+from maniport.arms.chain import SIDES
 from maniport.arms.human import human_arm
 from maniport.errors import InvalidInputError
-from maniport.mocap import shipped_recording, synthetic_recording
+from maniport.learning.agreement import axis_deviations
+from maniport.mocap import Recording, shipped_recording, synthetic_recording
 from maniport.report.metrics import report_of
 from maniport.report.renderings import files_of
 from maniport.report.write import LEARNED_FILES
@@ -28,6 +30,16 @@ def reach(side="right", scale=1.0, lift=0.0, name="reach"):
         [20.0, 30.0 + lift, 10.0, -20.0, 0, 0, 0]
     )
     return synthetic_recording(arm, q, time, name)
+
+
+def reach_with_both(scale=1.0, lift=0.0):
+    """Both arms of a person reach out alike."""
+    right, left = reach("right", scale, lift), reach("left", scale, lift)
+    between = right.point("trunk_low") - left.point("trunk_low")  # both stand before their own shoulder
+    points = {f"right_{name}": right.point(name) for name in right.names if "trunk" not in name}
+    points |= {f"left_{name}": left.point(name) + between for name in left.names if "trunk" not in name}
+    points |= {name: right.point(name) for name in right.names if "trunk" in name}
+    return Recording(tuple(points), np.stack(list(points.values()), axis=1), right.time, source="both")
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +65,32 @@ def test_one_recording_gives_several_demonstrations(reached):
     assert_allclose(reached.profile, reached.model.predict(reached.time), rtol=1e-12)
 
 
+def test_both_arms_are_learned_together(tmp_path):
+    """The ellipsoids of the arms are blocks, each aligned with the other; a robot of two arms takes them."""
+    learned = mp.learn([reach_with_both(), reach_with_both(1.2), reach_with_both(lift=3.0)], side="both", components=2)
+    n = len(learned.time)
+    assert (learned.profile.shape, learned.path.shape) == ((n, 6, 6), (n, 6))
+    assert_allclose(learned.profile[:, :3, 3:], 0.0, atol=1e-9)
+    assert [part.arms[0].side for part in learned.each_arm()] == ["left", "right"]
+    left, right = learned.each_arm()
+    mirror = np.diag([1.0, -1.0, 1.0])
+    assert_allclose(left.profile, mirror @ right.profile @ mirror, atol=1e-6)
+    assert_allclose(left.path, right.path @ mirror, atol=1e-6)
+    for part, hand in zip((left, right), learned.reference.motion.hands, strict=True):
+        assert np.abs(part.path - hand).max() < 0.05
+        assert axis_deviations(part.profile, part.covariance).max() < 0.5
+    assert learned.agreement.after < 0.2
+    assert np.mean(learned.agreement.held_out.learned) < 0.7 * np.mean(learned.agreement.held_out.constant)
+    mp.write_results(learned, tmp_path / "both")
+    right, _ = load_ellipsoids(tmp_path / "both" / "profile-right.npz")
+    assert_allclose(right, learned.profile[:, 3:, 3:])
+    pandas = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    result = mp.transfer_recording(learned, robot=pandas, method="identity", move=False, **SMALL)
+    assert_allclose(result.arms[1].demonstrated_profile, learned.profile[:, 3:, 3:])
+    with pytest.raises(InvalidInputError, match="of 2 arms"):
+        mp.transfer_recording(learned, robot="panda", method="identity", move=False)
+
+
 def test_real_reaches_are_more_alike_than_the_motion_changes(reached):
     """Alignment brings the reaches together, and what two of them teach is nearer to the third than one ellipsoid."""
     found = reached.agreement
@@ -63,7 +101,7 @@ def test_real_reaches_are_more_alike_than_the_motion_changes(reached):
 
 def test_left_and_right_are_mirrored_and_said(people):
     """A left arm among right ones is shown by a right one, and the facts tell it."""
-    assert people.arm.side == "right"
+    assert people.arms[0].side == "right"
     assert people.agreement.after < 0.2
     assert any("irrored to the right arm: lefty" in text for text in report_of(people).notes)
 
@@ -75,7 +113,7 @@ def test_a_robot_follows_what_was_learned(people):
     assert_allclose(result.arm.demonstrated_profile, people.profile)
     placed = result.arm.placement
     assert_allclose(placed.apply(people.path), result.arm.motion.path, atol=1e-9)
-    assert result.arm.fit.arm is people.arm
+    assert result.arm.fit.arm is people.arms[0]
     with pytest.raises(InvalidInputError, match="spec"):
         mp.transfer_recording(people, kind="force", move=False, **SMALL)
     assert people.spec == VELOCITY
@@ -84,10 +122,12 @@ def test_a_robot_follows_what_was_learned(people):
 def test_files_are_whole_and_can_be_read(people, tmp_path):
     """What is written is what was learned; data alone are written by `save`."""
     mp.write_results(people, tmp_path / "all")
-    assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES) - {
+    absent = {
         *files_of("learned"),
         "run.yaml",
+        *(f"{what}-{side}.npz" for what in ("profile", "path") for side in SIDES),
     }
+    assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES) - absent
     assert {file.name for file in mp.write_figures(tmp_path / "all")} == set(files_of("learned"))
     ellipsoids, time = load_ellipsoids(tmp_path / "all" / "profile.npz")
     path, path_time = load_path(tmp_path / "all" / "path.npz")

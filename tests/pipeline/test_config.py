@@ -6,7 +6,7 @@ import pytest
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, UnknownNameError
 from maniport.pipeline.config import OPTIONS, SECTIONS, Config
-from maniport.util.options import options_of
+from maniport.pipeline.option import options_of
 
 
 def test_a_saved_configuration_is_equal_when_loaded(tmp_path):

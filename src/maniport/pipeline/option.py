@@ -1,4 +1,4 @@
-"""Options that are described once: for Python, the command line and configuration files."""
+"""Description of an option, once for Python, the command line and configuration files."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ COMMAND_LINE_UNITS = {"mm": ("m", 1e-3), "deg": ("rad", pi / 180.0), "%": ("", 0
 
 @dataclass(frozen=True)
 class Option:
-    """Description of an option: a field of a dataclass made with `option`."""
+    """A field of a dataclass, made with `option`."""
 
     help: str  # a noun phrase
-    unit: str = ""  # on the command line, see `COMMAND_LINE_UNITS`
+    unit: str = ""  # on the command line, see `COMMAND_LINE_UNITS`; of a vector also of each element, "m,m,m,deg"
     choices: tuple[str, ...] = ()  # allowed words, or words that are allowed besides numbers
     count: int | None = None  # numbers of a vector
     bounds: Bounds = field(default_factory=Bounds)  # in SI units
@@ -42,18 +42,14 @@ class Option:
         return f"--{self.name.replace('_', '-')}"
 
     @property
-    def si_unit(self) -> str:
-        """Unit in Python and files."""
-        return COMMAND_LINE_UNITS.get(self.unit, (self.unit, 1.0))[0]
-
-    @property
-    def factor(self) -> float:
-        """SI units in a unit of the command line."""
-        return COMMAND_LINE_UNITS.get(self.unit, ("", 1.0))[1]
+    def factors(self) -> list[float]:
+        """SI units in a unit of the command line, one for all numbers or one for each."""
+        return [COMMAND_LINE_UNITS.get(unit, ("", 1.0))[1] for unit in self.unit.split(",")]
 
     def check(self, value: Any, label: str = "", bounds: Bounds | None = None) -> Any:
         """Return a valid value of plain type, or raise `InvalidInputError`."""
-        label = label or self.name + (f" [{self.si_unit}]" if self.si_unit else "")
+        unit = COMMAND_LINE_UNITS.get(self.unit, (self.unit,))[0]
+        label = label or self.name + (f" [{unit}]" if unit else "")
         bounds = self.bounds if bounds is None else bounds
         if value is None:
             return self.default if self.required else None
@@ -89,48 +85,34 @@ class Option:
                 raise InvalidInputError(f"{label} must be names separated by commas; found {','.join(typed)!r}")
             return tuple(words)
         if self.repeated:
-            return tuple(self._numbers(label, text) for text in typed)
-        if self.kind not in (float, tuple) or (self.choices and _is_word(typed)):
+            return tuple(self._vector(label, text) for text in typed)
+        word = bool(self.choices) and "," not in typed and not _numbers(typed)
+        if word or self.kind not in (float, tuple):
             return self.check(typed, label)
         if self.kind is tuple:
-            return self._numbers(label, typed)
-        bounds = {key: float(value) / self.factor for key, value in self.bounds.items()}  # type: ignore[arg-type]
-        return float(self.check(typed, label, Bounds(**bounds))) * self.factor  # type: ignore[typeddict-item]
+            return self._vector(label, typed)
+        (factor,) = self.factors
+        bounds = {key: float(value) / factor for key, value in self.bounds.items()}  # type: ignore[arg-type]
+        return float(self.check(typed, label, Bounds(**bounds))) * factor  # type: ignore[typeddict-item]
 
-    def _numbers(self, label: str, text: str) -> tuple[float, ...]:
-        try:
-            numbers = tuple(float(word) for word in text.split(","))
-        except ValueError:
-            numbers = ()
+    def _vector(self, label: str, text: str) -> tuple[float, ...]:
+        numbers = _numbers(text)
         if not numbers or self.count not in (None, len(numbers)):
             words = f"{' or '.join(self.choices)}, or " if self.choices else ""
             count = "" if self.count is None else f"{self.count} "
             raise InvalidInputError(f"{label} must be {words}{count}numbers separated by commas; found {text!r}")
-        return tuple(number * self.factor for number in numbers)
+        factors = self.factors if len(self.factors) > 1 else self.factors * len(numbers)
+        return tuple(number * factor for number, factor in zip(numbers, factors, strict=True))
 
     def text(self, value: Any) -> str:
         """Write a value as it is typed on the command line."""
         if isinstance(value, bool):
             return "on" if value else "off"
         if isinstance(value, int | float):
-            return f"{value / self.factor:.12g}"
+            return f"{value / self.factors[0]:.12g}"
         if isinstance(value, list | tuple):
             return ",".join(map(self.text, value))
         return str(value)
-
-    @property
-    def placeholder(self) -> str:
-        """Placeholder of the value in help pages: the words that are allowed if they are short, else the unit."""
-        words = "|".join(self.choices)
-        if self.metavar or (words and len(words) <= 24):
-            return self.metavar or words
-        return self.unit or ("FILE" if self.is_file else {int: "N", float: "X"}.get(self.kind, "NAME"))
-
-    def description(self, default: Any) -> str:
-        """Return the help text of the command line, with words and default."""
-        words = f": {', '.join(self.choices)}" if self.choices and self.placeholder == "NAME" else ""
-        usual = "" if default is None or default == () or isinstance(default, bool) else self.text(default)
-        return f"{self.help}{words}{f' (default {usual})' if usual else ''}"
 
     def words(self, value: Any) -> list[str]:
         """Return the arguments of the command line that set a value."""
@@ -152,9 +134,8 @@ def options_of(kind: Any) -> dict[str, Option]:
     described = {}
     for item in fields(kind):
         if "option" in item.metadata:
-            types = (
-                [item.type] if get_origin(item.type) in (tuple, Mapping) else list(get_args(item.type)) or [item.type]
-            )
+            single = get_origin(item.type) in (tuple, Mapping)
+            types = [item.type] if single else list(get_args(item.type)) or [item.type]
             last = [part for part in types if part is not NoneType][-1]
             described[item.name] = replace(
                 item.metadata["option"],
@@ -175,18 +156,30 @@ class Options:
             object.__setattr__(self, name, described.check(getattr(self, name)))
 
 
+def plain(value: Any, is_file: bool = False) -> Any:
+    """Return a value as YAML holds it: absolute paths of existing files, and names of objects."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, is_file) for item in value]
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if is_file and isinstance(value, str) and os.path.exists(value):
+        return os.path.abspath(value)
+    return value if value is None or isinstance(value, bool | int | float | str) else type(value).__name__
+
+
 def _as_tuple(value: Any) -> Any:
     value = value.tolist() if hasattr(value, "tolist") else value  # arrays have no truth value
     return tuple(map(_as_tuple, value)) if isinstance(value, list | tuple) else value
 
 
-def _is_word(text: str) -> bool:
-    """Return whether text is neither a number nor several."""
+def _numbers(text: str) -> tuple[float, ...]:
+    """Split text at commas; empty where a part is no number."""
     try:
-        float(text.split(",")[0])
+        return tuple(float(word) for word in text.split(","))
     except ValueError:
-        return "," not in text
-    return False
+        return ()
 
 
 def _assignments(label: str, texts: Sequence[str]) -> dict[str, float]:
@@ -202,21 +195,3 @@ def _assignments(label: str, texts: Sequence[str]) -> dict[str, float]:
             raise InvalidInputError(f"{label}: {name} is set twice; found {numbers[name]:g} and {value:g}")
         numbers[name] = value
     return numbers
-
-
-def plain(value: Any) -> Any:
-    """Return a value as YAML holds it, or its name where it is an object of Python."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    return value if value is None or isinstance(value, bool | int | float | str) else type(value).__name__
-
-
-def absolute(value: Any) -> Any:
-    """Make paths of existing files absolute; names, as of robots, stay."""
-    if isinstance(value, tuple):
-        return tuple(map(absolute, value))
-    return os.path.abspath(value) if isinstance(value, str) and os.path.exists(value) else value

@@ -1,14 +1,16 @@
 """The command line: commands, options, exit codes, messages. Ctrl-C and closed outputs: test_start."""
 
 import json
+import shlex
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import maniport
 from maniport import cli, load_arm, pipeline
-from maniport.mocap import shipped_recording
+from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
@@ -89,6 +91,27 @@ def test_info_describes_results(run, tmp_path):
     assert (code, "summary.json: is no summary of a run" in err) == (2, True)
 
 
+def test_the_printed_template_completes_the_arm(run, tmp_path):
+    """The template of `info --json` is filled in and passed, and is enough for the printed command."""
+    recording, file = read_recording("ladder").crop(10, 11), tmp_path / "a walk.npz"
+    renamed = {"RightArm": "mark 1", "RightForeArm": "mark 2", "RightHand": "mark 3"}
+    replace(recording, names=tuple(renamed.get(name, name) for name in recording.names)).save(file)
+    code, out, _ = run("info", file, "--json")
+    printed = json.loads(out)
+    assert (code, printed["arms"]["right"]["lacks"]) == (0, ["shoulder", "elbow", "wrist", "trunk_left"])
+    filled = {"shoulder": ["mark 1"], "elbow": ["mark 2"], "wrist": ["mark 3"], "trunk_left": [["mark 1"], ["LeftArm"]]}
+    assert filled.keys() == printed["to_complete"]["markers"].keys()
+    markers = tmp_path / "markers.json"
+    markers.write_text(json.dumps(filled))
+    code, out, _ = run("info", file, "--markers", markers)
+    assert code == 0
+    assert "Right arm: complete" in out
+    line = next(line for line in run("info", file)[1].splitlines() if "maniport transfer" in line)
+    words = shlex.split(line.split("`")[1].replace(" markers.json", f" {markers}"))[1:-2]
+    code, _, err = run(*words, "--robot", "nobody", "-o", tmp_path / "out")
+    assert "unknown robot 'nobody'" in err  # the recording was accepted
+
+
 def test_transfer_writes_a_folder(run, tmp_path):
     """From half a second of a recording, with exports; run.yaml repeats the run byte for byte."""
     out = tmp_path / "out"
@@ -109,7 +132,7 @@ def test_transfer_writes_a_folder(run, tmp_path):
 
 
 def test_track_and_place(run, profile, tmp_path):
-    """`place` ranks placements in the workspace above the table and writes one; `track` writes joints.csv."""
+    """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
     options = ("--planning-effort", "quick", "--json")
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
     code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", *options)
@@ -124,6 +147,12 @@ def test_track_and_place(run, profile, tmp_path):
     assert code == 0, err
     assert json.loads(out)["motion"]["distance"]["p95"] < 0.2
     assert (tmp_path / "out" / "joints.csv").read_text().startswith("time_s,panda_joint1_rad")
+    for verb, first in (("place", "placed"), ("track", "out")):
+        again = tmp_path / f"{first}-again"
+        code, _, err = run(verb, "--config", tmp_path / first / "run.yaml", "-o", again, "--quiet")
+        assert code == 0, err
+        for file in ("run.yaml", "placed_profile.npz", "path.npz", *(["joints.csv"] if verb == "track" else [])):
+            assert (again / file).read_bytes() == (tmp_path / first / file).read_bytes(), file
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,257 @@
+"""Where in an arm's workspace a path lets the arm make the target ellipsoids best."""
+
+from collections.abc import Sequence
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
+from maniport.errors import InvalidInputError
+from maniport.motion.arm_model import require_alike
+from maniport.motion.objective import Damping, Objective
+from maniport.motion.placement.placement import Placement
+from maniport.motion.placement.problem import (
+    HEADING,
+    OFFSET,
+    SCALE,
+    SIZE,
+    TILT,
+    YAW,
+    ArmPath,
+    PlacementProblem,
+    base_rotations,
+    named,
+)
+from maniport.motion.placement.search import WEIGHT, best_placements
+from maniport.motion.plan.plan_control import FULL, as_effort, as_workspace
+from maniport.motion.plan.reachability_map import ReachabilityMap
+from maniport.motion.schedule import of_each
+from maniport.motion.search.descent import pointwise_best
+from maniport.motion.search.seed_bank import SeedBank
+from maniport.motion.trajectory import interpolated
+from maniport.util.defaults import DAMPING
+from maniport.util.progress import Progress, Step, between, pieces
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import (
+    Array,
+    as_choice,
+    as_count,
+    as_generator,
+    as_metres,
+    as_number,
+    as_rotation,
+    as_times,
+    require_shape,
+)
+
+
+@overload
+def place_path(path: ArrayLike, profile: ArrayLike, arm: Arm, **options: Any) -> Placement: ...
+
+
+@overload
+def place_path(
+    path: Sequence[ArrayLike], profile: Sequence[ArrayLike], arm: ArmGroup | Sequence[Arm], **options: Any
+) -> tuple[Placement, ...]: ...
+
+
+def place_path(  # type: ignore[misc]
+    path: Any,
+    profile: Any,
+    arm: Any,
+    *,
+    time: ArrayLike | None = None,
+    turn: ArrayLike | None = None,
+    scale: float | tuple[float, float] | None = None,
+    yaw: float | None = None,
+    tilt: float | str | None = None,
+    offset: Sequence[float | None] | ArrayLike | None = None,
+    workspace: Sequence[Sequence[float | None]] | None = None,
+    spec: EllipsoidSpec = VELOCITY,
+    damping: Damping = DAMPING,
+    collisions: Any = None,
+    reachability_map: Any = None,
+    bank: Any = None,
+    planning_effort: str = FULL,
+    rank: int = 1,
+    random_state: Any = 0,
+    progress: Progress | None = None,
+) -> Placement | tuple[Placement, ...]:
+    """Find scale, yaw, offset and, on request, a tilt of the base with which an arm comes nearest to target ellipsoids.
+
+    Most of the remaining distance depends on the placement. Thousands of placements are compared by samples of the arm;
+    for the best ones trajectories are planned through some waypoints of the path, and placement and trajectory are
+    improved together. The ellipsoids turn with the path, as if the whole task were done in another direction in front
+    of the robot.
+
+    The paths of several arms, such as those of both hands, keep their relation: they are scaled, rotated and moved
+    together, about the mean of all their waypoints. The costs of the arms are summed; collisions between them are not
+    checked.
+
+    Parameters
+    ----------
+    path : array_like, shape (n, 3)
+        Hand positions of the demonstrator in its base frame [m].
+    profile : array_like, shape (n, d, d)
+        Target ellipsoids of the arm, one for each waypoint, as an adapter returns them.
+    arm : Arm, ArmGroup or sequence of Arm
+        With several arms `path`, `profile`, `collisions`, `reachability_map` and `bank` are sequences with one value
+        for each arm.
+    time : array_like, shape (n,), optional
+        Times of the waypoints [s], which weigh them. Default: all count alike.
+    turn : array_like, shape (3, 3), optional
+        Rotation that the adapter turned the ellipsoids by, and the path is yet to be turned by. Default: the identity.
+    scale : float or (float, float), optional
+        Factor of the path's size, or the range to search. Default: from 0.5 to 2.
+    yaw : float, optional
+        Rotation about the vertical [rad]. Default: free.
+    tilt : float or "free", optional
+        Lean of the base, to the best side [rad]; "free" is upright where leaning gains nothing. Default: upright.
+    offset : sequence of three floats, optional
+        Position of the path's center in the arm's base frame [m]; None leaves a coordinate free. Default: free.
+    workspace : three pairs of floats, optional
+        Bounds of the path ``((x0, x1), (y0, y1), (z0, z1))`` in the base frame [m]; None or ±inf: open.
+    spec, damping, bank, progress
+        As in `maniport.motion.nearest_feasible`; the bank serves the pointwise optimum.
+    collisions : Collisions or bool, optional
+        Collision model of planned trajectories; True: self-collisions. The path stays above a table.
+    reachability_map : maniport.motion.ReachabilityMap, optional
+        Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
+    planning_effort : str
+        As in `maniport.motion.PlanControl`.
+    rank : int
+        Which of the `candidates` to take, from 1.
+    random_state : optional
+        Random seed.
+
+    Returns
+    -------
+    Placement or tuple of Placement
+        With several arms one for each, with the same scale, rotation and offset.
+
+    Raises
+    ------
+    NotSPDError
+        When an ellipsoid is asymmetric or, with the damping, not positive-definite.
+    InvalidInputError
+        When a value is wrong, the arm reaches nothing in the workspace, the path does not fit, or `rank` is too high.
+    """
+    generator, effort, chosen = as_generator(random_state), as_effort(planning_effort), as_count(rank, "rank") - 1
+    several = isinstance(arm, ArmGroup | Sequence)
+    arms: Sequence[Arm] = tuple(getattr(arm, "arms", arm)) if several else (arm,)
+    arguments = {
+        "path": path, "profile": profile, "collisions": collisions, "reachability_map": reachability_map, "bank": bank,
+    }  # fmt: skip
+    paths, profiles, models, maps, banks = (
+        of_each(value, name, len(arms)) if several else (value,) for name, value in arguments.items()
+    )
+    fixed, lower, upper = fixed_place(scale, yaw, tilt, offset)
+    bounds = as_workspace(workspace)
+    step = Step(progress, "Place path")
+    banks = [SeedBank.given_or_built(own, arms[i], spec, generator) for i, own in enumerate(banks)]
+    maps = [
+        ReachabilityMap(own, spec, random_state=generator, collisions=model) if samples is None else samples
+        for own, model, samples in zip(arms, models, maps, strict=True)
+    ]
+    for own, samples in zip(arms, maps, strict=True):
+        require_alike("the reachability_map was built for", (samples.arm, own), (samples.spec, spec), limits=True)
+    _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
+    objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
+    for i, objective in enumerate(objectives):
+        index = "" if len(arms) == 1 else f"s[{i}]"
+        targets.append(objective.undamped(objective.checked(profiles[i], f"profile{index}")))
+        require_shape(targets[i], f"profile{index}", targets[0].shape, ", as many as of the first arm")
+        positions.append(as_metres(paths[i], f"path{index}"))
+        count = (len(targets[0]), 3)
+        require_shape(positions[i], f"path{index}", count, ", one point for each ellipsoid of the profile")
+    times = _times(time, positions)
+    center = np.concatenate(positions).mean(axis=0)
+    rotation = np.eye(3) if turn is None else as_rotation(turn, "turn", 3)
+    members = tuple(
+        ArmPath(objective, (points - center) @ rotation.T, ellipsoids, samples)
+        for objective, points, ellipsoids, samples in zip(objectives, positions, targets, maps, strict=True)
+    )
+    outline = np.concatenate([member.path for member in members])
+    problem = PlacementProblem(members, outline, times, fixed, lower, upper, bounds)
+    results = best_placements(problem, generator, effort, between(step, 0.1, 0.85))
+    if chosen >= len(results):
+        raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
+    best, placed, parts = results[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
+    for i, (member, samples, part) in enumerate(zip(members, banks, parts, strict=True)):
+        q = interpolated(evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times)))
+        aims = member.targets(best.place)
+        optimum = pointwise_best(aims, samples.starts_for(aims, effort.pointwise_starts), q, part)
+        points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
+        error = np.asarray(optimum.position_error)
+        placed.append(Placement(
+            **vars(named(best.place, optimum.distance)), path=points, profile=ellipsoids, spec=spec, centre=center,
+            mount=base_rotations(best.place[None])[0], turn=rotation, position_error=error, reachable=error <= 1e-3,
+            joint_positions=optimum.joint_positions,
+            candidates=tuple(named(other.place, other.distance[i]) for other in results),
+        ))  # fmt: skip
+    medians = ", ".join(f"{np.median(own.distance):.2f}" for own in placed)
+    step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
+    return tuple(placed) if several else placed[0]
+
+
+def fixed_place(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Array, Array]:
+    """Fixed numbers of a placement (7,), nan where free, and lower and upper bounds of placements."""
+    fixed, scales = np.full(SIZE, np.nan), (0.5, 2.0)
+    if isinstance(scale, tuple | list):
+        if len(scale) != 2:
+            raise InvalidInputError(f"scale must be one number or a range (low, high); found {scale!r}")
+        low = as_number(scale[0], "scale[0]", above=0.0)
+        scales = (low, as_number(scale[1], "scale[1]", above=low))
+    elif scale is not None:
+        number = as_number(scale, "scale", above=0.0)
+        fixed[SCALE], scales = np.log(number), (number, number)
+    if yaw is not None:
+        fixed[YAW] = as_number(yaw, "yaw")
+    if tilt is None:
+        fixed[[TILT, HEADING]] = 0.0
+    elif isinstance(tilt, str):
+        as_choice(tilt, "tilt", ["free"])
+    else:
+        fixed[TILT] = as_number(tilt, "tilt", minimum=0.0, maximum=np.pi)
+    if offset is not None:
+        values = list(offset) if np.ndim(offset) == 1 else []
+        if len(values) != 3:
+            raise InvalidInputError(f"offset must be three numbers, None where free; found {offset!r}")
+        fixed[OFFSET] = [
+            np.nan if value is None else as_number(value, f"offset[{i}]") for i, value in enumerate(values)
+        ]
+    lower = np.array([np.log(scales[0]), -np.pi, 0.0, -np.pi, *[-np.inf] * 3])
+    return fixed, lower, np.array([np.log(scales[1]), np.pi, np.pi, np.pi, *[np.inf] * 3])
+
+
+def _require_reach(maps: Sequence[ReachabilityMap], bounds: Array, upright: bool, tolerance: float = 0.02) -> None:
+    """Raise the workspace (2, 3) above tables; a sample of each arm must come into it, within a tolerance [m]."""
+    for samples in maps:
+        if samples.collisions is not None and samples.collisions.table is not None:
+            if not upright:
+                raise InvalidInputError(
+                    "collisions: a table is level in the frame of the base, which tilt lets lean; leave one of the two "
+                    "out, or give workspace"
+                )
+            bounds[0, 2] = max(bounds[0, 2], samples.collisions.table)
+    for samples in maps:
+        tips = samples.reach
+        if np.linalg.norm(tips - np.clip(tips, *bounds), axis=1).min() > tolerance:
+            wanted, reached = (
+                ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *ends, strict=True))
+                for ends in (bounds, (tips.min(axis=0), tips.max(axis=0)))
+            )
+            raise InvalidInputError(
+                f"workspace: {samples.arm.name!r} reaches nothing in {wanted} m: its end effector "
+                f"{samples.arm.frame!r} reaches {reached} m at most, and not everywhere between"
+            )
+
+
+def _times(time: ArrayLike | None, paths: Sequence[Array], speed: float = 0.1) -> Array:
+    """Times of waypoints at a mean speed [m/s], at which placements are compared whatever the demonstrated one."""
+    times = np.arange(len(paths[0]), dtype=float) if time is None else as_times(time, count=len(paths[0]))
+    if len(times) < 2:
+        return times
+    length = max(np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths)
+    return np.asarray((times - times[0]) * max(length / speed, 1.0) / (times[-1] - times[0]))

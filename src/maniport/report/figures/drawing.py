@@ -1,0 +1,319 @@
+"""What figures draw: curves over time, ellipsoids in rows, arms in space, and domains on a map."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse, Patch
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from numpy.typing import ArrayLike
+
+from maniport.errors import InvalidInputError
+from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Panel, is_gap
+from maniport.spd.diffusion_map import map_of
+from maniport.spd.ellipsoid import axes, lengths
+from maniport.util.subsample import evenly_spaced
+from maniport.util.validation import (
+    SPD_TOLERANCE,
+    Array,
+    as_choice,
+    as_count,
+    as_finite,
+    as_number,
+    as_points,
+    as_positive_semidefinite,
+    as_times,
+    require_shape,
+)
+
+COLORS = (PERSON.color, TARGET.color, ACHIEVED.color, *OTHERS)
+UNIT = "m/s per rad/s"  # Unit of the semi-axes of velocity ellipsoids J Jᵀ of revolute joints
+LINE_STYLES = ("-", "--", ":")
+TEXT = 7.0  # Size of letters [pt], in a figure that is printed as wide as it is made
+
+VIEWS = {
+    2: {"in the plane (x right, y up)": [0, 1]},
+    3: {"from above (x right, y up)": [0, 1], "from the front (y right, z up)": [1, 2]},
+}
+"""Titles of the views of ellipsoids, and the coordinates to the right and up."""
+
+
+def curves(
+    time: ArrayLike, profiles: Mapping[str, ArrayLike], unit: str = UNIT, roles: Mapping[str, str] | None = None
+) -> Figure:
+    """Draw the semi-axes of profiles (n, d, d) over time [s], and their condition number."""
+    times = as_times(time)
+    checked = _profiles(profiles, len(times))
+    figure, handles = column_figure(3.0), []
+    upper, lower = panels = list(figure.subplots(2, 1, sharex=True))
+    for color, (name, points) in zip(_colors(checked, roles), checked.items(), strict=True):
+        semi_axes = lengths(points)[:, ::-1]
+        flat = semi_axes[:, -1] ** 2 <= SPD_TOLERANCE * np.trace(points, axis1=1, axis2=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            condition = np.where(flat, np.nan, (semi_axes[:, 0] / semi_axes[:, -1]) ** 2)
+        for column, style in zip(semi_axes.T, LINE_STYLES, strict=False):
+            upper.plot(*_with_breaks(times, column), color=color, ls=style, lw=1.0)
+        lower.plot(*_with_breaks(times, condition), color=color, lw=1.0)
+        handles.append(Line2D([], [], color=color, lw=1.0, label=name))
+    upper.set(ylim=(0.0, None))
+    upper.set_title(f"semi-axes [{unit}]", fontsize=TEXT, loc="left", pad=3)
+    lower.set_title("condition number, (longest / shortest)²", fontsize=TEXT, loc="left", pad=3)
+    _logarithmic(lower)
+    names = ("longest", "middle", "shortest") if semi_axes.shape[1] == 3 else ("longest", "shortest")
+    styles = [Line2D([], [], color="0.3", ls=s, lw=1.0, label=n) for s, n in zip(LINE_STYLES, names, strict=False)]
+    upper.legend(handles=styles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=TEXT,
+                 frameon=False, borderaxespad=0.0)  # fmt: skip
+    _over_time(panels)
+    _legend(figure, handles)
+    return laid_out(figure)
+
+
+def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figure:
+    """Draw panels of a page: lines over time [s], with limits shaded."""
+    count = -(-len(panels) // columns)
+    figure = column_figure(0.4 + 0.62 * count, columns)
+    grid = figure.subplots(count, columns, sharex=True, squeeze=False)
+    drawn = list(grid.ravel())
+    for one, panel in zip(drawn, panels, strict=False):
+        for line in panel.lines:
+            look = {"color": ROLES[line.role].color, "ls": LINE_STYLES[line.style], "lw": 3.0 if line.wide else 1.0}
+            one.plot(*_with_breaks(time, line.values), alpha=0.35 if line.wide else 1.0, label=line.name, **look)
+        one.set_title(f"{panel.title} [{panel.unit}]" if panel.unit else panel.title, fontsize=TEXT, loc="left", pad=2)
+        if panel.limits is not None and panel.span is not None:
+            for ends in zip(panel.limits, panel.span, strict=True):
+                one.axhspan(*ends, color="0.85", lw=0)
+            one.set_ylim(*panel.span)
+        elif panel.logarithmic:
+            _logarithmic(one)
+    for one in drawn[len(panels) :]:
+        one.set_visible(False)
+    for column in grid.T:
+        _over_time([one for one in column if one.get_visible()])
+    return laid_out(figure)
+
+
+def ellipsoids(
+    time: ArrayLike,
+    profiles: Mapping[str, ArrayLike],
+    unit: str = UNIT,
+    axis: str = "time [s]",
+    roles: Mapping[str, str] | None = None,
+) -> Figure:
+    """Draw ellipsoids sampled along time, one row for each profile, seen from above and from the front."""
+    times = as_times(time)
+    checked = _profiles(profiles, len(times))
+    frames = evenly_spaced(len(times), 9)
+    points = [profile[frames] for profile in checked.values()]
+    reach = float(np.sqrt(max(np.diagonal(row, axis1=1, axis2=2).max() for row in points)))
+    if reach == 0:
+        raise InvalidInputError("there must be an ellipsoid of positive size to draw; all are zero")
+    # rows differ in grey, too
+    looks = list(zip(_colors(checked, roles), np.linspace(0.45, 0.1, len(checked)).tolist(), strict=True))
+    pitch, views = 2.15 * reach, VIEWS[points[0].shape[-1]]
+    places = max(len(frames), 6)  # space for the title of a row of few ellipsoids
+    figure = column_figure(0.55 + len(views) * (len(points) * 3.2 / places + 0.3))
+    panels = list(figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0])
+    for panel, (view, plane) in zip(panels, views.items(), strict=True):
+        for number, (row, look) in enumerate(zip(points, looks, strict=True)):
+            # 2×2 matrices as ellipses, with a stroke along the longest axis
+            for k, ((minor, major), directions) in enumerate(zip(*axes(row[:, plane][:, :, plane]), strict=True)):
+                center, along = np.array([k * pitch, -pitch * number]), major * directions[:, 1]
+                angle = float(np.degrees(np.arctan2(along[1], along[0])))
+                panel.plot(*np.stack([center - along, center + along]).T, color=look[0], lw=0.5)
+                panel.add_patch(Ellipse(tuple(center), 2 * major, 2 * minor, angle=angle, edgecolor=look[0],
+                                        facecolor=look, lw=0.9))  # fmt: skip
+        panel.set(aspect="equal", xlim=(-0.5 * pitch, (places - 0.5) * pitch), yticks=[])
+        panel.set_ylim(-(len(points) - 0.5) * pitch, 0.5 * pitch)
+        panel.set_title(view, fontsize=TEXT, loc="left", pad=2)
+        panel.spines[["left", "right", "top"]].set_visible(False)
+        panel.tick_params(labelsize=TEXT, length=2)
+    decimals = max(0, 1 - int(np.floor(np.log10(np.ptp(times) / len(frames) or 1.0))))
+    panels[-1].set_xticks(np.arange(len(frames)) * pitch, [f"{t:.{decimals}f}" for t in times[frames]])
+    panels[-1].set_xlabel(axis, fontsize=TEXT)
+    power = 10.0 ** np.floor(np.log10(reach))  # a scale bar of round length, above the right end of the first row
+    length = power * max((m for m in (1, 2, 5) if m * power <= reach), default=1)
+    right, height = (places - 0.5) * pitch, [0.62 * pitch] * 2
+    panels[0].plot([right - length, right], height, color="black", lw=1.5, clip_on=False, solid_capstyle="butt")
+    text = f"{length:g} {unit}"
+    panels[0].text(right - length - 0.1 * pitch, height[0], text, fontsize=TEXT, ha="right", va="center")
+    _legend(figure, [Patch(facecolor=look, edgecolor=look[0], linewidth=0.9, label=name)
+                     for name, look in zip(checked, looks, strict=True)])  # fmt: skip
+    return laid_out(figure)
+
+
+def arms(
+    skeletons: Mapping[str, ArrayLike],
+    ellipsoids: Mapping[str, ArrayLike],
+    count: int = 5,
+    size: float = 0.25,
+    unit: str = UNIT,
+    roles: Mapping[str, str] | None = None,
+    within: Mapping[str, str] | None = None,
+) -> Figure:
+    """Draw arms side by side, each in several configurations; those `within` the same name have one panel."""
+    as_number(size, "size", above=0.0)
+    most, drawn, extents = as_count(count, "count"), {}, dict[str, list[Array]]()
+    for name, lines in _names(skeletons, "skeletons").items():
+        corners = as_finite(lines, f"skeletons[{name!r}]")
+        require_shape(corners, f"skeletons[{name!r}]", ("n", "k", 3))
+        if name not in ellipsoids:
+            raise InvalidInputError(f"ellipsoids must have the names of skeletons; {name!r} is missing")
+        shells = as_positive_semidefinite(ellipsoids[name], f"ellipsoids[{name!r}]", 3)
+        require_shape(shells, f"ellipsoids[{name!r}]", (len(corners), 3, 3), ", one for each configuration")
+        chosen, title = evenly_spaced(len(corners), most), (within or {}).get(name, name)
+        corners, shells = corners[chosen], shells[chosen]
+        halves = size * np.sqrt(np.diagonal(shells, axis1=1, axis2=2))
+        drawn[name] = title, corners, shells
+        extents.setdefault(title, []).extend([corners.reshape(-1, 3), corners[:, -1] - halves, corners[:, -1] + halves])
+    points = {title: np.concatenate(extent) for title, extent in extents.items()}
+    reach = max(float(np.ptp(extent, axis=0).max()) / 2 for extent in points.values())
+    figure = column_figure(0.5 + 3.5 / len(points), layout=None)
+    figure.subplots_adjust(left=0.0, right=0.9, bottom=0.12, top=0.98, wspace=0.15)
+    made = figure.subplots(1, len(points), squeeze=False, subplot_kw={"projection": "3d"})[0]
+    panels: dict[str, Any] = dict(zip(points, made, strict=True))
+    polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij")
+    sphere = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)])
+    for color, (title, corners, shells) in zip(_colors(drawn, roles), drawn.values(), strict=True):
+        opacities = np.linspace(0.25, 1.0, len(corners)) if len(corners) > 1 else np.ones(1)
+        for line, shell, opacity in zip(corners, shells, opacities, strict=True):
+            panels[title].plot(*line.T, color="0.2", alpha=opacity, lw=1.3, marker="o", ms=1.8, solid_joinstyle="round")
+            semi_axes, directions = axes(shell)
+            surface = line[-1][:, None, None] + size * np.einsum("ij,jkl->ikl", directions * semi_axes, sphere)
+            look: Any = {"color": color, "alpha": 0.2 + 0.3 * opacity, "lw": 0, "rasterized": True}
+            panels[title].plot_surface(*surface, **look, rstride=1, cstride=1)
+    for title, panel in panels.items():
+        middle = 0.5 * (points[title].min(axis=0) + points[title].max(axis=0))
+        panel.set_title(title, fontsize=TEXT, pad=0)
+        panel.set_box_aspect((1, 1, 1), zoom=0.95)
+        for letter, center in zip("xyz", middle, strict=True):
+            getattr(panel, f"set_{letter}lim")(center - reach, center + reach)
+            axis = getattr(panel, f"{letter}axis")
+            axis.set_label_text(f"{letter} [m]", fontsize=TEXT)
+            axis.labelpad = -8
+            axis.set_tick_params(labelsize=6.0, pad=-3.5)
+            axis.set_major_locator(MaxNLocator(3))
+        panel.view_init(elev=22, azim=-55)
+    scale = f"semi-axes of 1 {unit} are drawn {size:g} m long"
+    figure.text(0.5, 0.02, scale, fontsize=TEXT, ha="center", va="bottom")
+    return figure
+
+
+def diffusion_map(domains: Mapping[str, ArrayLike], profiles: Mapping[str, ArrayLike]) -> Figure:
+    """Draw domains as clouds and profiles as lines in two diffusion coordinates."""
+    clouds, lines, d = dict[str, Array](), dict[str, Array](), None
+    for name, points in _names(domains, "domains").items():
+        clouds[name] = as_points(points, f"domains[{name!r}]", d, 2)
+        d = clouds[name].shape[-1]
+    for name, points in profiles.items():
+        lines[name] = as_points(points, f"profiles[{name!r}]", d, 1)
+    chart = map_of([*clouds.values(), *lines.values()])
+    placed, paths = ({name: chart.transform(one) for name, one in sets.items()} for sets in (clouds, lines))
+    return map_figure(placed, paths)
+
+
+def map_figure(
+    domains: Mapping[str, Array],
+    profiles: Mapping[str, Array],
+    time: Array | None = None,
+    roles: Mapping[str, str] | None = None,
+) -> Figure:
+    """Draw coordinates (n, 2) of domains as clouds and those of profiles as lines."""
+    figure, handles = column_figure(3.2), []
+    panel = figure.subplots()
+    for color, (name, points) in zip(_colors(domains, roles), domains.items(), strict=True):
+        panel.scatter(points[:, 0], points[:, 1], s=2, color=color, alpha=0.25, lw=0, rasterized=True)
+        handles.append(Line2D([], [], color=color, marker="o", alpha=0.5, ms=3, ls="", label=f"domain: {name}"))
+    styles = ("-", *LINE_STYLES, *LINE_STYLES)
+    for color, style, (name, path) in zip(_colors(profiles, roles), styles, profiles.items(), strict=False):
+        points = path if time is None else _with_breaks(time, path)[1]
+        panel.plot(*points.T, color="white", lw=1.8)
+        panel.plot(*points.T, color=color, lw=1.0, ls=style)
+        panel.plot(*path[0], "o", color=color, mec="white", mew=0.6, ms=5)
+        handles.append(Line2D([], [], color=color, lw=1.0, ls=style, label=f"profile: {name}"))
+    if profiles:
+        handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
+    panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
+    panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
+    panel.tick_params(labelsize=TEXT)
+    _legend(figure, handles)
+    return laid_out(figure)
+
+
+def column_figure(height: float, columns: int = 1, layout: Any = "constrained") -> Figure:
+    """Return an empty figure as wide as columns of a two-column paper; `height` in inches."""
+    return Figure(figsize=(columns * 3.5, height), dpi=300, layout=layout)
+
+
+def laid_out(figure: Figure) -> Figure:
+    """Compute the layout once, so that all files of the figure are alike."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    figure.set_layout_engine("none")
+    return figure
+
+
+def _colors(names: Iterable[str], roles: Mapping[str, str] | None) -> list[str]:
+    """Return the color of each name: of its role, else the next that no role has taken."""
+    taken = {name: ROLES[as_choice(role, "role", tuple(ROLES))].color for name, role in (roles or {}).items()}
+    free = iter([color for color in COLORS if color not in taken.values()])
+    return [taken[name] if name in taken else next(free) for name in names]
+
+
+def _logarithmic(panel: Axes) -> None:
+    """Use a logarithmic axis with few, plain numbers."""
+    if not any(np.nanmax(line.get_ydata(), initial=0.0) > 0.0 for line in panel.lines):
+        return  # of flat ellipsoids there is nothing to draw
+    panel.set_yscale("log")
+    low, high = panel.get_ylim()
+    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    panel.yaxis.set_major_formatter("{x:g}")
+    panel.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _over_time(panels: Sequence[Axes]) -> None:
+    """Label the time below the last of stacked panels."""
+    panels[-1].set_xlabel("time [s]", fontsize=TEXT)
+    panels[-1].xaxis.set_tick_params(labelbottom=True)
+    for panel in panels:
+        panel.tick_params(labelsize=TEXT, length=2)
+        panel.grid(alpha=0.25, lw=0.5)
+        panel.margins(x=0.01)
+
+
+def _profiles(profiles: Mapping[str, ArrayLike], count: int) -> dict[str, Array]:
+    """Check named profiles (n, d, d) of equal length; d is 2 or 3, the same in all."""
+    checked: dict[str, Array] = {}
+    for name, profile in _names(profiles, "profiles").items():
+        where = f"profiles[{name!r}]"
+        checked[name] = as_positive_semidefinite(profile, where)
+        require_shape(checked[name], where, (count, "d", "d"))
+        sizes = {points.shape[-1] for points in checked.values()}
+        if not sizes < {2, 3}:
+            raise InvalidInputError(f"profiles must all hold 2×2 or all 3×3 matrices; found sizes {sorted(sizes)}")
+    return checked
+
+
+def _names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, ArrayLike]:
+    """Require one to seven named arrays: there are seven colors."""
+    if not isinstance(sets, Mapping) or not 1 <= len(sets) <= len(COLORS):
+        found = len(sets) if isinstance(sets, Mapping) else type(sets).__name__
+        raise InvalidInputError(f"{argument} must be a mapping of 1 to {len(COLORS)} names to arrays; found {found}")
+    return sets
+
+
+def _with_breaks(time: Array, values: Array) -> tuple[Array, Array]:
+    """Insert nan at gaps in time, so that lines break there."""
+    jumps = np.flatnonzero(is_gap(np.diff(time))) + 1
+    return np.insert(time, jumps, time[jumps - 1]), np.insert(values, jumps, np.nan, axis=0)
+
+
+def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
+    """Put named lines or patches above all panels."""
+    letters = [len(str(handle.get_label())) for handle in handles]
+    columns = len(handles) if sum(letters) < 45 else 2 if max(letters) < 30 else 1
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, fontsize=TEXT, frameon=False)

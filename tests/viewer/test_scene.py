@@ -1,0 +1,44 @@
+"""Shapes of the page: ellipsoids, base orientations, and surfaces of robots."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from maniport import Arm, load_arm
+from maniport.errors import FileFormatError
+from maniport.viewer.panel import from_roll_pitch_yaw, roll_pitch_yaw
+from maniport.viewer.scene import SIZE, find_surfaces, shell
+
+angles = st.lists(st.floats(-180.0, 180.0), min_size=3, max_size=3)
+
+
+@given(angles)
+def test_roll_pitch_and_yaw_give_the_rotation(angles):
+    """Also where they are not unique."""
+    rotation = from_roll_pitch_yaw(np.array(angles))
+    assert from_roll_pitch_yaw(roll_pitch_yaw(rotation)) == pytest.approx(rotation, abs=1e-7)
+
+
+def test_a_scaled_and_rotated_ball_is_the_ellipsoid():
+    """Semi-axes and rotation together give the matrix, in the size that it is drawn in; flat ones can be seen."""
+    root = np.random.default_rng(0).normal(size=(3, 3))
+    semi_axes, quaternion = shell(root @ root.T)
+    rotation = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    drawn = rotation @ np.diag(np.square(semi_axes)) @ rotation.T
+    assert drawn == pytest.approx(SIZE**2 * root @ root.T)
+    assert min(shell(np.diag([1.0, 0.5, 0.0]))[0]) > 0
+
+
+def test_missing_surfaces_have_a_reason(monkeypatch):
+    """Missing meshes and descriptions without shapes: one line, and no error."""
+    planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
+    assert find_surfaces(planar) == ([()], "the description of planar names no shapes")
+    panda = load_arm("panda")
+
+    def fail(self):
+        raise FileFormatError("robot.urdf: a mesh is missing:\n  'hand.dae'")
+
+    monkeypatch.setattr(Arm, "surfaces", fail)
+    assert find_surfaces(panda) == ([()], "robot.urdf: a mesh is missing: 'hand.dae'")
