@@ -26,7 +26,7 @@ from maniport.evaluation import distance_preservation, identity_test, smoothness
 from maniport.motion import FeasibleProjector, nearest_feasible
 from maniport.studies.methods import Motion, motions
 from maniport.transfer import DomainAdapter, LengthField, ParallelTransport
-from maniport.transfer.length_field.inverse import NEAR_SINGULAR
+from maniport.transfer.length_field.field import NEAR_SINGULAR
 
 FILES = Path(get_paths()["purelib"]) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
 DAMPING, TEACHER, STUDENT, HELD_OUT, STARTS = 0.01, 4096, 16384, 400, 96

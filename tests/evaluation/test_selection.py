@@ -9,7 +9,7 @@ import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import choose
 from maniport.report import as_markdown, as_numbers, report_of
-from maniport.transfer.length_field.report import FieldReport
+from maniport.transfer.length_field.fit import FieldReport
 
 
 def wrist_arm(path):

@@ -115,14 +115,14 @@ def test_other_contents_are_refused(saved, change, message):
         mp.load_adapter(path)
 
 
-GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-2-*.npz"))
+GOLDEN = sorted((Path(__file__).parent / "golden").glob("maniport-adapter-3-*.npz"))
 
 
 @pytest.mark.parametrize("path", [path for path in GOLDEN if "images" not in path.name], ids=lambda path: path.stem)
 def test_files_of_this_format_stay_readable(path):
     """Adapters that were written when the format was new give the same images as they did then."""
-    known = files.load_arrays(path.parent / "maniport-adapter-2-images.npz", "images")
-    name = path.stem.removeprefix("maniport-adapter-2-")
+    known = files.load_arrays(path.parent / "maniport-adapter-3-images.npz", "images")
+    name = path.stem.removeprefix("maniport-adapter-3-")
     np.testing.assert_allclose(mp.load_adapter(path).transform(known["points"]), known[name], rtol=1e-9, atol=1e-12)
 
 

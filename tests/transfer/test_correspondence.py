@@ -11,8 +11,7 @@ import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError
 from maniport.transfer import Correspondence, GeodesicCorrespondence, Search
-from maniport.transfer.icp.correspondence import CORRESPONDENCES
-from maniport.transfer.icp.matches import DIRECTIONS, Matches
+from maniport.transfer.icp.correspondence import CORRESPONDENCES, DIRECTIONS, Matches
 from maniport.util.files import load_arrays, save_arrays
 
 # how the search ends is tested here, not what becomes of its result

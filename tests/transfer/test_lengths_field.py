@@ -7,10 +7,8 @@ from numpy.testing import assert_allclose
 import maniport as mp
 from maniport import spd
 from maniport.errors import InvalidInputError, NotInvertibleError, NotSPDError
-from maniport.transfer.length_field.field import KAPPA, damped
-from maniport.transfer.length_field.fit import Samples
-from maniport.transfer.length_field.inverse import MAX_NEAR_SINGULAR, Inverse
-from maniport.transfer.length_field.report import reported
+from maniport.transfer.length_field.field import KAPPA, MAX_NEAR_SINGULAR, Inverse, damped
+from maniport.transfer.length_field.fit import Samples, reported
 
 sizes = pytest.mark.parametrize("d", [2, 3, 6])
 

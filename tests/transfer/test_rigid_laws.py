@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from quick_transport import Transport
 
 import maniport as mp
 from maniport import spd
-from maniport.errors import NotInvertibleError
 from maniport.transfer import Search
 
 seeds = given(seed=st.integers(0, 2**32 - 1))
@@ -123,20 +122,3 @@ def test_known_mounting_is_exact(kind, d, remedy, random_spd, random_rotation):
     )
     assert_allclose(adapter.transform(new), turned(base_rotation, new), atol=2e-6 * adapter.student_damping_ + 1e-9)
     assert adapter.errors(new, turned(base_rotation, new)).max() < 1e-8
-
-
-@rigid
-@pytest.mark.parametrize("damping", [None, 0.01])
-def test_profile_recentring_moves_the_profile_s_mean(kind, damping, random_spd):
-    """With recenter="profile" the profile's own mean arrives at the student's; there is no inverse."""
-    rng = np.random.default_rng(0)
-    teacher, student, profile = random_spd(rng, 20, 3), random_spd(rng, 25, 3), 5.0 * random_spd(rng, 8, 3)
-    adapter = search(kind, recenter="profile", damping=damping).fit(teacher, student)
-    images = adapter.transform(profile)
-    if damping is None:
-        assert spd.distance(spd.mean(images), adapter.student_mean_) < 1e-8
-    assert_array_equal(adapter.transform(profile.reshape(2, 4, 3, 3)).reshape(images.shape), images)
-    with pytest.raises(NotInvertibleError, match="recenter='training'"):
-        adapter.inverse_transform(images)
-    with pytest.raises(ValueError, match=r"at least 2 ellipsoids.*found 1"):
-        adapter.transform(profile[0])

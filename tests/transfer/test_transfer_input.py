@@ -64,12 +64,11 @@ def test_domains_of_different_size():
         ({"base_rotation": np.eye(3)[None]}, "base_rotation"),
         ({"base_rotation": np.full((3, 3), np.nan)}, "base_rotation"),
         ({"dispersion": "median"}, "dispersion"),
-        ({"recenter": True}, "recenter"),
         ({"scale": "no"}, "scale"),
     ],
 )
 def test_bad_options_of_rigid_methods(options, message):
-    """Base rotation, dispersion, recentering and scale are checked by name."""
+    """Base rotation, dispersion and scale are checked by name."""
     with pytest.raises(InvalidInputError, match=message):
         mp.ParallelTransport(**options).fit(GOOD, GOOD)
 

@@ -15,7 +15,7 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter
-from maniport.transfer.length_field.report import AXIS_MOVED
+from maniport.transfer.length_field.fit import AXIS_MOVED
 from maniport.util.sampling import evenly_spaced, rank_correlation
 from maniport.util.validation import Array, as_count, as_finite, as_points
 

@@ -58,7 +58,7 @@ def choose(
 ) -> Choice:
     """Choose the length field if it passes its checks on held-out samples of the teacher, else parallel transport.
 
-    `maniport.transfer.length_field.report.FieldReport.failures` has the checks and their limits. The choice depends
+    `maniport.transfer.length_field.fit.FieldReport.failures` has the checks and their limits. The choice depends
     on the domains and the robot; the profile is used for the comparison with baselines only.
 
     Parameters

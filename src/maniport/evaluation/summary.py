@@ -15,7 +15,7 @@ from maniport.errors import unknown_name
 from maniport.evaluation.baselines import IDENTITY, LOOKUP
 from maniport.evaluation.metrics import RMSE, STILL, DistancePreservation, Smoothness
 from maniport.transfer import METHODS
-from maniport.transfer.length_field.report import AXIS_MOVED, MIN_RANK_CORRELATION
+from maniport.transfer.length_field.fit import AXIS_MOVED, MIN_RANK_CORRELATION
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
 

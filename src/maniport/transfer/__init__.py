@@ -24,10 +24,9 @@ from maniport.transfer.icp.correspondence import (
     OneToOneCorrespondence,
     TransportCorrespondence,
 )
-from maniport.transfer.icp.search import Search
 from maniport.transfer.length_field_adapter import LengthField
 from maniport.transfer.parallel_transport import ParallelTransport
-from maniport.transfer.riemannian_icp import RiemannianICP
+from maniport.transfer.riemannian_icp import RiemannianICP, Search
 from maniport.util.validation import as_choice
 
 METHODS: dict[str, type[DomainAdapter]] = {

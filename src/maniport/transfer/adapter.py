@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+import maniport.transfer.ellipsoids as ellipsoids
 from maniport.errors import InvalidInputError, NotFittedError
 from maniport.estimator import Estimator, clone
 from maniport.spd.affine_invariant import distance_unchecked
@@ -20,7 +21,6 @@ from maniport.spd.mean import dispersion, mean
 from maniport.spd.neighbors import nearest
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter_file import METHODS_BY_CLASS, SCHEMA, Schema, save_adapter
-from maniport.transfer.ellipsoids import as_base_rotation, regularized, require_positive, without_damping
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import SPD_TOLERANCE, Array, as_points, as_positive_semidefinite
@@ -137,9 +137,9 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
 
     def _fit_or_restore(self, teacher: ArrayLike, student: ArrayLike, learn: Callable[[Array, Array], None]) -> Self:
         """Check, regularize and rotate both domains and `learn` from them; a failure changes nothing."""
-        cloud_t, damping_t = regularized(self._regularization(), teacher, "teacher")
-        cloud_s, damping_s = regularized(self._regularization(), student, "student", cloud_t.shape[-1])
-        base_rotation = as_base_rotation(self.base_rotation, cloud_t.shape[-1])
+        cloud_t, damping_t = ellipsoids.regularized(self._regularization(), teacher, "teacher")
+        cloud_s, damping_s = ellipsoids.regularized(self._regularization(), student, "student", cloud_t.shape[-1])
+        base_rotation = ellipsoids.as_base_rotation(self.base_rotation, cloud_t.shape[-1])
         before = dict(vars(self))
         try:
             self.teacher_damping_, self.student_damping_, self.base_rotation_ = damping_t, damping_s, base_rotation
@@ -173,7 +173,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         d = self._dimension()
         seen = self.teacher_side(points, "points")
         images = self._images(seen.reshape(-1, d, d)).reshape(seen.shape)
-        require_positive(images)
+        ellipsoids.require_positive(images)
         return images
 
     def inverse_transform(self, points: ArrayLike) -> Array:
@@ -208,7 +208,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         back = self._map_back(regular.reshape(-1, d, d))
         if self.base_rotation_ is not None:
             back = congruence(self.base_rotation_.T, back)
-        return without_damping(back, self.teacher_damping_).reshape(regular.shape)
+        return ellipsoids.without_damping(back, self.teacher_damping_).reshape(regular.shape)
 
     def compiled(self) -> Callable[[Array], Array]:
         """Return the map of one ellipsoid (d, d) at a time, as a callable: `maniport.transfer.control.CompiledMap`."""
@@ -306,7 +306,7 @@ class DomainAdapter(NotebookDisplay, Estimator, ABC):
         return self._regularization(self.student_damping_)
 
     def _regularization(self, epsilon: float = 0.0) -> Regularization:
-        return Regularization(self.damping, self.eigenvalue_floor, float(epsilon))
+        return ellipsoids.regularization_of(self.damping, self.eigenvalue_floor, float(epsilon))
 
     def _dimension(self) -> int:
         if not hasattr(self, "teacher_mean_"):

@@ -16,7 +16,7 @@ from maniport.errors import FileFormatError, InvalidInputError
 from maniport.util.files import array_names, load_arrays, save_arrays
 from maniport.util.validation import as_count, as_finite, as_flag, as_number, as_rotation, as_spd
 
-FILE_FORMAT = "maniport-adapter-2"
+FILE_FORMAT = "maniport-adapter-3"
 
 METHODS_BY_CLASS: dict[str, type] = {}  # All classes of adapters by name
 

@@ -48,7 +48,7 @@ class MeanTransport(RigidAdapter):
         As in `ParallelTransport`, which also rotates, by the polar factor of S̄^-½ T̄^½.
     """
 
-    scale, dispersion, recenter = False, "mean", "training"
+    scale, dispersion = False, "mean"
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         self.rotation_ = np.eye(teacher.shape[-1])

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from maniport.spd.kernels import mandel_basis
 from maniport.spd.matrix_functions import apply, to_vector
+from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.jit import kernel
 from maniport.util.validation import Array
 
@@ -60,6 +61,27 @@ class CloudPair:
     def gain(self, start: Array, end: Array) -> Gain:
         """Compare two rotations of the teacher."""
         return self.combination([(1.0, self.distances(start)), (-1.0, self.distances(end))])
+
+    def improved(self, start: Array, end: Array, certainty: float = 3.0, share: float = 0.1) -> tuple[bool, str]:
+        """Whether the rotation `end` clearly brings the clouds nearer than `start`; and if not, what it does.
+
+        It does where the mean distance between the clouds falls by `certainty` standard errors and a `share` of their
+        energy distance, or where more ellipsoids coincide by `certainty` standard errors. Without the second test 1 of
+        8 rotations is accepted instead of 8 where 100 ellipsoids of each cloud share half. Measured on ten draws of
+        4096 and 16384 ellipsoids: where the start was right, −0.6 to 0.4 standard errors (Panda to Panda); where the
+        domains differ in shape, −1.9 to 3.8 and at most 4 % (human to Panda); where the start was 30° off, 3.9 to 5.9
+        and more than half.
+        """
+        if rotation_angle(start, end) < 1e-6:
+            return False, ""
+        gain = self.gain(start, end)
+        gained = 2.0 * gain.mean / max(self.energy_distance(start), 1e-12)
+        nearer = gain.certainty >= certainty and gained >= share
+        if nearer or self.coincidence(self.nearest(start), self.nearest(end)).certainty >= certainty:
+            return True, ""
+        if gain.mean > 0.0:
+            return False, f"brings the domains nearer by {gained:.1%} ± {gained / gain.certainty:.1%} only"
+        return False, "does not bring the domains nearer"
 
     def nearest(self, rotation: Array) -> Array:
         """Distances from the seeking ellipsoids to the nearest of the other cloud, shape (k,)."""

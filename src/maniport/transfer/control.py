@@ -9,7 +9,8 @@ from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE
 from maniport.spd.kernels.loops import diagonalize_one
 from maniport.spd.kernels.single import admit, compose, congruence, multiply
-from maniport.util.jit import kernel
+from maniport.transfer.length_field.field import ROUNDED
+from maniport.util.jit import kernel, part
 from maniport.util.validation import SPD_TOLERANCE, Array
 
 OTHER_ARRAYS = 3
@@ -20,7 +21,7 @@ REASONS = {
 
 
 @kernel
-def map_one(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
+def map_rigidly(point, left, right, numbers, out):  # type: ignore[no-untyped-def]  # Numba infers the types
     """Fill `out` with R (L (X + ε I) Lᵀ)^s Rᵀ − δ I, the eigenvalues of X first lifted to a floor."""
     n, power = len(left), numbers[0]
     if point.shape != (n, n) or out.shape != (n, n):
@@ -83,3 +84,96 @@ def _refuse(failed: int, shape: tuple[int, int], point: Array, out: Array) -> No
         raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {found}")
     reason = REASONS[failed]
     raise NotSPDError(f"point {reason}: {np.array2string(np.asarray(point), precision=4, separator=', ')}")
+
+
+@kernel
+def map_lengths(point, base_rotation, numbers, parts, centers, lengths, out):  # type: ignore[no-untyped-def]
+    """Fill `out` with the map of R (X + ε I) Rᵀ, the eigenvalues of X first lifted to a floor.
+
+    The terms are those of `LengthsMap.terms`; the return value is that of `map_rigidly`.
+    """
+    n = len(base_rotation)
+    if point.shape != (n, n) or out.shape != (n, n):
+        return 3
+    epsilon, floor, release, kappa, power, shift, level, inverse_square, soft = numbers
+    a, b, v, x, u = np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(n), np.empty(n * (n + 1) // 2)
+    failed = admit(point, a, v, x, epsilon, floor)
+    if failed != 0:
+        return failed
+    congruence(base_rotation, a, b)
+    diagonalize_one(a, v)
+    trace = 0.0
+    for i in range(n):
+        trace += a[i, i]
+    for i in range(n):
+        if not a[i, i] > ROUNDED * trace:
+            return 2
+        x[i] = power * np.log(a[i, i]) + shift
+    compose(x, v, a)
+    _fill_mandel(a, u)
+    if len(parts) > 0:
+        _fill_features(u, parts, soft)
+    first, second, third = _field(u, centers, lengths, inverse_square)
+    for i in range(n):
+        t = np.tanh(0.5 * x[i])
+        x[i] = _released(np.exp(x[i] + first + t * (second + t * third) + level), release, kappa)
+        if not MIN_EIGENVALUE <= x[i] <= MAX_EIGENVALUE:
+            return 2
+    compose(x, v, a)
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = a[i, j]
+    return 0
+
+
+@part
+def _field(u, centers, lengths, inverse_square):  # type: ignore[no-untyped-def]
+    """Sum of kernel values at u times coefficients (m, 3)."""
+    first, second, third, square = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(u)):
+        square += u[k] * u[k]
+    for j in range(len(centers)):
+        exponent = centers[j, len(u)] - 0.5 * inverse_square * square
+        for k in range(len(u)):
+            exponent += centers[j, k] * u[k]
+        near = np.exp(exponent)
+        first += lengths[j, 0] * near
+        second += lengths[j, 1] * near
+        third += lengths[j, 2] * near
+    return first, second, third
+
+
+@part
+def _fill_mandel(a, u):  # type: ignore[no-untyped-def]
+    row, root2 = len(a), np.sqrt(2.0)
+    for i in range(len(a)):
+        u[i] = a[i, i]
+        for j in range(i + 1, len(a)):
+            u[row] = root2 * a[i, j]
+            row += 1
+
+
+@part
+def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
+    """Replace u by its `features` about an axis, whose `harmonics` (6, 6) are `parts`, with δ²."""
+    h = np.zeros(6)
+    for i in range(6):
+        for k in range(6):
+            h[i] += parts[i, k] * u[k]
+    along, mean, a, b, c, e = h[0], h[1], h[2], h[3], h[4], h[5]
+    once, twice = a * a + b * b, c * c + e * e
+    both, squares, product = once + 4.0 * twice + soft, a * a - b * b, 2.0 * (a * b)
+    once, twice = np.sqrt(once + soft), np.sqrt(twice + soft)
+    scale = 1.0 / (once * np.sqrt(both))
+    u[0], u[1], u[2], u[3] = along, mean, once, twice
+    u[4], u[5] = (squares * c + product * e) * scale, (product * c - squares * e) * scale
+
+
+@part
+def _released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
+    """The y with y (y + ε) / (y + κ ε) = `value`; the value itself where ε is negative."""
+    if epsilon < 0.0:
+        return value
+    gap = value - epsilon
+    root = np.sqrt(gap * gap + (4.0 * kappa * epsilon) * value)
+    return 0.5 * (gap + root) if gap > 0.0 else 2.0 * kappa * epsilon * value / (root - gap)

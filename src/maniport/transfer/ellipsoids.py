@@ -1,5 +1,8 @@
 """Checks, base rotation and regularization of ellipsoids before and after the map of a method."""
 
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -19,6 +22,17 @@ def as_base_rotation(base_rotation: ArrayLike | None, d: int) -> Array | None:
     else:
         rotation = as_rotation(base_rotation, "base_rotation", d)
     return None if np.array_equal(rotation, np.eye(d)) else rotation
+
+
+_checked_once = lru_cache(maxsize=32, typed=True)(Regularization)  # the checks take a sixth of mapping one ellipsoid
+
+
+def regularization_of(damping: Any, eigenvalue_floor: Any, epsilon: float) -> Regularization:
+    """Return a regularization that is checked once, not again for each ellipsoid."""
+    try:
+        return _checked_once(damping, eigenvalue_floor, epsilon)
+    except TypeError:  # what cannot be hashed is no number either
+        return Regularization(damping, eigenvalue_floor, epsilon)
 
 
 def regularized(

@@ -96,7 +96,17 @@ class Identifiability(NotebookDisplay):
             return f"the domains do not determine the rotation{where}"
         if count == total:
             return "the domains do not determine the rotation about any axis"
-        return "the domains do not determine the rotation about " + " and ".join(map(axis_name, self.flat_axes))
+        names = []
+        for axis in self.flat_axes:
+            nearest = int(np.argmax(np.abs(axis)))
+            off = float(np.rad2deg(np.arccos(min(1.0, abs(float(axis[nearest]))))))
+            upward = ", ".join(f"{part:.2f}" for part in axis * np.sign(axis[nearest]))
+            names.append(
+                f"the {'xyz'[nearest]} axis of the student's base ({off:.1f}° off)"
+                if off <= 15.0
+                else f"the axis ({upward}) of the student's base"
+            )
+        return f"the domains do not determine the rotation about {' and '.join(names)}"
 
 
 def identify(pair: CloudPair, rotation: Array, student_mean: Array) -> Identifiability:
@@ -122,66 +132,44 @@ def identify(pair: CloudPair, rotation: Array, student_mean: Array) -> Identifia
     )
 
 
-def axis_name(axis: Array, along: float = 15.0) -> str:
-    """Name an axis of the student's base frame; within `along` degrees of a base axis it gets its name."""
-    nearest = int(np.argmax(np.abs(axis)))
-    off = float(np.rad2deg(np.arccos(min(1.0, abs(float(axis[nearest]))))))
-    if off <= along:
-        return f"the {'xyz'[nearest]} axis of the student's base ({off:.1f}° off)"
-    upward = axis * np.sign(axis[nearest])
-    return "the axis (" + ", ".join(f"{part:.2f}" for part in upward) + ") of the student's base"
-
-
-def _turned(rotation: Array, vector: Array) -> Array:
-    return rotation_from_vector(vector) @ rotation
-
-
 def _curvatures(
-    pair: CloudPair, rotation: Array, turn: float = np.pi / 6.0, least: float = 1e-3, certainty: float = 2.0
+    pair: CloudPair, rotation: Array, turn: float = np.pi / 6.0, least: float = 1e-3
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """Relative curvatures, their standard errors, principal directions, and which of them are flat.
 
     `turn` is the angle of the finite differences [rad]; much smaller ones measure the graininess of the samples. A
     direction is flat where the curvature, relative to the mean distance, is below `least` [1/rad²], or not above zero
-    by `certainty` standard errors. Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, at
-    most 4e-4 in the plane of a planar arm of two joints, at least 8.5e-3 in clouds with random covariance.
+    by two standard errors. Measured: 1e-4 to 2.4e-4 about the Panda's base axis and 2e-3 to 3e-3 across it, at most
+    4e-4 in the plane of a planar arm of two joints, at least 8.5e-3 in clouds with random covariance.
     """
     middle = pair.distances(rotation)
-    here = float(middle[0].mean())
-    d = len(rotation)
+    here, d = float(middle[0].mean()), len(rotation)
+
+    def both_sides(step: Array) -> list[Array]:
+        return [rotation_from_vector(sign * step) @ rotation for sign in (-1.0, 1.0)]
+
+    def change(step: Array) -> float:
+        """Second difference of the mean distance."""
+        return sum(pair.mean_distance(side) for side in both_sides(step)) - 2.0 * here
+
     directions = np.eye(d * (d - 1) // 2)
     # at 30° oblique directions are off by up to 6°; measured again along those of 15° a flat axis is exact to 0.1°
     for angle in (0.5 * turn, turn) if d <= 3 else (turn,):
-        values, vectors = np.linalg.eigh(_hessian(pair, rotation, angle * directions, here) / angle**2)
+        steps, hessian = angle * directions, np.empty(directions.shape)
+        for a, first in enumerate(steps):
+            hessian[a, a] = change(first)
+            for b, second in enumerate(steps[:a]):
+                along, across = (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)
+                hessian[a, b] = hessian[b, a] = 0.5 * (change(along) - change(across))
+        values, vectors = np.linalg.eigh(hessian / angle**2)
         directions = vectors.T @ directions
-    errors = np.empty_like(values)
+    errors, flat = np.empty_like(values), np.empty(len(values), bool)
     for k, step in enumerate(turn * directions):
-        ends = [(1.0, pair.distances(_turned(rotation, sign * step))) for sign in (-1.0, 1.0)]
-        errors[k] = pair.combination([*ends, (-2.0, middle)]).standard_error / turn**2
-    curvature, errors = values / here, errors / here
-    flat = (curvature < least) | (curvature < certainty * errors)
-    if flat.any():
-        flat[flat] = ~_coincident_only_here(pair, rotation, turn * directions[flat])
-    return curvature, errors, directions, flat
-
-
-def _coincident_only_here(pair: CloudPair, rotation: Array, steps: Array, certainty: float = 3.0) -> NDArray[np.bool_]:
-    """Whether certainly more ellipsoids coincide here than after a step to either side, for each step, shape (k,)."""
-    here = pair.nearest(rotation)
-    sides = [[pair.nearest(_turned(rotation, sign * step)) for sign in (-1.0, 1.0)] for step in steps]
-    return np.array([all(pair.coincidence(side, here).certainty >= certainty for side in both) for both in sides])
-
-
-def _hessian(pair: CloudPair, rotation: Array, steps: Array, here: float) -> Array:
-    """Second central differences of the mean distance along orthogonal steps, shape (m, m)."""
-
-    def at(step: Array) -> float:
-        return pair.mean_distance(_turned(rotation, step))
-
-    hessian = np.empty((len(steps), len(steps)))
-    for a, first in enumerate(steps):
-        hessian[a, a] = at(first) + at(-first) - 2.0 * here
-        for b, second in enumerate(steps[:a]):
-            along, across = (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)
-            hessian[a, b] = hessian[b, a] = 0.5 * (at(along) + at(-along) - at(across) - at(-across))
-    return hessian
+        sides = both_sides(step)
+        terms = [(1.0, pair.distances(side)) for side in sides]
+        errors[k] = pair.combination([*terms, (-2.0, middle)]).standard_error / turn**2
+        flat[k] = values[k] < least * here or values[k] < 2.0 * errors[k]
+        if flat[k]:  # unless certainly more ellipsoids coincide here than on either side
+            nearest = pair.nearest(rotation)
+            flat[k] = any(pair.coincidence(pair.nearest(side), nearest).certainty < 3.0 for side in sides)
+    return values / here, errors / here, directions, flat

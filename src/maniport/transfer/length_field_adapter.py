@@ -12,10 +12,17 @@ from maniport.spd.matrix_functions import to_vector
 from maniport.spd.regularization import Regularization
 from maniport.transfer.adapter import DomainAdapter
 from maniport.transfer.adapter_file import Attribute, Schema, positive
-from maniport.transfer.length_field.field import KAPPA, LengthsMap, as_axis, damped
-from maniport.transfer.length_field.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
-from maniport.transfer.length_field.inverse import MAX_NEAR_SINGULAR, Inverse
-from maniport.transfer.length_field.report import FieldReport, reported
+from maniport.transfer.length_field.field import KAPPA, MAX_NEAR_SINGULAR, Inverse, LengthsMap, as_axis, damped
+from maniport.transfer.length_field.fit import (
+    TIE,
+    FieldReport,
+    NearestSamples,
+    Samples,
+    as_projector,
+    centers_among,
+    fitted,
+    reported,
+)
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number, as_positive_semidefinite
 
@@ -75,7 +82,7 @@ class LengthField(DomainAdapter):
     cost_ : float
         Mean distance from the samples' images to the nearest feasible ellipsoids.
     report_ : FieldReport
-        The same, and the map's smoothness, at held-out samples; see `maniport.transfer.length_field.report`.
+        The same, and the map's smoothness, at held-out samples; see `maniport.transfer.length_field.fit`.
     from_samples_ : bool
         Whether there was no projector.
     width_ : float
@@ -253,14 +260,13 @@ class LengthField(DomainAdapter):
         d = 3 and allocates nothing when it is given `out`. Take it once, after `fit`; a later `fit` does not change it.
         """
         d = self._dimension()
-        from maniport.transfer.control import compiled_map
-        from maniport.transfer.length_field.kernels import map_one
+        from maniport.transfer.control import compiled_map, map_lengths
 
         base, *terms = self._field().terms()
         release = self.teacher_damping_, self.eigenvalue_floor or 0.0, self._released_epsilon() or -1.0, KAPPA
         base_rotation = np.eye(d) if self.base_rotation_ is None else self.base_rotation_
         terms = [np.array(term, dtype=np.float64, order="C") for term in (base_rotation, [*release, *base], *terms)]
-        return compiled_map(map_one, d, *terms)
+        return compiled_map(map_lengths, d, *terms)
 
 
 def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:

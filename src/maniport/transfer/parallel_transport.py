@@ -30,9 +30,6 @@ class ParallelTransport(RigidAdapter):
         Whether to make the dispersions equal; otherwise s = 1.
     dispersion : {"mean", "rms"}
         See `maniport.spd.dispersion`.
-    recenter : {"training", "profile"}
-        Recenter new ellipsoids with the mean of the training domain, or with that of the profile itself. The latter
-        cannot map single ellipsoids and has no inverse.
 
     Attributes
     ----------
@@ -57,12 +54,10 @@ class ParallelTransport(RigidAdapter):
         base_rotation: ArrayLike | None = None,
         scale: bool = True,
         dispersion: str = "mean",
-        recenter: str = "training",
     ):
         super().__init__(damping, eigenvalue_floor, base_rotation)
         self.scale = scale
         self.dispersion = dispersion
-        self.recenter = recenter
 
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
         mapped = self._rigid_map().apply(teacher)

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from maniport.errors import InvalidInputError, NotInvertibleError
 from maniport.spd.kernels import eigh, power_congruence
 from maniport.spd.matrix_functions import MAX_EIGENVALUE, apply, congruence, roots
-from maniport.spd.mean import mean
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.identifiability import Identifiability
 from maniport.transfer.rotation_group import orthonormal
@@ -95,7 +93,6 @@ class RigidAdapter(DomainAdapter):
 
     scale: bool
     dispersion: str
-    recenter: str
     _kept: tuple[Any, RigidMap]
 
     def _fit(self, teacher: Array, student: Array) -> None:
@@ -105,7 +102,6 @@ class RigidAdapter(DomainAdapter):
 
     def _center(self, teacher: Array, student: Array) -> None:
         """Set means, dispersions and their ratio, and `rotation_` to that of parallel transport."""
-        as_choice(self.recenter, "recenter", ("training", "profile"))
         as_choice(self.dispersion, "dispersion", ("mean", "rms"))
         as_flag(self.scale, "scale")
         self._describe(teacher, student, self.dispersion)
@@ -115,7 +111,10 @@ class RigidAdapter(DomainAdapter):
 
     def _settle(self) -> None:
         """Set what follows from the finished map."""
-        self.released_damping_ = self._certain_damping(self._rigid_map())
+        self.released_damping_ = 0.0
+        if self.teacher_damping_ > 0.0:  # what every image of the map certainly carries
+            certain = self._rigid_map().lowest_eigenvalue(self.teacher_damping_)
+            self.released_damping_ = RELEASED * min(self.student_damping_, certain)
 
     @abstractmethod
     def _fit_rotation(self, teacher: Array, student: Array) -> None:
@@ -139,57 +138,32 @@ class RigidAdapter(DomainAdapter):
         ------
         NotFittedError
             Before `fit`.
-        InvalidInputError
-            When ``recenter="profile"``, which cannot map single ellipsoids.
         """
         self._dimension()
-        if self.recenter == "profile":
-            raise InvalidInputError("recenter='profile' maps whole profiles only; fit with recenter='training'")
-        from maniport.transfer.control import compiled_map, map_one
+        from maniport.transfer.control import compiled_map, map_rigidly
 
         left, power, right = self._rigid_map().factors()
         if self.base_rotation_ is not None:
             left = left @ self.base_rotation_
         floor = 0.0 if self.eigenvalue_floor is None else float(self.eigenvalue_floor)
         numbers = np.array([power, self.teacher_damping_, floor, self.released_damping_])
-        return compiled_map(map_one, len(left), *map(np.ascontiguousarray, (left, right)), numbers)
+        return compiled_map(map_rigidly, len(left), *map(np.ascontiguousarray, (left, right)), numbers)
 
     def _map(self, points: Array) -> tuple[Array, float]:
-        if self.recenter == "training":
-            return self._rigid_map().apply(points), self.released_damping_
-        if len(points) < 2:
-            raise InvalidInputError(
-                f"points must be a profile of at least 2 ellipsoids where recenter='profile'; found {len(points)}"
-            )
-        rigid = self._rigid_map(mean(points))
-        return rigid.apply(points), self._certain_damping(rigid)
+        return self._rigid_map().apply(points), self.released_damping_
 
     def _map_back(self, points: Array) -> Array:
-        if self.recenter == "profile":
-            raise NotInvertibleError(
-                "recenter='profile' uses the mean of each profile, which its image does not determine; "
-                "only recenter='training' can be inverted"
-            )
         return self._rigid_map().invert(points)
 
-    def _rigid_map(self, teacher_mean: Array | None = None) -> RigidMap:
-        """Return the map from the teacher's mean, by default the training domain's, whose map is kept."""
-        center = self.teacher_mean_ if teacher_mean is None else teacher_mean
-        parts = center, self.student_mean_, self.rotation_, float(self.dispersion_ratio_)
+    def _rigid_map(self) -> RigidMap:
+        """Return the map of the fitted attributes, which is kept until they change."""
+        parts = self.teacher_mean_, self.student_mean_, self.rotation_, float(self.dispersion_ratio_)
         made_of = (*(part.tobytes() for part in parts[:3]), parts[3])
         kept = self.__dict__.get("_kept")
         if kept is None or kept[0] != made_of:
-            kept = made_of, RigidMap(*parts)
-            if teacher_mean is None:
-                self._kept = kept
+            kept = self._kept = made_of, RigidMap(*parts)
         return kept[1]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: all but the kept map."""
         return {name: value for name, value in self.__dict__.items() if name != "_kept"}
-
-    def _certain_damping(self, rigid: RigidMap) -> float:
-        """Return how much damping every image of the map certainly carries, at most the student's own."""
-        if self.teacher_damping_ == 0.0:
-            return 0.0
-        return RELEASED * min(self.student_damping_, rigid.lowest_eigenvalue(self.teacher_damping_))

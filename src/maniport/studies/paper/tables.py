@@ -77,7 +77,7 @@ def paper_table(number: str) -> tuple[PaperRow, ...]:
 
 def paper_adapter(row: PaperRow, eigenvalue_floor: float | None = FLOOR) -> DomainAdapter:
     """Return the adapter that a row of the paper was made with, by the paper's text."""
-    rigid: dict[str, Any] = {"scale": True, "dispersion": "mean", "recenter": "training"}  # no base_rotation is known
+    rigid: dict[str, Any] = {"scale": True, "dispersion": "mean"}  # no base_rotation is known
     rigid |= {"damping": None, "base_rotation": None, "eigenvalue_floor": eigenvalue_floor}
     if row.exponent is None:
         return ParallelTransport(**rigid)

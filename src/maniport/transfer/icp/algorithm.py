@@ -1,20 +1,22 @@
 """Manifold-aware ICP (Reithmeir et al. 2022, Algorithm 1): match ellipsoids, rotate them onto their partners, repeat.
 
-Steps 1 and 2 of the algorithm recenter both clouds at the identity and dilate the teacher's to the student's dispersion
-(paper, eqs. 10 to 14; `maniport.transfer.rigid_adapter`). Step 3, here, alternates
+    step 1   recenter both clouds at the identity: P^-½ X P^-½                    eqs. 10, 11   `rigid_adapter.recenter`
+    step 2   dilate the teacher's to the student's dispersion: X^s                eqs. 12 to 14 `rigid_adapter.recenter`
+    start    rotation of parallel transport, and others                           § IV-C        `icp.initialization`
+    step 3   (i, j, w_ij) = correspondence(R T_i Rᵀ, S_j)                         eq. 18        `icp.correspondence`
+             R ← argmin Σ w_ij^k d²(S_j, R T_i Rᵀ) over SO(d)                     eq. 15        `icp.rotation`
+    step 4   f(T) = S̄^½ R (T̄^-½ T T̄^-½)^s Rᵀ S̄^½                                  eqs. 16, 17   `rigid_adapter.RigidMap`
 
-    matches   (i, j, w_ij) = correspondence(R T_i Rᵀ, S_j)                           paper, eq. 18
-    rotation  R ← argmin Σ w_ij^k d²(S_j, R T_i Rᵀ) over SO(d)                        paper, eq. 15
-
-from an initial rotation, by default that of parallel transport. Except for the nearest neighbor, no objective falls in
-every iteration, so that the best iterate is returned.
+Except for the nearest neighbor, no objective falls in every iteration of step 3, so that the best iterate is returned.
+The paper follows one start; `best_registration` follows several.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maniport.transfer.icp.matches import Correspondence, Matches
+from maniport.transfer.icp.correspondence import Correspondence, Matches
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_angle
 from maniport.util.sampling import evenly_spaced
@@ -35,7 +37,7 @@ class Registration:
 
 
 class ICP:
-    """Iterative closest point between two recentered clouds, shapes (n, d, d) and (m, d, d)."""
+    """Step 3 for two recentered clouds, shapes (n, d, d) and (m, d, d), and known pairs, both (k, d, d)."""
 
     def __init__(
         self,
@@ -74,7 +76,7 @@ class ICP:
         return RotationProblem(factors, self._sources[pairs.teacher], pairs.weight), matches
 
     def run(self, start: Array, max_iter: int, gradient_tol: float = 1e-9, patience: int = 5) -> Registration:
-        """Alternate (18) and (15) until the rotation converges or `patience` iterations do not lower the cost."""
+        """Alternate eqs. 18 and 15 until the rotation converges or `patience` iterations do not lower the cost."""
         rotation, history, iterates = start, list[float](), list[tuple[Array, Matches]]()
         reason, converged = f"{max_iter} iterations without convergence", False
         for iteration in range(max_iter + 1):
@@ -95,3 +97,23 @@ class ICP:
             rotation = step.rotation
         best = int(np.argmin(history))
         return Registration(start, iterates[best][0], history[best], iterates[best][1], history, reason, converged)
+
+
+def best_registration(
+    icp: ICP, first: Array, others: Sequence[Array], count: int, max_iter: int, margin: float, limit: int = 400
+) -> tuple[Registration, Registration]:
+    """Return the registration from `first`, and the one of the lowest cost; another's is lower by a share `margin`.
+
+    The `count` most promising of the others are followed for two iterations, and the best of them to its end: at first
+    on at most `limit` ellipsoids of the smaller cloud, and chosen on half as many.
+    """
+    start = icp.run(first, max_iter)
+    if not others:
+        return start, start
+    coarse, medium = icp.subsampled(limit // 2), icp.subsampled(limit)
+    costs = [coarse.problem(rotation)[0].cost(rotation) for rotation in others]
+    chosen = [others[i] for i in np.argsort(costs, kind="stable")[:count]]
+    ahead = min((medium.run(other, min(2, max_iter), 1e-3) for other in chosen), key=lambda run: run.cost)
+    # a part of the cloud may mislead: the best has to beat the first rotation on all of it
+    best = replace(icp.run(ahead.rotation, max_iter), start=ahead.start)
+    return start, best if best.cost < start.cost * (1.0 - margin) - 1e-6 else start

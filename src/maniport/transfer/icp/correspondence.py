@@ -1,17 +1,21 @@
-"""Correspondences by affine-invariant distance (nearest, one to one, optimal transport), and all of them by name."""
+"""Correspondences: which ellipsoids of two clouds are matched under a rotation.
 
-from abc import abstractmethod
+To add one, derive a frozen dataclass of its options from `Correspondence`, whose `between` prepares two clouds and
+returns a function of the rotation. `RiemannianICP(correspondence=MyOwn())` takes it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.matrix_functions import congruence
-from maniport.spd.neighbors import NeighborIndex
-from maniport.transfer.icp.matches import Correspondence, Indices, Matches, Matching, Seeking, trimmed_count
+from maniport.spd.neighbors import Indices, NeighborIndex
 from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 from maniport.util.optional import optimal_transport
 from maniport.util.validation import Array, as_choice, as_number
@@ -19,6 +23,88 @@ from maniport.util.validation import Array, as_choice, as_number
 LIMIT = 2000
 """Largest number of ellipsoids on a side that are matched as a whole: about 1 s under each rotation, growing with the
 third power."""
+
+DIRECTIONS = ("smaller", "teacher", "student", "both")
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Which ellipsoids belong together, and how much each match counts.
+
+    Attributes
+    ----------
+    teacher, student : ndarray, shape (k,)
+        Indices into the two clouds. An ellipsoid may occur often, or not at all.
+    weight : ndarray, shape (k,)
+        Non-negative; sums to one.
+    """
+
+    teacher: Indices
+    student: Indices
+    weight: Array
+
+    @classmethod
+    def trimmed(cls, teacher: Indices, student: Indices, weight: Array, loss: Array, trim: float) -> Self:
+        """Drop the fraction `trim` of the matches with the largest loss and scale the weights to sum to one."""
+        if trim > 0.0:
+            kept = np.sort(np.argsort(loss, kind="stable")[: len(loss) - trimmed_count(len(loss), trim)])
+            teacher, student, weight = teacher[kept], student[kept], weight[kept]
+        return cls(teacher, student, weight / weight.sum())
+
+    def joined(self, others: "Matches") -> "Matches":
+        """Return both, these first, each with half of the weight."""
+        return Matches(
+            np.concatenate([self.teacher, others.teacher]),
+            np.concatenate([self.student, others.student]),
+            0.5 * np.concatenate([self.weight, others.weight]),
+        )
+
+
+Matching = Callable[[Array], Matches]  # Matches R T_i Rᵀ with S_j for a rotation R, shape (d, d)
+
+
+class Correspondence(ABC):
+    """A rule that matches the ellipsoids of two clouds."""
+
+    @abstractmethod
+    def between(self, teacher: Array, student: Array) -> Matching:
+        """Prepare two recentered clouds, shapes (n, d, d) and (m, d, d); return their matches by rotation."""
+
+
+@dataclass(frozen=True)
+class Seeking(Correspondence):
+    """Base of the correspondences that match each ellipsoid on its own; see `GeodesicCorrespondence`."""
+
+    direction: str = "smaller"
+    trim: float = 0.0
+
+    def __post_init__(self) -> None:
+        as_choice(self.direction, "direction", DIRECTIONS)
+        as_number(self.trim, "trim", minimum=0.0, below=1.0)
+
+    @abstractmethod
+    def one_way(self, teacher: Array, student: Array) -> Matching:
+        """Match every teacher ellipsoid with one of the student's."""
+
+    def between(self, teacher: Array, student: Array) -> Matching:
+        """Match in the chosen direction."""
+        if self.direction == "teacher" or (self.direction == "smaller" and len(teacher) <= len(student)):
+            return self.one_way(teacher, student)
+        exchanged = self.one_way(student, teacher)
+
+        def backward(rotation: Array) -> Matches:
+            matches = exchanged(rotation.T)
+            return Matches(matches.student, matches.teacher, matches.weight)
+
+        if self.direction == "student" or self.direction == "smaller":
+            return backward
+        forward = self.one_way(teacher, student)
+        return lambda rotation: forward(rotation).joined(backward(rotation))
+
+
+def trimmed_count(count: int, trim: float) -> int:
+    """Return how many of `count` matches the fraction `trim` drops, rounded down; one match always remains."""
+    return min(int(trim * count + 1e-9), count - 1)
 
 
 @dataclass(frozen=True)
@@ -232,16 +318,3 @@ def correspondence_of(value: str | Correspondence) -> Correspondence:
     raise InvalidInputError(
         f"correspondence must be one of {', '.join(map(repr, CORRESPONDENCES))} or a Correspondence; found {value!r}"
     )
-
-
-__all__ = [
-    "CORRESPONDENCES",
-    "Correspondence",
-    "EllipsoidCorrespondence",
-    "GeodesicCorrespondence",
-    "LogEllipsoidCorrespondence",
-    "Matches",
-    "OneToOneCorrespondence",
-    "TransportCorrespondence",
-    "correspondence_of",
-]

@@ -1,18 +1,20 @@
-"""The map that rescales eigenvalues: its image, its derivative, and its features about an axis of symmetry.
+"""The map that rescales eigenvalues: its image, derivative, inverse, and features about an axis of symmetry.
 
 A student whose first joint goes round can turn every ellipsoid about that joint's axis. The field then depends only on
 features that no such turn changes, so that it needs to see each ellipsoid only once.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.distance import cdist
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.kernels import MAX_EIGENVALUE, MIN_EIGENVALUE, compose, congruence, eigh, mandel_basis
-from maniport.spd.matrix_functions import from_vector, to_vector
+from maniport.spd.matrix_functions import apply, from_vector, to_vector
 from maniport.util.validation import SPD_TOLERANCE, Array, as_numbers
 
 ROUNDED = 0.1 * SPD_TOLERANCE  # Share of the trace up to which an eigenvalue may be a zero that was rounded up
@@ -20,7 +22,10 @@ ILL_CONDITIONED = "points, or their images, are too ill-conditioned for floating
 
 KAPPA = 1e-4  # κ: an image as flat as the damping keeps √κ of it, a round one loses all but κ of it
 
-NO_AXIS = np.zeros(0)
+NEAR_SINGULAR = 0.02
+MAX_NEAR_SINGULAR = 0.02
+"""Smallest singular value of the derivative below which no inverse is returned, and the share of the centers where it
+may be as small; above, whole regions have several origins, and a search may miss a second one."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +45,9 @@ class LengthsMap:
         return replace(self, lengths=0.0 * self.lengths)
 
     def terms(self) -> tuple[Array, Array, Array, Array]:
-        """Terms for `maniport.transfer.length_field.kernels`: base, harmonics, centers and their squares, lengths."""
+        """Terms for `maniport.transfer.control`: base, harmonics, centers and their squares, lengths."""
         base = np.array([self.power, self.shift, self.level, self.width**-2, self._softening**2])
-        centers = self.features(self.centers)
+        centers = self._center_features
         weighed = np.column_stack([centers, -0.5 * np.sum(centers**2, axis=1)]) / self.width**2
         return base, harmonics(self.axis), weighed, np.ascontiguousarray(self.lengths)
 
@@ -78,9 +83,13 @@ class LengthsMap:
         """φ(x), shape (n, D), of vectors (n, D)."""
         return features(x @ harmonics(self.axis).T, self._softening) if len(self.axis) else x
 
+    @cached_property
+    def _center_features(self) -> Array:
+        return self.features(self.centers)
+
     def kernel(self, x: Array) -> Array:
         """Kernel values (n, m) at vectors (n, D)."""
-        x, centers = self.features(x), self.features(self.centers)
+        x, centers = self.features(x), self._center_features
         squares = np.sum(x**2, axis=1)[:, None] + np.sum(centers**2, axis=1) - 2.0 * x @ centers.T
         return np.asarray(np.exp(-0.5 * np.maximum(squares, 0.0) / self.width**2))
 
@@ -95,7 +104,7 @@ class LengthsMap:
         near, d = self.kernel(x), values.shape[1]
         field, t = near @ self.lengths, powers(values)
         # ∂k_j/∂φ = k_j (φ(c_j) − φ(x)) / w²
-        phi, centers = self.features(x), self.features(self.centers)
+        phi, centers = self.features(x), self._center_features
         drawn = near @ (self.lengths[:, :, None] * centers[:, None]).reshape(len(centers), -1)
         pulls = (drawn.reshape(*field.shape, phi.shape[1]) - field[:, :, None] * phi[:, None]) / self.width**2
         if len(self.axis):
@@ -124,6 +133,80 @@ class LengthsMap:
         among = self.kernel(self.centers) + jitter * np.eye(len(self.centers))
         explained = np.einsum("nm,mn->n", near, cho_solve(cho_factor(among), near.T))
         return np.asarray(np.clip(1.0 - explained, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """Finds the origins of images by Newton's method from several starts."""
+
+    field: LengthsMap
+    near_singular: float  # share of the centers where the map folds, or nearly so
+    starts: Array  # (k, D): vectors where it nearly folds
+    images: Array  # (k, D): vec log f there
+
+    @classmethod
+    def of(cls, field: LengthsMap, scattered: int = 1200, nearly: float = 0.15) -> "Inverse":
+        """Prepare the inverse; starts are centers and `scattered` others with a singular value below `nearly`."""
+        centers = field.centers
+        often = -(-scattered // len(centers))
+        around = field.width * np.random.default_rng(0).standard_normal((often, *centers.shape))
+        places = np.concatenate([centers, (centers + around).reshape(-1, centers.shape[1])])
+        values, vectors = eigh(from_vector(places))
+        singular = least_singular(field.slopes(values, vectors))
+        near = singular < nearly
+        images = to_vector(field.logarithms(values[near], vectors[near]))
+        return cls(field, float(np.mean(singular[: len(centers)] < NEAR_SINGULAR)), places[near], images)
+
+    def __call__(self, points: Array) -> Array:
+        """Find the SPD matrices (n, d, d) whose images are `points`; nan for what is not found, or where it folds."""
+        blocks = [self._inverted(points[first : first + 64]) for first in range(0, len(points), 64)]
+        return np.concatenate([points[:0], *blocks])
+
+    def _inverted(self, points: Array, starts: int = 24, same: float = 1e-6) -> Array:
+        field = self.field
+        wanted = to_vector(apply(points, np.log) - field.level * np.eye(points.shape[-1]))
+        x = self._newton(wanted, wanted)
+        order = np.argsort(cdist(wanted, self.images), axis=1)[:, :starts]
+        rows = np.repeat(np.arange(len(x)), order.shape[1])
+        other = self._newton(wanted[rows], self.starts[order.ravel()])
+        apart = np.linalg.norm(other - x[rows], axis=1) > same * (1.0 + np.linalg.norm(other, axis=1))
+        x[rows[apart]] = np.nan
+        found = np.flatnonzero(np.isfinite(x[:, 0]))
+        values, vectors = eigh(from_vector(x[found]))
+        fair = least_singular(field.slopes(values, vectors)) > NEAR_SINGULAR
+        back = np.full(points.shape, np.nan)
+        back[found[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
+        return back
+
+    def _newton(self, wanted: Array, start: Array, steps: int = 40, halvings: int = 12) -> Array:
+        """Solve for the vec L (n, D) whose image is `wanted`, with steps halved until it is nearer; else nan."""
+        x, scale = start.copy(), 1.0 + np.linalg.norm(wanted, axis=1)
+        off, rows = self._off(x, wanted), np.arange(len(x))
+        for _ in range(steps):
+            rows = rows[np.linalg.norm(off[rows], axis=1) > 1e-13 * scale[rows]]
+            if not len(rows):
+                break
+            step, share, pending = self._step(x[rows], off[rows]), 1.0, np.arange(len(rows))
+            for _ in range(halvings):
+                here = rows[pending]
+                trial = x[here] + share * step[pending]
+                left = self._off(trial, wanted[here])
+                nearer = np.linalg.norm(left, axis=1) < np.linalg.norm(off[here], axis=1)
+                x[here[nearer]], off[here[nearer]] = trial[nearer], left[nearer]
+                pending, share = pending[~nearer], 0.5 * share
+                if not len(pending):
+                    break
+            rows = np.delete(rows, pending)  # no step leads nearer
+        x[np.linalg.norm(off, axis=1) > 1e-10 * scale] = np.nan
+        return x
+
+    def _off(self, x: Array, wanted: Array) -> Array:
+        return wanted - to_vector(self.field.logarithms(*eigh(from_vector(x))))
+
+    def _step(self, x: Array, off: Array) -> Array:
+        left, singular, right = np.linalg.svd(self.field.slopes(*eigh(from_vector(x))))
+        inner = (off[:, None] @ left)[:, 0] / np.maximum(singular, 1e-3 * singular[:, :1])
+        return np.asarray((inner[:, None] @ right)[:, 0])
 
 
 def least_singular(slopes: Array) -> Array:
@@ -167,7 +250,7 @@ def released(values: Array, epsilon: float) -> Array:
 def as_axis(axis: ArrayLike | None, name: str, size: int) -> Array:
     """Return a unit vector, shape (3,), or none, shape (0,), for None."""
     if axis is None:
-        return NO_AXIS
+        return np.zeros(0)
     direction = as_numbers(axis, name, 3)
     length = np.linalg.norm(direction)
     if size != 3 or not length > 0.0:
