@@ -10,7 +10,6 @@ import maniport as mp
 from maniport.arms.restriction import standing
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
-from maniport.mocap import shipped_recording
 from maniport.report.metrics import report_of
 from sizes import SMALL
 
@@ -221,17 +220,6 @@ def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path
     result = CliRunner().invoke(app, ["transfer", *words, "-o", "out"])
     assert isinstance(result.exception, ManiportError), result.output
     assert found in str(result.exception)
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("verb", ["learn", "live"])
-def test_verbs_that_move_one_arm_say_what_moves_both(verb, monkeypatch, tmp_path):
-    """Before long work, and nothing is written."""
-    monkeypatch.chdir(tmp_path)
-    more = ("--udp", "0") if verb == "live" else ("-o", "out")
-    result = CliRunner().invoke(app, [verb, str(shipped_recording("both-arms")), "--side", "both", *more])
-    assert isinstance(result.exception, ManiportError), result.output
-    assert "both" in str(result.exception)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 
 @pytest.fixture
@@ -27,13 +28,4 @@ def make_cloud():
 @pytest.fixture(scope="session")
 def turn_about():
     """Make the rotation by an angle [deg] about a coordinate axis."""
-
-    def make(angle, axis=2):
-        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-        first, second = [i for i in range(3) if i != axis]
-        rotation = np.eye(3)
-        rotation[first, first] = rotation[second, second] = c
-        rotation[second, first], rotation[first, second] = s, -s
-        return rotation
-
-    return make
+    return lambda angle, axis=2: Rotation.from_euler("xyz"[axis], angle, degrees=True).as_matrix()

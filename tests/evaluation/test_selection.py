@@ -112,8 +112,7 @@ def test_every_check_can_fail(worse):
 
 def test_large_ellipsoids_get_parallel_transport():
     """For 6×6 the field is not fitted."""
-    person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
-    spec = mp.arms.EllipsoidSpec("velocity", "full")
+    person, robot, spec = mp.load_arm("rhuman"), mp.load_arm("panda"), mp.arms.EllipsoidSpec("velocity", "full")
     domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
     profile = person.ellipsoids(person.sample(5, 0), spec)
     assert choose(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"
@@ -123,9 +122,10 @@ def test_bad_input_is_refused():
     """Errors name the argument."""
     person, robot = mp.load_arm("rhuman"), mp.load_arm("panda")
     domain, profile = mp.sample_domain(person, 16, 0), person.manipulability(np.zeros((5, 7)))
-    with pytest.raises(NotSPDError, match=r"^teacher_domain\[0\]"):
-        choose(-domain, domain, profile, robot=robot, damping=0.01)
-    with pytest.raises(InvalidInputError, match=r"^student_domain must hold 3×3"):
-        choose(domain, np.array([np.eye(2)] * 5), profile, robot=robot, damping=0.01)
-    with pytest.raises(InvalidInputError, match="profile must hold at least 3"):
-        choose(domain, domain, profile[:2], robot=robot, damping=0.01)
+    for sets, error, text in (
+        ((-domain, domain, profile), NotSPDError, r"^teacher_domain\[0\]"),
+        ((domain, np.array([np.eye(2)] * 5), profile), InvalidInputError, "^student_domain must hold 3×3"),
+        ((domain, domain, profile[:2]), InvalidInputError, "profile must hold at least 3"),
+    ):
+        with pytest.raises(error, match=text):
+            choose(*sets, robot=robot, damping=0.01)

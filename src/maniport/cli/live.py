@@ -14,6 +14,7 @@ from maniport.cli.application import command
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
+from maniport.util.defaults import AUTO, BOTH
 from maniport.util.ports import LOOPBACK, is_loopback
 from maniport.util.signals import ending_in_order
 
@@ -26,7 +27,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", without=("tips", "pose", "move", "export"),
+    "human", "robot", "transfer", "motion", "seed", without=("tips", "move", "export"),
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000;  sensor | maniport live walk.bvh",
 )  # fmt: skip
 def live(
@@ -48,7 +49,8 @@ def live(
     """
     from maniport.mocap.arm_ik import require_person
 
-    require_person(config.human.person, config.human.side, config.human.height)
+    human = config.human
+    require_person(human.person, AUTO if human.side == BOTH else human.side, human.height)
     transport = _opened(udp, host, send)  # ports that cannot be opened are reported before any long work
     with console.progress() as progress:
         from threadpoolctl import threadpool_limits

@@ -89,9 +89,7 @@ def evaluate(
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")
     if truth is not None and np.shape(truth) != np.shape(profile):
-        raise InvalidInputError(
-            f"truth must have the shape of profile, {np.shape(profile)}; found shape {np.shape(truth)}"
-        )
+        raise InvalidInputError(f"truth must have the shape of profile, {np.shape(profile)}; found {np.shape(truth)}")
     as_count(n_domain, "n_domain", minimum=0), as_count(n_identity, "n_identity", minimum=0)
     teacher, student = as_finite(teacher_domain, "teacher_domain"), as_finite(student_domain, "student_domain")
     if robot is not None:

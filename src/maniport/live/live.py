@@ -283,7 +283,7 @@ class Live:
 
 def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:
     """Require a value of a type for each arm; one that is no sequence is that of the only arm."""
-    values = tuple(value) if isinstance(value, Sequence) else (value,)
+    values = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
     if len(values) != count or not all(isinstance(item, kind) for item in values):
         number = "" if count == 1 else f", {count} of them, one for each arm of the robot"
         found = ", ".join(type(item).__name__ for item in values)

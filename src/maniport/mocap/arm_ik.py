@@ -252,7 +252,7 @@ def require_person(
     """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
-        takes = "maniport transfer, batch and view" if typed() else "fit_arms and transfer_recording"
+        takes = "maniport transfer, batch, live and view" if typed() else "fit_arms and transfer_recording"
         raise InvalidInputError(
             f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )
