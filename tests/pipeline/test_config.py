@@ -84,3 +84,8 @@ def test_names_of_options_are_unique_and_described():
     """An option belongs to one section, and its description is a short noun phrase."""
     assert len(OPTIONS) == sum(len(options_of(kind)) for kind in (Config, *SECTIONS.values()))
     assert all(len(described.help.split()) <= 12 for _, described in OPTIONS.values())
+
+
+def test_units_of_elements_are_converted():
+    """The yaw of a base is typed in degrees."""
+    assert OPTIONS["pose"][1].parse(["0,0.3,0,90"]) == ((0.0, 0.3, 0.0, pytest.approx(np.pi / 2)),)

@@ -5,7 +5,6 @@ import time as clock
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -21,7 +20,7 @@ from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.transfer import follow_person, recorded
+from maniport.pipeline.transfer import collected_warnings, follow_person
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
@@ -147,9 +146,10 @@ def _human(pair: Pair, humans: list[tuple[Any, Human, Warnings]]) -> tuple[Human
     recording = job.config.human.read(pair.source.path)
     if content_of(pair.source) != pair.content:
         raise ManiportError(f"{pair.source.path}: it changed during the batch; start again")
-    human, texts = recorded(partial(stages.fit_human, recording, job))
-    humans.append((options, human.subsampled(rate), texts))
-    return humans[-1][1:]
+    with collected_warnings() as collected:
+        human = stages.fit_human(recording, job).subsampled(rate)
+    humans.append((options, human, tuple(collected)))
+    return human, tuple(collected)
 
 
 def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robots: int = 4) -> dict[str, Any]:
@@ -161,15 +161,19 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robo
     if robot.key not in _robots:
         while len(_robots) >= most_robots:
             del _robots[next(iter(_robots))]
-        _robots[robot.key] = recorded(partial(stages.sample_robot, job))
+        with collected_warnings() as collected:
+            sampled = stages.sample_robot(job)
+        _robots[robot.key] = sampled, tuple(collected)
     sampled, of_robot = _robots[robot.key]
     if selects:
-        maps, of_map = recorded(partial(stages.fit_transfer, human, sampled, job))
+        with collected_warnings() as of_maps:
+            maps = stages.fit_transfer(human, sampled, job)
     else:
         fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.fits))]
-        maps, of_map = tuple(own for own, _ in fitted), tuple(text for _, own in fitted for text in own)
-    result, of_motion = recorded(partial(follow_person, human, sampled, maps, job, baselines=selects))
-    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_map, *of_motion))))
+        maps, of_maps = tuple(own for own, _ in fitted), [text for _, own in fitted for text in own]
+    with collected_warnings() as of_motion:
+        result = follow_person(human, sampled, maps, job, baselines=selects)
+    result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion))))
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())
     pair.folder.parent.mkdir(parents=True, exist_ok=True)
@@ -198,12 +202,13 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
     about = file.with_suffix(".json")
     if not (file.exists() and about.exists()):
         file.parent.mkdir(parents=True, exist_ok=True)
-        fitted, texts = recorded(partial(stages.fit_map, person, None, sampled, job, arm))
+        with collected_warnings() as texts:
+            fitted = stages.fit_map(person, None, sampled, job, arm)
         with written_whole(about) as temporary:
             text = json.dumps({"person": fit.arm.name, "side": side, "lengths_m": lengths, "warnings": texts})
             temporary.write_text(text, encoding="utf-8")
         fitted.adapter.save(file)
     if file not in _maps:
-        texts = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
-        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job), 0.0), texts
+        own = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
+        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job), 0.0), own
     return _maps[file]

@@ -39,7 +39,6 @@ from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
-from maniport.util.progress import Progress
 from maniport.util.validation import Array
 
 
@@ -191,19 +190,18 @@ def plan(
     control, options, tips = settings.control, settings.config.motion, settings.config.robot.tips
     assert control is not None
     placed = targets if placements is None else targets.placed(placements)
-
-    def planned(rotations: Sequence[Array] | None, progress: Progress) -> RobotMotion:
-        return plan_motion(
+    rotations, motions = placed.base_rotations, []
+    for own in (None,) if rotations is None else (None, rotations):  # with orientations first a free motion
+        step = ", free orientation" if own is not rotations else ""
+        motion = plan_motion(
             planner.group, placed.profiles, time=placed.time, paths=placed.paths, spec=placed.spec,
-            damping=placed.damping, rotations=rotations, costs=options.costs, tips=tips, planner=planner,
-            pointwise_bests=placed.pointwise_bests, random_state=generator, progress=progress,
+            damping=placed.damping, rotations=own, costs=options.costs, tips=tips, planner=planner,
+            pointwise_bests=placed.pointwise_bests, random_state=generator,
+            progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
             **{option.name: getattr(control, option.name) for option in fields(control)},
         )  # fmt: skip
-
-    rotations, free = placed.base_rotations, None
-    if rotations is not None:
-        free = planned(None, lambda step, *more: settings.progress(f"{step}, free orientation", *more))
-    motion = planned(rotations, settings.progress)
+        motions.append(motion)
+    free = motions[0] if len(motions) > 1 else None
     if options.tracking is not None:
         motion = follow(motion, planner, rotations, settings)
     return Moved(motion, free, placements if tips == PLACED else None)

@@ -2,10 +2,11 @@
 
 import copy
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,8 +29,6 @@ from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import as_choice, as_finite, as_times
-
-T = TypeVar("T")
 
 
 def transfer_recording(
@@ -70,9 +69,14 @@ def transfer_recording(
     """
     config = _with_source((config or Config()).changed(**options), recording)
     settings = settings_of(config, progress)
-    with threadpool_limits(1):  # sums round alike with any number of cores, and threads would wait for one another
-        result, texts = recorded(lambda: run(recording, settings))
-    return replace(result, warnings=texts, config=config)
+    with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round alike with any number of cores
+        if not isinstance(recording, LearnedProfile):
+            recording = stages.load(recording, settings)
+        human = stages.fit_human(recording, settings)
+        robot = stages.sample_robot(settings)
+        maps = stages.fit_transfer(human, robot, settings)
+        result = follow_person(human, robot, maps, settings)
+    return replace(result, warnings=tuple(texts), config=config)
 
 
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
@@ -119,16 +123,6 @@ def _with_source(config: Config, recording: Recording | LearnedProfile | str | P
         return config.changed(recording=recording)
     part = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
     return config.changed(recording=str(recording.source), **part) if recording.source else config
-
-
-def run(recording: Recording | LearnedProfile | str | Path, settings: Settings) -> TransferResult:
-    """Run all stages."""
-    if not isinstance(recording, LearnedProfile):
-        recording = stages.load(recording, settings)
-    human = stages.fit_human(recording, settings)
-    robot = stages.sample_robot(settings)
-    maps = stages.fit_transfer(human, robot, settings)
-    return follow_person(human, robot, maps, settings)
 
 
 def follow_person(
@@ -222,10 +216,12 @@ def follow_profile(
     return MotionResult(robot=group, arms=arms, motion=moved.motion, random_state=config.seed, config=config)
 
 
-def recorded(work: Callable[[], T]) -> tuple[T, tuple[str, ...]]:
-    """Return the result of `work` and the texts of its warnings, each once."""
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of warnings in the block, each once; the list has them at its end."""
+    texts: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ManiportWarning)
-        result = work()
-    texts = (str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
-    return result, tuple(dict.fromkeys(texts))
+        yield texts
+    own = (str(warning.message) for warning in caught if issubclass(warning.category, ManiportWarning))
+    texts += dict.fromkeys(own)
