@@ -10,7 +10,6 @@ import maniport as mp
 from maniport.arms.restriction import standing
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
-from maniport.mocap import shipped_recording
 from maniport.report.metrics import report_of
 from sizes import SMALL
 
