@@ -3,7 +3,7 @@
 # make coverage   all tests with coverage of lines and branches, except for drawing code (about ten minutes)
 # make fuzz   read 10 000 mutated files of every format in separate processes (about half an hour)
 # make kills  stop commands that write results at 1600 random times, by SIGKILL and Ctrl-C (about half an hour)
-# make mutants   change spd and transfer in one place at a time, and list changes that no test detects (tests/mutation)
+# make mutants   change spd and transfer in one place at a time, and list changes that no test detects (mutmut)
 # make nightly   5000 configurations of each arm of example-robot-data on exact meshes; then fuzz, kills and mutants
 # make docs   the site in build/docs, with all examples; warnings of Sphinx are errors (about three minutes)
 # make links  check external links of the documentation; needs the network
@@ -37,7 +37,7 @@ kills: $(VENV)/.installed-test
 	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m kills
 
 mutants: $(VENV)/.installed-mutation
-	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m mutation $(MODULE)
+	OMP_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/mutmut run $(MUTANTS)
 
 nightly: $(VENV)/.installed-nightly
 	MANIPORT_NIGHTLY=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto tests/arms/test_collision_coverage.py

@@ -25,7 +25,7 @@ from maniport.studies.methods import EVALUATIONS, RECORDINGS
 from maniport.studies.paper.trajectories import human_arm, human_evaluation
 from maniport.transfer import method_of
 from maniport.util.defaults import DAMPING, STUDENT_SAMPLES, TEACHER_SAMPLES
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 
 EVALUATION_SECONDS = 5.0
 """Duration of H-Eval-1 to -4, for which the paper gives none."""

@@ -4,6 +4,6 @@ import pytest
 
 from maniport.arms.loaders.packages import PACKAGES
 
-HERE = bool(PACKAGES["example-robot-data"].found())
+HERE = bool(PACKAGES["example-robot-data"].installed())
 MISSING = "example-robot-data is not installed"
 NEEDS_ROBOTS = pytest.mark.skipif(not HERE, reason=MISSING)

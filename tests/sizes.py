@@ -3,9 +3,10 @@
 from dataclasses import replace
 from unittest import mock
 
+from maniport.motion import RobotMotion
 from maniport.motion.plan.plan_control import EFFORTS
 from maniport.pipeline import MotionResult
-from maniport.pipeline.results import ArmResult, motion_of_arm
+from maniport.pipeline.results import ArmResult
 
 SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
@@ -20,7 +21,7 @@ def few_places(**sizes):
 def with_arm(result, **changes):
     """Return a result of one arm with other attributes of the arm, and its motion."""
     arm = replace(result.arm, **changes)
-    return replace(result, arms=(arm,), motion=motion_of_arm(result.robot, arm.motion))
+    return replace(result, arms=(arm,), motion=RobotMotion(result.robot, arm.motion, (arm.motion,)))
 
 
 def motion_alone(result):

@@ -34,7 +34,7 @@ def test_configurations_reported_free_are_free(name):
     collisions = Collisions.of(arm)
     if not collisions.known:
         pytest.skip(f"{name} has no meshes")
-    path = ROBOTS.found()["panda"] if name == "panda" else find_robot(f"example-robot-data/{name}").path
+    path = ROBOTS.installed()["panda"] if name == "panda" else find_robot(f"example-robot-data/{name}").path
     exact = ExactMeshes(path, arm.joint_names, arm.sample(100, 1))
     unchecked = {frozenset(text.split(" against ")) for text in collisions.unchecked}
     q = arm.sample(COUNT, 7)

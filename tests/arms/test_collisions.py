@@ -1,7 +1,5 @@
 """What an arm collides with: distances, their derivatives, and which postures are free."""
 
-from types import SimpleNamespace
-
 import mujoco
 import numpy as np
 import pytest
@@ -10,9 +8,6 @@ from scipy.spatial import ConvexHull
 
 from maniport.arms import as_group, load_arm, load_arms
 from maniport.arms.collisions import Collisions, free_configurations
-from maniport.motion.trajectory import Clearance
-from maniport.report.robot import collision_warnings
-from maniport.report.values import WARNING
 
 CUBE = 0.2
 
@@ -212,20 +207,11 @@ def test_an_arm_without_surface_says_so(tmp_path):
 
 
 def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry):
-    """Distances are those to the cylinder under <collision>, and a motion is told to be checked with it."""
-    drawn = f'<box size="{CUBE} {CUBE} {CUBE}"/>'
+    """Distances are those to the cylinder under <collision>, and its link is named."""
     solid = f'<collision><geometry><cylinder radius="0.05" length="{CUBE}"/></geometry></collision>'
-    load = _link("load", CUBE).replace(drawn, '<mesh filename="gone.stl"/>').replace("</link>", f"{solid}</link>")
+    load = f'<link name="load"><visual><geometry><mesh filename="gone.stl"/></geometry></visual>{solid}</link>'
     (tmp_path / "gone.urdf").write_text(GANTRY.replace(_link("load", CUBE), load))
     collisions = Collisions.of(load_arm(tmp_path / "gone.urdf"))
     assert collisions.stand_ins == ("load",)
     assert Collisions.of(gantry).stand_ins == ()
     assert collisions.clearance([[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]]) == pytest.approx([0.35, 0.3], abs=1e-3)
-    q = np.linspace([0.5, 0.0, 0.0], [0.4, 0.0, 0.0], 5)
-    time = np.linspace(0.0, 1.0, 5)
-    motion = SimpleNamespace(time=time, joint_positions=q, control_time=time, control_positions=q)
-    clearance = Clearance.of(collisions, motion)
-    (warned,) = collision_warnings(clearance, collisions.unchecked)
-    assert warned.severity == WARNING
-    assert warned.key == "missing-meshes"
-    assert clearance.distance == pytest.approx(0.25, abs=1e-3)

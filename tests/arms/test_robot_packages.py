@@ -36,7 +36,7 @@ GOLDEN = {
 
 def require(package: str) -> None:
     """Skip without a package, but where all are installed."""
-    if not PACKAGES[package].found() and not (os.environ.get("CI") and package == "example-robot-data"):
+    if not PACKAGES[package].installed() and not (os.environ.get("CI") and package == "example-robot-data"):
         pytest.skip(f"{package} is not installed")
 
 
@@ -75,7 +75,7 @@ def test_two_arms_are_named_by_their_side():
 def test_unknown_robots_are_told_how_to_get(monkeypatch):
     """A name that a missing package has says how to install it; others list the nearest ones."""
     for package in PACKAGES.values():
-        monkeypatch.setattr(type(package), "found", lambda self: {})
+        monkeypatch.setattr(type(package), "installed", lambda self: {})
     with pytest.raises(
         MissingPackageError, match=r"'xarm7' comes with the package example-robot-data, .*: pip install"
     ):

@@ -81,7 +81,7 @@ def test_an_arm_is_the_same_after_a_configuration_file(crane, tmp_path):
 
 def test_a_robot_with_two_arms_lists_its_ends():
     """Without a choice nothing fails: the ends are listed, and the names of the arms."""
-    if not PACKAGES["example-robot-data"].found():
+    if not PACKAGES["example-robot-data"].installed():
         pytest.skip("example-robot-data is not installed")
     text = info("talos")
     assert "choose one with --frame, or name talos_left_arm or talos_right_arm." in text

@@ -36,7 +36,7 @@ class Arm(Manipulable):
     velocity_limits : ndarray, shape (dof,), or None
         Largest speeds [rad/s] or [m/s], read-only; infinite if unknown, None if all are unknown.
     joint_units : tuple of str
-        Their units, ``"rad"`` or ``"m"``.
+        Units of the joints, ``"rad"`` or ``"m"``.
     base : str or None
         Reference frame of all results if not the first of the description.
     locked : mapping of str to float
@@ -82,10 +82,8 @@ class Arm(Manipulable):
             Limits of the joints [rad] or [m].
         base : array_like, shape (3, 3) or (4, 4), optional
             Rotation or pose of the first frame of the table in the base frame; identity by default.
-        joint_names : sequence of str, optional
-            ``joint1``, ``joint2``, … by default.
-        kinds : sequence of {"revolute", "prismatic"}, optional
-            All revolute by default.
+        joint_names, kinds : sequence of str, optional
+            By default ``joint1``, ``joint2``, …, and all ``"revolute"``; the other kind is ``"prismatic"``.
         convention : {"standard", "modified"}
             ``Rz(θ) Tz(d) Tx(a) Rx(α)`` or Craig's ``Rx(α) Tx(a) Rz(θ) Tz(d)``.
         velocity_limits : array_like, shape (n,) or one number, optional

@@ -13,7 +13,7 @@ from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes, with_derivatives
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.sobol import sobol
+from maniport.util.sampling import sobol
 from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator
 
 

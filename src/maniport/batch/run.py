@@ -115,8 +115,7 @@ def transfer_batch(
     if dask is not None and ray:
         raise InvalidInputError(f"{argument('dask')} and {argument('ray')} exclude one another")
     count = cores() if processes is None else as_count(processes, "processes")
-    folder = as_path(output, "output").resolve()
-    sources = find_recordings(recordings, without=folder)
+    sources = find_recordings(recordings, without=(folder := as_path(output, "output").resolve()))
     config = (config or BATCH).changed(**options)
     pages = config.batch.pages
     if SCENE in export_files(config.motion.export) and not pages:
@@ -124,10 +123,8 @@ def transfer_batch(
     arms = find_robots(robots, config, (ABOUT, PAGE, ADAPTERS, CONFIG, *TABLES))
     _claim(folder)
     step = Step(tell, "Check earlier results")
-    names, (tasks, rows) = [(s.name, arm.name) for s in sources for arm in arms], _tasks(folder, sources, arms, count)
-    if not overwrite:
-        _require_equal(pair for task in tasks for pair in task)
-    kept = len(rows)
+    tasks, rows = _tasks(folder, sources, arms, count, overwrite)
+    names, kept = [(source.name, arm.name) for source in sources for arm in arms], len(rows)
     step.end(f"{kept} of {len(names)} pairs")
 
     def write() -> tuple[Row, ...]:
@@ -139,9 +136,8 @@ def transfer_batch(
         with executor_for(min(count, max(len(tasks), 1)), dask, ray) as executor:
             _collect(completed(executor, work, tasks), rows, len(names), tell)
     except KeyboardInterrupt:
-        for pair in (pair for task in tasks for pair in task):  # results are written before the task of several ends
-            if (row := pair.kept_row()) is not None:
-                rows[pair.names] = row
+        pairs = (pair for task in tasks for pair in task)  # results are written before the task of several pairs ends
+        rows |= {pair.names: row for pair in pairs if (row := pair.kept_row()) is not None}
         done = sum(row["state"] != FAILED for row in write())
         again = "run the same command" if typed() else "make the same call"
         raise KeyboardInterrupt(f"{done} of {len(names)} pairs are done; {again} to continue") from None
@@ -165,32 +161,28 @@ def _claim(folder: Path) -> None:
         temporary.write_text(json.dumps({"maniport": __version__}) + "\n", encoding="utf-8")
 
 
-def _tasks(folder: Path, sources: Sequence[Source], robots: Sequence[Robot], width: int) -> tuple[Tasks, Rows]:
-    """Return a task for each recording, or for each pair where there are fewer recordings than processes.
+def _tasks(
+    folder: Path, sources: Sequence[Source], robots: Sequence[Robot], width: int, overwrite: bool
+) -> tuple[Tasks, Rows]:
+    """Return a task for each recording, or for each pair where there are fewer recordings than `width` processes.
 
-    The rows of pairs that are done come second.
+    The rows of pairs that are done come second; results of other settings raise `OutputError` unless `overwrite`.
     """
     tasks, rows = Tasks(), Rows()
     for source in sources:
         content, missing = content_of(source), list[Pair]()
         for pair in (Pair(folder, source, content, robot, typed()) for robot in robots):
-            row = pair.kept_row()
-            if row is None:
-                missing.append(pair)
-            else:
+            if (row := pair.kept_row()) is not None:
                 rows[pair.names] = row
+                continue
+            if not overwrite and (why := pair.difference()):
+                raise OutputError(
+                    f"{str(pair.folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
+                    "results, or a new folder"
+                )
+            missing.append(pair)
         tasks += [(pair,) for pair in missing] if len(sources) < width else [tuple(missing)] if missing else []
     return tasks, rows
-
-
-def _require_equal(pairs: Iterator[Pair]) -> None:
-    """Raise `OutputError` where a folder holds the result of other settings."""
-    for pair in pairs:
-        if why := pair.difference():
-            raise OutputError(
-                f"{str(pair.folder)!r} holds another result: {why}; give {argument('overwrite')} to replace such "
-                "results, or a new folder"
-            )
 
 
 def _collect(ended: Iterator[tuple[tuple[Pair, ...], Any]], rows: Rows, count: int, tell: Progress) -> None:

@@ -38,7 +38,7 @@ METRICS = (
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
     *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count", "jumps.points",
                                     "duration_s.robot", "duration_s.person")),
-    *(f"placement.{name}" for name in ("scale", "yaw_deg", "mount.tilt_deg", "mount.heading_deg",
+    *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
     *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
                                      "teacher_dispersion", "student_dispersion", "dispersion_ratio")),

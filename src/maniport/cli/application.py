@@ -188,10 +188,10 @@ def _annotation(option: Option, usual: Config) -> Any:
     return Annotated[kind | None, settings]
 
 
-def optional_robot(config: Config) -> Any:
-    """Load the robot if it was named."""
+def optional_robot(config: Config, both: bool = False) -> Any:
+    """Load the arm of the robot, or both, if it was named."""
     if config.robot.robot:
-        return config.robot.load_arm()
+        return config.robot.load(True) if both else config.robot.load_arm()
     if config.robot != NO_ROBOT.robot:
         raise InvalidInputError("options of a robot need --robot")
     return None

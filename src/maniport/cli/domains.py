@@ -69,10 +69,9 @@ def fit(
     from maniport.util.files import load_ellipsoids
 
     require_suffix(output, ".npz")
-    transfer, seed = config.transfer, config.seed
-    if transfer.method == AUTO:
+    if (transfer := config.transfer).method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
-    arm = optional_robot(config)
+    arm, seed = optional_robot(config), config.seed
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
     adapter = method_of(transfer.method, **transfer.regularization, base_rotation=rotation, random_state=seed)
@@ -138,7 +137,7 @@ def evaluate(
         evaluation = evaluate(
             fitted, *sets, robot=arm, person=None if person is None else load_arm(person),
             truth=None if truth is None else load_ellipsoids(truth)[0], spec=config.transfer.spec,
-            rows=BASELINES if methods is None else _rows(methods), random_state=config.seed, progress=progress,
+            rows=_rows(methods) or BASELINES, random_state=config.seed, progress=progress,
         )  # fmt: skip
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
@@ -159,17 +158,18 @@ def reproduce(
     """Repeat the paper's experiments."""
     from maniport.studies.paper.run import reproduce
 
-    names = () if methods is None else _rows(methods)
     with console.progress() as progress:
-        result = reproduce(which, output, config.seed, progress, methods=names, figures=figures, overwrite=overwrite)
+        result = reproduce(
+            which, output, config.seed, progress, methods=_rows(methods), figures=figures, overwrite=overwrite
+        )
     console.tell(report_of(result), output=str(output))
 
 
-def _rows(methods: str) -> tuple[str, ...]:
-    """Split names of rows at commas; "all" stands for every row."""
+def _rows(methods: str | None) -> tuple[str, ...]:
+    """Split names of rows at commas; "all" stands for every row, None for the default rows."""
     from maniport.transfer import METHODS
     from maniport.util.validation import as_choice
 
-    if methods == "all":
-        return tuple(METHODS)
+    if methods is None or methods == "all":
+        return tuple(METHODS) if methods else ()
     return tuple(as_choice(name.strip(), "method", (*METHODS, "all")) for name in methods.split(","))

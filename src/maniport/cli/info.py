@@ -114,26 +114,24 @@ def _of_robot(what: str, config: Config) -> Report:
 
 
 def _of_arrays(path: str) -> Report:
+    """Describe an adapter, ellipsoids or a path."""
     from maniport.transfer import load_adapter
     from maniport.util.files import array_names, load_ellipsoids, load_path
 
     names = array_names(path, "file")
     if "adapter" in names:
         return report_of(load_adapter(path))
-    if "manipulability" in names:
-        key, (values, time) = "ellipsoids", load_ellipsoids(path)
-        n, d = values.shape[:2]
-        facts = [
-            Metric("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n),
-            Metric("", "", key="dimension", value=d),
-        ]
-    else:
-        key, (values, time) = "path", load_path(path)
-        facts = [Metric("Path", f"{len(values)} positions", key="count", value=len(values))]
+    key = "ellipsoids" if "manipulability" in names else "path"
+    values, time = (load_ellipsoids if key == "ellipsoids" else load_path)(path)
+    n, d = values.shape[:2]
+    text = f"{n} of {d} × {d}" if key == "ellipsoids" else f"{n} positions"
+    metrics = [Metric(key.capitalize(), text, key="count", value=n)]
+    if key == "ellipsoids":
+        metrics.append(Metric("", "", key="dimension", value=d))
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
-        facts.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
-    return Report(path, "", (Section("", tuple(facts), key=key),))
+        metrics.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
+    return Report(path, "", (Section("", tuple(metrics), key=key),))
 
 
 def _of_results(folder: Path) -> Report:

@@ -10,11 +10,11 @@ from maniport.cli.application import NO_ROBOT, RECORDING, Output, Overwrite, com
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.util.defaults import AUTO
+from maniport.util.defaults import AUTO, BOTH
 
 
 @command(
-    "human", "robot", "transfer", "motion", "learning", "seed", without=("tips", "pose", "move"), defaults=NO_ROBOT,
+    "human", "robot", "transfer", "motion", "learning", "seed", without=("move",), defaults=NO_ROBOT,
     example="maniport learn jumps.bvh --segments auto -o learned;  maniport learn anna.c3d ben.bvh -o learned",
 )  # fmt: skip
 def learn(
@@ -55,7 +55,7 @@ def _is_followed(config: Config, folder: Path, overwrite: bool) -> bool:
     from maniport.report.write import RUN_FILES, export_files
     from maniport.util.atomic_io import require_free
 
-    if optional_robot(config) is None:
+    if optional_robot(config, config.human.side == BOTH) is None:
         if config.motion.export:
             raise InvalidInputError("--export needs --robot")
         return False

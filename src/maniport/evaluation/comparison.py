@@ -21,7 +21,7 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
 from maniport.transfer import DomainAdapter, LengthField, name_of
 from maniport.util.progress import Progress, Step
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_generator, as_points, require_shape
 
 GAP_SEARCH = "feasibility gap"

@@ -16,8 +16,7 @@ from maniport.spd.ellipsoid import axis_angles
 from maniport.spd.mean import mean
 from maniport.transfer import DomainAdapter
 from maniport.transfer.length_field.report import AXIS_MOVED
-from maniport.util.ranks import rank_correlation
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced, rank_correlation
 from maniport.util.validation import Array, as_count, as_finite, as_points
 
 STILL = 1e-9  # Largest distance that counts as rounding

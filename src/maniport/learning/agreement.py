@@ -18,7 +18,7 @@ from maniport.spd.ellipsoid import axes
 from maniport.spd.matrix_functions import to_vector
 from maniport.spd.mean import dispersion, mean
 from maniport.util.progress import Progress, Step, counted
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 MIN_COUNT = 3  # Fewest demonstrations of which one can be held out

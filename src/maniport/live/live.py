@@ -25,7 +25,7 @@ from maniport.pipeline import Config, TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import LATEST, Array, as_count, as_number, require_shape
 
 

@@ -17,7 +17,7 @@ from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]

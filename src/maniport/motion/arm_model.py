@@ -12,8 +12,6 @@ from maniport.arms.chain import PRISMATIC
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
-LEAST_JOINTS = 3
-
 
 def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     """Make a Pinocchio model of an arm or a group of arms.
@@ -51,8 +49,7 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
         shared = places[int(before.argmax())][: int(before.max()) + 1] if i else ()
         places.append(_add_arm(model, member, prefix, shared))
     model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
-    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
-    model.velocityLimit = speeds
+    model.velocityLimit = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
     return model
 
 
@@ -62,19 +59,18 @@ Place = tuple[int, pin.SE3]  # A joint of a model, and a pose in its frame
 def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -> list[Place]:
     """Add the joints and frames of an arm beyond the shared ones; return the place after each joint of its chain."""
     chain, parents = arm.chain, list(shared) or [(0, pin.SE3.Identity())]
-    begun = len(parents) - 1
-    factors = _own_coordinates(arm)
-    for joint, factor, offset in list(zip(chain.joints, factors, chain.offset, strict=True))[begun:]:
+    joints = list(zip(chain.joints, _own_coordinates(arm), chain.offset, strict=True))
+    for joint, factor, offset in joints[len(parents) - 1 :]:
         parent, place = parents[-1]
-        prismatic, shift = joint.kind == PRISMATIC, offset * joint.axis
-        offset_pose = pin.SE3(np.eye(3), shift) if prismatic else pin.SE3(pin.exp3(shift), np.zeros(3))
-        place = place * pin.SE3(joint.placement) * offset_pose
-        if factor == 0.0:
-            parents.append((parent, place))
-            continue
-        kind = pin.JointModelPrismaticUnaligned if prismatic else pin.JointModelRevoluteUnaligned
-        turn = kind(factor * joint.axis)
-        parents.append((model.addJoint(parent, turn, place, prefix + joint.name), pin.SE3.Identity()))
+        if joint.kind == PRISMATIC:
+            kind, shift = pin.JointModelPrismaticUnaligned, pin.SE3(np.eye(3), offset * joint.axis)
+        else:
+            kind, shift = pin.JointModelRevoluteUnaligned, pin.SE3(pin.exp3(offset * joint.axis), np.zeros(3))
+        place = place * pin.SE3(joint.placement) * shift
+        if factor != 0.0:
+            name = prefix + joint.name
+            parent, place = model.addJoint(parent, kind(factor * joint.axis), place, name), pin.SE3.Identity()
+        parents.append((parent, place))
     for name, frame in chain.frames.items():
         parent, place = parents[frame.joint]
         if not model.existFrame(prefix + name):
@@ -94,11 +90,8 @@ def _own_coordinates(arm: Arm) -> Array:
     coupling = arm.chain.coupling
     moving = coupling[np.any(coupling != 0, axis=1)]
     if moving.shape != (arm.dof, arm.dof) or not np.array_equal(np.abs(moving), np.eye(arm.dof)):
-        shared = [
-            name
-            for name, column in zip(arm.joint_names, coupling.T, strict=True)
-            if np.count_nonzero(column) != 1 or np.any(np.abs(column) * (1 - np.abs(column)))
-        ]
+        follow_one = (np.count_nonzero(coupling, axis=0) == 1) & np.all(np.isin(np.abs(coupling), (0, 1)), axis=0)
+        shared = [name for name, own in zip(arm.joint_names, follow_one, strict=True) if not own]
         raise InvalidInputError(
             f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "
             "tracking needs one joint for each degree of freedom, in their order from base to tip. A robot's arm "
@@ -107,13 +100,13 @@ def _own_coordinates(arm: Arm) -> Array:
     return np.asarray(coupling.sum(axis=1))
 
 
-def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
+def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) -> None:
     """Raise InvalidInputError unless an arm has enough joints, none of them coupled, to follow such ellipsoids."""
-    if arm.dof < LEAST_JOINTS:
+    if arm.dof < least:
         d = spec.size
         raise InvalidInputError(
             f"{arm.name!r} has {arm.dof} joint{'s' * (arm.dof > 1)} ({', '.join(arm.joint_names)}); following {d}×{d} "
-            f"ellipsoids needs at least {LEAST_JOINTS}, and {d * (d + 1) // 2} to follow all of their shape"
+            f"ellipsoids needs at least {least}, and {d * (d + 1) // 2} to follow all of their shape"
         )
     _own_coordinates(arm)
 
@@ -121,17 +114,14 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
 def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
     mine, other = arms
+    own, given = (
+        {"joints": arm.joint_names, "tip": arm.frame, "base": arm.base, "held joints": dict(arm.locked)} for arm in arms
+    )
     differing = [
-        f"{name}: {theirs!r} there, {ours!r} here"
-        for name, theirs, ours in (
-            ("joints", mine.joint_names, other.joint_names),
-            ("tip", mine.frame, other.frame),
-            ("base", mine.base, other.base),
-            ("held joints", dict(mine.locked), dict(other.locked)),
-            ("ellipsoids", *specs),
-        )
-        if theirs != ours
+        f"{name}: {value!r} there, {given[name]!r} here" for name, value in own.items() if value != given[name]
     ]
+    if specs[0] != specs[1]:
+        differing.append(f"ellipsoids: {specs[0]!r} there, {specs[1]!r} here")
     if limits and mine.joint_names == other.joint_names:
         joints = np.flatnonzero((mine.lower != other.lower) | (mine.upper != other.upper))
         for i in joints[:1]:

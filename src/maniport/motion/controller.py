@@ -88,16 +88,9 @@ class Controller:
             _require_fitting(limit, f"limits[{i}]", group)
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
-        """Move for one step, or brake where the quadratic program has no solution or the solution collides.
+        """Move for dt [s], or brake where the quadratic program has no solution or the solution collides.
 
-        Parameters
-        ----------
-        problem : ControlProblem
-        state : ControlState
-        dt : float
-            Duration [s].
-        speed_share : float
-            Share of the velocity limits that may be used.
+        `speed_share` is the share of the velocity limits that may be used.
         """
         bounds = self._bounds(state, dt, speed_share)
         velocity = self._solve(problem, state.q, bounds, dt)
@@ -137,8 +130,9 @@ class Controller:
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) and half the gradient (dof,) of all costs, with dampings."""
-        dof, time = len(q), np.array([problem.time])
-        gradient, damping, hessian = np.zeros(dof), np.zeros(dof), np.zeros((dof, dof))
+        dof, time, weight = len(q), np.array([problem.time]), problem.posture.weight**2
+        gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
+        hessian = np.zeros((dof, dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
             parts = targets.linearize(q[None, columns])
             hessian[columns[:, None], columns] += parts.hessian[0]
@@ -151,7 +145,7 @@ class Controller:
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
             damping[columns] += amount
-        for cost in (problem.posture, *self._costs):
+        for cost in self._costs:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian

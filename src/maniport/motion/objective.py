@@ -175,25 +175,26 @@ class Targets:
         """A, without damping, shape (n, d, d)."""
         return self.objective.undamped(self.root @ self.root)
 
-    @cached_property
+    @property
     def ellipsoid_cost(self) -> EllipsoidCost:
         """Cost of the ellipsoids."""
         own = self.objective
         return EllipsoidCost(own.arm, own.spec, own.shift, self.root, self.whitening, self.weights)
 
-    @cached_property
+    @property
     def orientation_cost(self) -> OrientationCost | None:
         """Cost of the orientations; None where they have none."""
         own, rotations = self.objective, self.rotations
         return OrientationCost(own.arm, rotations, own.axis_weights) if self.turned and rotations is not None else None
 
-    @cached_property
+    @property
     def pose_costs(self) -> tuple[PoseCost, ...]:
         """Costs of position and orientation, as far as there are any."""
-        costs: list[PoseCost | None] = [self.orientation_cost]
+        costs: list[PoseCost] = []
         if self.positions is not None:
-            costs.insert(0, PositionCost(self.arm, self.positions, self.objective.position_weight))
-        return tuple(cost for cost in costs if cost is not None)
+            costs.append(PositionCost(self.arm, self.positions, self.objective.position_weight))
+        orientation = self.orientation_cost
+        return tuple(costs) if orientation is None else (*costs, orientation)
 
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""

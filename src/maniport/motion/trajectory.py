@@ -14,7 +14,7 @@ from maniport.arms.joint_space import JointSpace
 from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.util.atomic_io import written_whole
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 
@@ -62,8 +62,12 @@ class Trajectory(NotebookDisplay):
         """Make a trajectory of control steps, with differences of the positions instead of missing derivatives."""
         if velocities is None:
             velocities = np.gradient(positions, control_time, axis=0)
-        if accelerations is None:
-            accelerations = _second_differences(control_time, positions)
+        if accelerations is None:  # at the ends those of the neighbors, zero for fewer than three times
+            accelerations = np.zeros_like(positions)
+            if len(control_time) > 2:
+                slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
+                inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
+                accelerations = np.concatenate([inside[:1], inside, inside[-1:]])
         control = control_time, positions, velocities, accelerations
         at_waypoints = interpolated(control_time, positions, time)
         return Trajectory(joints.joint_names, joints.joint_units, time, at_waypoints, *control, limits)
@@ -89,8 +93,7 @@ class Trajectory(NotebookDisplay):
         """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
         times, values = self.control_time, self.control_positions
         for _ in range(3):
-            values = np.diff(values, axis=0) / np.diff(times)[:, None]
-            times = 0.5 * (times[1:] + times[:-1])
+            times, values = 0.5 * (times[1:] + times[:-1]), np.diff(values, axis=0) / np.diff(times)[:, None]
         return np.asarray(values)
 
     @property
@@ -149,34 +152,21 @@ def interpolated(time: NDArray[Any], values: Array, at: NDArray[Any]) -> Array:
     return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
 
 
-def _second_differences(time: Array, values: Array) -> Array:
-    """Second derivatives (m, dof); at the ends those of the neighbors, zero for fewer than three times."""
-    if len(time) < 3:
-        return np.zeros_like(values)
-    slopes = np.diff(values, axis=0) / np.diff(time)[:, None]
-    inside = np.diff(slopes, axis=0) / (0.5 * (time[2:] - time[:-2]))[:, None]
-    return np.concatenate([inside[:1], inside, inside[-1:]])
-
-
 @dataclass(frozen=True)
 class Clearance:
     """Collisions of a motion, and its smallest distance from one.
 
     Attributes
     ----------
-    known : bool
-        Whether anything could be checked.
-    why : str
-        Reason where nothing was checked.
+    known, why : bool and str
+        Whether anything could be checked, and the reason where nothing was.
     share : float
         Share of the control steps that collide.
-    distance : float
-        Smallest distance at and around the closest waypoints [m]; negative in a collision.
-    time : float
-        Time of the smallest distance [s].
-    pair : tuple[str, str]
+    distance, time : float
+        Smallest distance at and around the closest waypoints [m], negative in a collision, and its time [s].
+    pair : tuple of two str
         Names of the closest pair.
-    stand_ins : tuple[str, ...]
+    stand_ins : tuple of str
         Links checked by their collision shapes, since visual ones are missing.
     """
 

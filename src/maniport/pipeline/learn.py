@@ -23,7 +23,7 @@ from maniport.pipeline.learned import Demonstration, LearnedProfile, block_diago
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import AUTO, BOTH, DAMPING, KEEP, PERSON
 from maniport.util.progress import Progress, Step, counted
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import as_choice, as_count, as_numbers
 
 MIN_FRAMES = 10  # Fewest frames of a demonstration

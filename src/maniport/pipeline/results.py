@@ -127,7 +127,10 @@ class ArmTransfer(ArmResult):
 
     def write_data(self, folder: Path) -> None:
         """Write the files of the transfer, and those of the motion if there is one, into an existing folder."""
-        _write_joint_angles(folder / "person.csv", self.fit)
+        rows = np.column_stack([self.fit.time, np.degrees(self.fit.joint_angles)])
+        names = ",".join(["time_s", *(f"{name}_deg" for name in self.fit.arm.joint_names)])
+        formats = ["%.6f"] + ["%.4f"] * self.fit.arm.dof
+        np.savetxt(folder / "person.csv", rows, formats, delimiter=",", header=names, comments="", encoding="utf-8")
         save_ellipsoids(folder / "demonstrated_profile.npz", self.demonstrated_profile, self.time)
         save_ellipsoids(folder / "target_profile.npz", self.target_profile, self.time)
         self.adapter.save(folder / "adapter.npz")
@@ -236,11 +239,6 @@ class TransferResult(RobotResult[ArmTransfer]):
         """Demonstrated times, the same for all arms, shape (n,) [s]."""
         return self.arms[0].time
 
-    @property
-    def placements(self) -> tuple[Placement | None, ...]:
-        """Placement of each arm's path."""
-        return tuple(arm.placement for arm in self.arms)
-
 
 class MeanDistance(NamedTuple):
     """Parts of the mean distance of target and achieved ellipsoids; their sum is the mean."""
@@ -248,15 +246,3 @@ class MeanDistance(NamedTuple):
     infeasible: float  # mean feasibility gap
     path: float  # added by the end-effector path, at the pointwise optimum found
     motion: float  # added by limits, collisions and smoothness of the trajectory
-
-
-def motion_of_arm(group: ArmGroup, motion: ArmMotion) -> RobotMotion:
-    """Return the motion of a group of one arm."""
-    return RobotMotion(group, motion, (motion,))
-
-
-def _write_joint_angles(path: Path, fit: ArmFit) -> None:
-    rows = np.column_stack([fit.time, np.degrees(fit.joint_angles)])
-    names = ",".join(["time_s", *(f"{name}_deg" for name in fit.arm.joint_names)])
-    formats = ["%.6f"] + ["%.4f"] * fit.arm.dof
-    np.savetxt(path, rows, formats, delimiter=",", header=names, comments="", encoding="utf-8")

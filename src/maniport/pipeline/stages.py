@@ -35,7 +35,7 @@ from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.results import ArmTransfer, TransferResult, motion_of_arm
+from maniport.pipeline.results import ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
@@ -221,7 +221,7 @@ def follow(
     ).arms  # fmt: skip
     kept = {name: getattr(plan, name) for name in ("demonstrated_time", "limits", "pointwise_best")}
     motion = replace(motion, clearance=Clearance.of(planner.collisions, motion), **kept)
-    return motion_of_arm(planned.group, motion)
+    return RobotMotion(planned.group, motion, (motion,))
 
 
 def place_and_plan(

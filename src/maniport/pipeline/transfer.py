@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from maniport.arms import PERSONS, Arm, ArmGroup, as_group
-from maniport.errors import InvalidInputError, ManiportWarning, argument, unknown_name
+from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
 from maniport.motion import Control, PlanControl, Planner
 from maniport.motion.objective import Damping, Objective
@@ -88,10 +88,9 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     group.specs(transfer.spec)
     if len(group) > 1 and not isinstance(transfer.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    shared: dict[str, Any] = {**transfer.regularization, "base_rotation": transfer.rotation}
-    adapter = None
+    adapter, shared = None, {"random_state": config.seed, "base_rotation": transfer.rotation, **transfer.regularization}
     if not isinstance(transfer.method, str) or as_choice(transfer.method, "method", (AUTO, *METHODS)) != AUTO:
-        adapter = method_of(transfer.method, random_state=config.seed, **shared)
+        adapter = method_of(transfer.method, **shared)
     control = _control_of(robot, config) if config.motion.move else None
     return Settings(config, robot, control, adapter, progress or no_progress)
 
@@ -106,10 +105,8 @@ def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanControl:
     if motion.tracking is not None:
         if len(as_group(robot)) > 1:
             raise InvalidInputError("tracking must be None for several arms: a controller follows the plan of one arm")
-        names = [field.name for field in fields(Control)]
         for name in motion.tracking:
-            if name not in names:
-                raise unknown_name("option of tracking", name, names)
+            as_choice(name, "option of tracking", [field.name for field in fields(Control)])
         Control(**motion.control_options)
     return motion.control(robot)
 

@@ -11,7 +11,7 @@ from maniport.motion import Placement, PlanControl, Planner, RobotMotion, SeedBa
 from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.progress import Progress, no_progress
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 MIN_FRAMES = 3  # frames without which there is no motion

@@ -64,12 +64,12 @@ def _profile(learned: LearnedProfile, held_out: dict[str, float]) -> Section:
     before, after = agreement.before, agreement.after
     text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in held_out.items())
     metrics = [
-        info("Dispersion", "spread", {"before": before, "after": after},
+        info("Dispersion", "dispersion", {"before": before, "after": after},
              f"{after:.2f} after alignment, {before:.2f} before",
              "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long.", main=True),
-        info("Variance between demonstrations", "share", agreement.share, f"{100 * agreement.share:.0f} %",
+        info("Variance between demonstrations", "variance_share", agreement.share, f"{100 * agreement.share:.0f} %",
              "Share of all variance.", main=True),
-        *([info("Leave-one-out distance", "left_out", held_out, text, "Mean over the demonstrations.", main=True)]
+        *([info("Leave-one-out distance", "held_out", held_out, text, "Mean over the demonstrations.", main=True)]
           if held_out else []),
         info("Movement", "movement", movement, f"{movement:.2f}", "Mean distance of the profile from its mean."),
         info("Gaussians", "gaussians", learned.model.n_components_),
@@ -85,21 +85,21 @@ def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
     values = [
         {"name": one.name, "start_s": float(one.motion.time[0]), "stop_s": float(one.motion.time[-1]),
          "frames": len(one.motion), "side": listed(one.motion.names), "from_others": float(agreement.alone[i]),
-         "left_out": None if held is None else float(held.learned[i]),
+         "held_out": None if held is None else float(held.learned[i]),
          "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in one.motion.arms}}
         for i, one in enumerate(learned.demonstrations)
     ]  # fmt: skip
     columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
                "arm": "{side}", "from the others": "{from_others:.2f}"}  # fmt: skip
     if held is not None:
-        columns["held out"] = "{left_out:.2f}"
+        columns["held out"] = "{held_out:.2f}"
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
     mirrored = [one.name for one in learned.demonstrations if one.motion.names != sides]
     arm = "arms that differ in size" if learned.lengths == "own" else f"{' and '.join(sides)} arm of mean lengths"
     metrics = (
         info("Reference", "reference", learned.alignment.reference, learned.reference.name,
              "Gives the times of the profile."),
-        info("Outlier", "odd", agreement.outlier, outlier or "none",
+        info("Outlier", "outlier", agreement.outlier, outlier or "none",
              "At least 1.5 times the median distance from the others."),
         *notes([f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []),
         *notes([f"all ellipsoids are those of {arm}"]),

@@ -118,11 +118,8 @@ def _of_trajectory(
         metrics += measure("duration", robot=robot, person=person)
     if limits is None:
         return metrics
-    used, largest = (
-        dict[str, dict[str, Any]](),
-        limits.use(trajectory.control_time, trajectory.control_positions).largest,
-    )
-    for name, (joint, share, at) in largest.items():
+    used = dict[str, dict[str, Any]]()
+    for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
     exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
                 for name, use in used.items() if use["share"] > 1.001]  # fmt: skip

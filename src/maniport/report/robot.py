@@ -41,7 +41,7 @@ def arm_report(arm: Arm) -> Report:
         info("Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")),
         info("Degrees of freedom", "degrees_of_freedom", arm.dof),
         *chain_metrics(arm),
-        info("Coupled joints", "following", coupled, listed(f"{name} = {rule}" for name, rule in coupled.items())),
+        info("Coupled joints", "coupled_joints", coupled, listed(f"{name} = {rule}" for name, rule in coupled.items())),
         info("Frames", "frames", list(arm.frames)),
         # no motion of a person is planned
         *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),
@@ -75,7 +75,7 @@ def chain_metrics(arm: Arm) -> list[Metric]:
     return [
         info("Base", "base", base, description="Frame of positions and directions."),
         info("End effector", "frame", arm.frame),
-        info("Fixed joints", "held", locked, listed(texts)),
+        info("Fixed joints", "fixed_joints", locked, listed(texts)),
     ]
 
 
@@ -167,7 +167,7 @@ def placement_section(placed: Placement) -> Section:
     metrics = (
         *([warning("path-out-of-reach", text)] if out else []),
         Metric("Path", path, "The target ellipsoids are rotated with the path."),
-        info("Base", "mount", {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()},
+        info("Base", "base_orientation", {"tilt_deg": tilt, "heading_deg": heading, "rotation": placed.mount.tolist()},
              f"tilted by {tilt:.1f}° towards {heading:.1f}° from its x axis to its y axis" if tilt else "",
              "Rotation from the upright base about a horizontal axis."),
         *numbers(scale=float(placed.scale), yaw_deg=yaw, offset_m=offset, points_out_of_reach=out,

@@ -40,11 +40,8 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
         if np.allclose(rotation, np.eye(len(rotation))):
             rotated = "none: both base frames have the same orientation"
     angle = np.degrees(rotation_angle(np.eye(len(adapter.map_rotation_)), adapter.map_rotation_))
-    added, floor, regularized = (
-        (float(adapter.teacher_damping_), float(adapter.student_damping_)),
-        adapter.eigenvalue_floor,
-        "none",
-    )
+    added, floor = (float(adapter.teacher_damping_), float(adapter.student_damping_)), adapter.eigenvalue_floor
+    regularized = "none"
     if floor is not None:
         regularized = f"eigenvalues are raised to at least {floor:g}"
     if adapter.damping is not None:

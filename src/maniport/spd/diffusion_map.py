@@ -11,7 +11,7 @@ import scipy.linalg
 
 from maniport.errors import InvalidInputError
 from maniport.spd.affine_invariant import distance_unchecked
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 

@@ -24,7 +24,7 @@ from maniport.transfer.length_field.field import KAPPA, released
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.optional import optimal_transport
 from maniport.util.progress import Progress, Step
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 FITTED_METHODS = ("icp", "length-field")  # Methods in every table besides the baselines

@@ -10,7 +10,7 @@ from maniport.spd.neighbors import NeighborIndex, nearest
 from maniport.transfer.adapter import RELEASED, DomainAdapter
 from maniport.transfer.adapter_file import Attribute, Schema
 from maniport.transfer.rigid_adapter import RigidAdapter
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_count, as_positive_semidefinite
 
 

@@ -16,7 +16,7 @@ from maniport.transfer.length_field.field import KAPPA, LengthsMap, as_axis, dam
 from maniport.transfer.length_field.fit import TIE, NearestSamples, Samples, as_projector, centers_among, fitted
 from maniport.transfer.length_field.inverse import MAX_NEAR_SINGULAR, Inverse
 from maniport.transfer.length_field.report import FieldReport, reported
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_count, as_finite, as_flag, as_number, as_positive_semidefinite
 
 if TYPE_CHECKING:

@@ -191,10 +191,11 @@ class DrawnSide:
             scene.add_frame(robot, show_axes=False)
         self.teacher = Skeleton(scene, f"{person}/arm", frame.teacher_skeleton, 0.028, (86, 120, 150))
         look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
-        self._joints, self.meshes = np.array([one.joint for one in surfaces], dtype=int), [
+        self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
+        self.meshes = [
             scene.add_mesh_simple(f"{robot}/surface/{one.joint}", one.points.astype(np.float32), one.triangles, **look)
             for one in surfaces
-        ]  # fmt: skip
+        ]
         self._skeleton = None
         if not surfaces:
             self._skeleton = Skeleton(scene, f"{robot}/skeleton", frame.student_skeleton, 0.042, (120, 124, 132))

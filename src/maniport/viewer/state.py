@@ -20,7 +20,7 @@ from maniport.motion.schedule import Schedule, speed_limits
 from maniport.motion.tracker import follow
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.transfer.rotation_group import orthonormal
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 from maniport.viewer.maps import Maps
 

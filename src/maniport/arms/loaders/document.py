@@ -1,11 +1,10 @@
 """Robot files as XML, within the limits of native readers, and xacro files expanded to URDF."""
 
-import math
 import re
 import subprocess
 import sys
 from abc import abstractmethod
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -35,7 +34,6 @@ from maniport.util.validation import MAX_POSITION
 
 XACRO = ".xacro"
 LONGEST_XACRO = 30.0  # time limit for endless macros [s]
-LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
 @dataclass(frozen=True)
@@ -146,24 +144,6 @@ def _root(text: str) -> ElementTree.Element:
     names = "".join(f' xmlns:{name}="{name}"' for name in sorted(used - declared - {"xml", "xmlns"}))
     opening = r"<[A-Za-z_][\w.-]*(?::[A-Za-z_][\w.-]*)?"
     return ElementTree.fromstring(re.sub(opening, lambda root: root[0] + names, text, count=1))
-
-
-def require_numbers(path: Path, elements: Iterable[ElementTree.Element], counts: Mapping[str, int]) -> None:
-    """Require so many finite numbers in attributes, and nonzero quaternions."""
-    for element in elements:
-        for name in counts.keys() & element.keys():
-            text = element.get(name, "")
-            try:
-                numbers = [float(word) for word in text.split()]
-            except ValueError:
-                numbers = []
-            if len(numbers) != counts[name] or not all(abs(number) < LARGEST for number in numbers):
-                raise FileFormatError(
-                    f"{path}: <{element.tag}> needs {name} with {counts[name]} numbers, each below {LARGEST:g}; found "
-                    f"{text[:80]!r}"
-                )
-            if name == "quat" and math.hypot(*numbers) < 1e-9:
-                raise FileFormatError(f"{path}: <{element.tag}> has quat {text[:80]!r}, which is no rotation")
 
 
 def _expanded(path: Path) -> str:

@@ -21,7 +21,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, parsed, require_numbers
+from maniport.arms.loaders.document import Follower, RobotXML, parsed
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
@@ -30,6 +30,7 @@ from maniport.util.atomic_io import temporary_beside
 from maniport.util.input_limits import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 
 WORLD = "world"  # name of the root body
+LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
 class Mjcf(RobotXML):
@@ -137,7 +138,18 @@ class Mjcf(RobotXML):
             "pos": 3, "quat": 4, "axis": 3, "euler": 3, "axisangle": 4, "xyaxes": 6, "zaxis": 3, "fromto": 6, "ref": 1,
             "diaginertia": 3, "fullinertia": 6, "mass": 1, "scale": 3,
         }  # fmt: skip
-        require_numbers(self.path, self.root.iter(), counts)
+        for element in self.root.iter():
+            for name in counts.keys() & element.keys():
+                text = element.get(name, "")
+                try:
+                    numbers = [float(word) for word in text.split()]
+                except ValueError:
+                    numbers = []
+                if len(numbers) != counts[name] or not all(abs(number) < LARGEST for number in numbers):
+                    rule = f"{name} with {counts[name]} numbers, each below {LARGEST:g}"
+                    return f"<{element.tag}> needs {rule}; found {text[:80]!r}"
+                if name == "quat" and np.linalg.norm(numbers) < 1e-9:
+                    return f"<{element.tag}> has quat {text[:80]!r}, which is no rotation"
         return ""
 
     def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:

@@ -34,7 +34,7 @@ class Package:
         """Names of all arms of the package."""
         return (*self.arms, *(f"{robot}_{side}_arm" for robot in self.pairs for side in sorted(SIDES)))
 
-    def found(self) -> dict[str, Path]:
+    def installed(self) -> dict[str, Path]:
         """Return the installed files by robot name."""
         if self.module is None:
             ros = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
@@ -101,7 +101,7 @@ def find_robot(name: str) -> RobotFile | None:
         return None
     packages = {title: PACKAGES[title]} if title else PACKAGES
     for package in packages.values():
-        files = package.found()
+        files = package.installed()
         stem, side = _side(robot)
         if side is not None and stem in files and stem not in package.arms:
             return RobotFile(files[stem], name=robot, side=side)
@@ -120,7 +120,7 @@ def find_robot(name: str) -> RobotFile | None:
 
 def known_names() -> tuple[set[str], str]:
     """Return the names of all arms of packages, and how to install missing packages."""
-    missing = [package.install for package in PACKAGES.values() if not package.found()]
+    missing = [package.install for package in PACKAGES.values() if not package.installed()]
     how = f"; for some of the robots: {', '.join(missing)}" if missing else ""
     return {name for package in PACKAGES.values() for name in package.names}, how
 
@@ -131,7 +131,7 @@ def packages_with(name: str) -> tuple[str, ...]:
     stem, side = _side(robot)
     matches = []
     for key, package in PACKAGES.items():
-        files = package.found()
+        files = package.installed()
         if robot in files or (side and stem in files and stem not in package.arms):
             matches.append(f"{key}/{robot}")
     return tuple(sorted(matches, key=lambda match: match != f"{title}/{robot}"))

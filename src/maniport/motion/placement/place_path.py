@@ -32,7 +32,7 @@ from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.trajectory import interpolated
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between, pieces
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import (
     Array,
     as_choice,
@@ -132,10 +132,9 @@ def place_path(  # type: ignore[misc]
 
     Raises
     ------
-    NotSPDError
-        When an ellipsoid is asymmetric or, with the damping, not positive-definite.
-    InvalidInputError
-        When a value is wrong, the arm reaches nothing in the workspace, the path does not fit, or `rank` is too high.
+    InvalidInputError, NotSPDError
+        When a value is wrong, an ellipsoid is asymmetric or, with the damping, not positive-definite, the arm reaches
+        nothing in the workspace, the path does not fit, or `rank` is too high.
     """
     generator, effort, chosen = as_generator(random_state), as_effort(planning_effort), as_count(rank, "rank") - 1
     several = isinstance(arm, ArmGroup | Sequence)

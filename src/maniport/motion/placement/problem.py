@@ -14,7 +14,7 @@ from maniport.motion.objective import Objective, Targets
 from maniport.motion.placement.placement import Place
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.spd.kernels import congruence
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)

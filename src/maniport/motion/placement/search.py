@@ -25,7 +25,7 @@ from maniport.motion.plan.plan_control import Effort
 from maniport.motion.plan.roadmap import shortest_path
 from maniport.spd.kernels import compose
 from maniport.util.progress import Part, nobody, pieces
-from maniport.util.sobol import sobol
+from maniport.util.sampling import sobol
 from maniport.util.validation import Array
 
 SAMPLES = 16  # Samples next to a waypoint that placements are compared by

@@ -24,7 +24,7 @@ from maniport.motion.schedule import of_each, require_few, require_rows, schedul
 from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
 from maniport.util.defaults import DAMPING
 from maniport.util.progress import Progress, Step, between
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_finite, as_generator
 
 PLACED, RELATIVE = "placed", "relative"
@@ -100,14 +100,7 @@ def plan_motion(
     if len({schedule.positions is None for schedule in schedules}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
     require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
-    bests = None
-    if pointwise_bests is not None:
-        values: Any = (pointwise_bests,)
-        if isinstance(arms, ArmGroup):
-            values = of_each(pointwise_bests, "pointwise_bests", len(arms))
-        bests = [as_finite(best, "pointwise_bests").copy() for best in values]
-        for best in bests:
-            require_rows(len(schedules[0]), pointwise_bests=(best, ()))
+    bests = _checked_bests(arms, pointwise_bests, len(schedules[0]))
     relative = as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE
     if relative and (paths is None or len(schedules) < 2):
         raise InvalidInputError("tips='relative' keeps vectors between end effectors; give several arms with paths")
@@ -152,6 +145,17 @@ def plan_motion(
     )  # fmt: skip
     step.end()
     return result
+
+
+def _checked_bests(arms: Arm | ArmGroup, pointwise_bests: Any, count: int) -> list[Array] | None:
+    """Check distances of the pointwise optimum of each arm at `count` waypoints."""
+    if pointwise_bests is None:
+        return None
+    values = (pointwise_bests,) if isinstance(arms, Arm) else of_each(pointwise_bests, "pointwise_bests", len(arms))
+    bests = [as_finite(best, "pointwise_bests").copy() for best in values]
+    for best in bests:
+        require_rows(count, pointwise_bests=(best, ()))
+    return bests
 
 
 def _pointwise_bests(

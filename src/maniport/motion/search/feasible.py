@@ -17,7 +17,7 @@ from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_count, as_number, as_points, as_positive_semidefinite, require_shape
 
 STARTS = 48  # Samples that a search starts from

@@ -134,19 +134,11 @@ def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
                 # symmetric matrices (n, 3, 3) of their entries xx, xy, xz, yy, yz, zz
                 drawn = {role: six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
                          for role, six in body["ellipsoids"].items()}  # fmt: skip
-                name, role = (
-                    f"{stage['name']}, arm {k + 1}",
-                    next(one for one in (PERSON.name, ACHIEVED.name) if one in drawn),
-                )
-                skeletons[name], shells[name], roles[name], within[name] = (
-                    body["skeleton"],
-                    drawn[role],
-                    role,
-                    stage["name"],
-                )
-                profiles |= {
-                    one: rotation.T @ points @ rotation for one, points in drawn.items() if one != ACHIEVED.name
-                }
+                name, role = f"{stage['name']}, arm {k + 1}", PERSON.name if PERSON.name in drawn else ACHIEVED.name
+                skeletons[name], shells[name] = body["skeleton"], drawn[role]
+                roles[name], within[name] = role, stage["name"]
+                targets = {one: points for one, points in drawn.items() if one != ACHIEVED.name}
+                profiles |= {one: rotation.T @ points @ rotation for one, points in targets.items()}
         yield "arms", arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
         if columns == 1 and len(profiles) > 1:  # all in the frame of the person
             yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles={role: role for role in profiles})

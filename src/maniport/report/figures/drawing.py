@@ -16,7 +16,7 @@ from maniport.errors import InvalidInputError
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Panel, is_gap
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes, lengths
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import (
     SPD_TOLERANCE,
     Array,

@@ -32,7 +32,7 @@ from maniport.report.page.content import (
 )
 from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import lengths
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 TORSO = np.array([

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.errors import InvalidInputError
 from maniport.motion import status
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array, as_choice, as_times
 
 

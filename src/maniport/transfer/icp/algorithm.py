@@ -17,7 +17,7 @@ import numpy as np
 from maniport.transfer.icp.matches import Correspondence, Matches
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import rotation_angle
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from maniport.spd.kernels import eigh
 from maniport.transfer.icp.rotation import RotationProblem, cholesky_factors
 from maniport.transfer.rotation_group import orthonormal, random_rotation, rotation_angle
-from maniport.util.subsample import evenly_spaced
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 

@@ -11,7 +11,7 @@ from maniport.spd.matrix_functions import to_vector
 from maniport.transfer.length_field.field import LengthsMap, least_singular
 from maniport.transfer.length_field.fit import Samples
 from maniport.transfer.length_field.inverse import NEAR_SINGULAR
-from maniport.util.ranks import rank_correlation
+from maniport.util.sampling import rank_correlation
 
 AXIS_MOVED = 10.0
 """Angle between the longest axes of an ellipsoid and of its image above which the axis counts as moved [degrees]."""

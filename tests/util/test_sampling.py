@@ -5,8 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from scipy.stats import qmc, spearmanr
 
-from maniport.util.ranks import rank_correlation
-from maniport.util.sobol import sobol
+from maniport.util.sampling import rank_correlation, sobol
 
 
 @pytest.mark.parametrize(("dimension", "exponent"), [(1, 0), (7, 12), (32, 8), (40, 3)])

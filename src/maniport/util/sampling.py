@@ -1,4 +1,4 @@
-"""Scrambled Sobol sequences with the points of SciPy's, whose module takes half a second to load."""
+"""Subsets, scrambled Sobol sequences and rank correlation, since SciPy's modules take half a second to load."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,13 @@ DIRECTIONS = (
     (185, 1, 3, 5, 3, 3, 13, 69), (191, 1, 1, 7, 13, 1, 19, 1), (193, 1, 3, 7, 5, 13, 19, 59),
     (203, 1, 1, 3, 9, 25, 29, 41), (211, 1, 3, 5, 13, 23, 1, 55), (213, 1, 3, 7, 3, 13, 59, 17),
 )  # fmt: skip
+
+
+def evenly_spaced(count: int, most: int | None) -> NDArray[np.intp]:
+    """Return ascending indices of at most `most` of `count` entries, evenly spaced; all of them for None."""
+    if most is None or most >= count:
+        return np.arange(count)
+    return np.linspace(0, count - 1, most).round().astype(np.intp)
 
 
 def sobol(dimension: int, exponent: int, generator: np.random.Generator) -> Array:
@@ -65,3 +72,14 @@ def _directions(dimension: int) -> NDArray[np.uint32]:
                 if polynomial >> (degree - 1 - k) & 1:
                     row[j] ^= row[j - k - 1] << (k + 1)
     return (vectors << np.arange(BITS - 1, -1, -1)).astype(np.uint32)
+
+
+def rank_correlation(a: Array, b: Array) -> float:
+    """Compute Spearman's rank correlation of two vectors that vary."""
+    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
+
+
+def _ranks(values: Array) -> Array:
+    """Ranks, those of equal values averaged."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return np.asarray((np.cumsum(counts) - 0.5 * counts)[inverse])

@@ -1,1 +1,0 @@
-"""Mutants of `maniport.spd` and `maniport.transfer`, and whether a test notices them."""
