@@ -67,8 +67,8 @@ def sample_domains(
     tuple of ndarray, shape (n, d, d)
         Of each arm; positive semidefinite.
     """
-    each = arms.ellipsoids(_configurations(arms, n, random_state, sequence, collisions), spec)
-    return tuple(np.moveaxis(each, 1, 0))
+    ellipsoids = arms.ellipsoids(_configurations(arms, n, random_state, sequence, collisions), spec)
+    return tuple(np.moveaxis(ellipsoids, 1, 0))
 
 
 def _configurations(

@@ -39,7 +39,7 @@ def printable(text: str, longest: int | None = None) -> str:
     """
     if not text.isprintable():
         line = _LINE_ENDS.sub(" ", text)
-        text = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in line)
+        text = "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in line)
     if longest is None or len(text) <= longest:
         return text
     half = longest // 2 - 4
@@ -50,7 +50,7 @@ class _Message:
     """Base of errors and warnings: makes their text printable, since it may quote files."""
 
     def __init__(self, *args: Any):
-        super().__init__(*(printable(one, LONGEST_MESSAGE) if isinstance(one, str) else one for one in args))
+        super().__init__(*(printable(value, LONGEST_MESSAGE) if isinstance(value, str) else value for value in args))
 
 
 class ManiportError(_Message, Exception):
@@ -107,8 +107,8 @@ class IdentifiabilityWarning(ManiportWarning):
 
 def nearest_first(name: object, available: Iterable[str]) -> list[str]:
     """Sort existing names by their similarity to the requested name."""
-    asked = str(name).lower()
-    return sorted(available, key=lambda other: (-SequenceMatcher(None, asked, other.lower()).ratio(), other))
+    lowered = str(name).lower()
+    return sorted(available, key=lambda other: (-SequenceMatcher(None, lowered, other.lower()).ratio(), other))
 
 
 def unknown_name(what: str, name: object, available: Iterable[str], where: str = "") -> UnknownNameError:
@@ -126,9 +126,9 @@ def unknown_name(what: str, name: object, available: Iterable[str], where: str =
         Where it was looked for, such as ``"in 'arm.urdf'"``.
     """
     names = nearest_first(name, available)
-    shown = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
+    listed = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
     place = f" {where}" if where else ""
-    return UnknownNameError(f"unknown {what} {name!r}{place}; there are, nearest first: {shown or 'none'}")
+    return UnknownNameError(f"unknown {what} {name!r}{place}; there are, nearest first: {listed or 'none'}")
 
 
 def as_text(path: str) -> str:

@@ -21,8 +21,8 @@ class Estimator:
     @classmethod
     def _parameters(cls) -> dict[str, Any]:
         """Names of the parameters, sorted, and their defaults."""
-        found = inspect.signature(cls).parameters
-        return {name: found[name].default for name in sorted(found)}
+        parameters = inspect.signature(cls).parameters
+        return {name: parameters[name].default for name in sorted(parameters)}
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return the parameters by name.
@@ -32,13 +32,13 @@ class Estimator:
         deep : bool
             Whether those of parameters that have some are there as well, as ``name__inner``.
         """
-        found = {}
+        values = {}
         for name in self._parameters():
             value = getattr(self, name)
             if deep and hasattr(value, "get_params") and not isinstance(value, type):
-                found.update({f"{name}__{inner}": one for inner, one in value.get_params().items()})
-            found[name] = value
-        return found
+                values.update({f"{name}__{inner}": item for inner, item in value.get_params().items()})
+            values[name] = value
+        return values
 
     def set_params(self, **parameters: Any) -> Self:
         """Set parameters by name, those of a parameter as ``name__inner``; they are checked when it is fitted.
@@ -48,12 +48,12 @@ class Estimator:
         InvalidInputError
             When there is no parameter of that name.
         """
-        known = self._parameters()
-        for given, value in parameters.items():
-            name, _, inner = given.partition("__")
-            if name not in known:
+        own = self._parameters()
+        for path, value in parameters.items():
+            name, _, inner = path.partition("__")
+            if name not in own:
                 raise InvalidInputError(
-                    f"{type(self).__name__} has no parameter {name!r}; it has {', '.join(known) or 'none'}"
+                    f"{type(self).__name__} has no parameter {name!r}; it has {', '.join(own) or 'none'}"
                 )
             if inner:
                 getattr(self, name).set_params(**{inner: value})
@@ -62,9 +62,9 @@ class Estimator:
         return self
 
     def __repr__(self) -> str:
-        given = ((name, repr(getattr(self, name)), repr(default)) for name, default in self._parameters().items())
-        shown = (f"{name}={_short(value)}" for name, value, default in given if value != default)
-        return f"{type(self).__name__}({', '.join(shown)})"
+        values = ((name, repr(getattr(self, name)), repr(default)) for name, default in self._parameters().items())
+        changed = (f"{name}={_short(value)}" for name, value, default in values if value != default)
+        return f"{type(self).__name__}({', '.join(changed)})"
 
     def __sklearn_tags__(self) -> Any:
         """Return the tags of scikit-learn of an estimator that needs no labels."""
@@ -82,17 +82,17 @@ class Estimator:
 
 def clone(estimator: E) -> E:
     """Return another estimator with the same parameters that has learned nothing, as `sklearn.base.clone` does."""
-    given = estimator.get_params(deep=False)  # type: ignore[attr-defined]
-    return type(estimator)(**{name: _copied(value) for name, value in given.items()})
+    parameters = estimator.get_params(deep=False)  # type: ignore[attr-defined]
+    return type(estimator)(**{name: _copied(value) for name, value in parameters.items()})
 
 
 def _copied(value: Any) -> Any:
     if hasattr(value, "get_params") and not isinstance(value, type):
         return clone(value)
     if type(value) in (list, tuple, set, frozenset):
-        return type(value)(_copied(one) for one in value)
+        return type(value)(_copied(item) for item in value)
     if type(value) is dict:
-        return {name: _copied(one) for name, one in value.items()}
+        return {name: _copied(item) for name, item in value.items()}
     return copy.deepcopy(value)
 
 

@@ -278,5 +278,5 @@ def _shared_joints(
 
 def placing_options() -> str:
     """Describe the options that place several robots, for messages."""
-    given = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
-    return given if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"
+    text = "--pose of each, such as 0,0.3,0,0 and 0,-0.3,0,0"
+    return text if typed() else "bases=, such as ((0, 0.3, 0), (0, -0.3, 0))"

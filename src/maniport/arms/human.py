@@ -152,10 +152,10 @@ def human_arm(
     """
     as_choice(name, "person", PERSONS)
     as_choice(side, "side", SIDES)
-    tall, known = as_height(height), dict(lengths or {})
+    tall, lengths_by_segment = as_height(height), dict(lengths or {})
     if tall is not None:
-        known = {segment: segment_length(segment, tall) for segment in FRACTIONS} | known
-    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in known.items()})
+        lengths_by_segment = {segment: segment_length(segment, tall) for segment in FRACTIONS} | lengths_by_segment
+    arm = PERSONS[name](**{segment.replace(" ", "_"): length for segment, length in lengths_by_segment.items()})
     chain = arm.chain if arm.side in SIDES else replace(arm.chain, side=RIGHT)
     return Arm(chain if chain.side == side else mirrored(chain))
 

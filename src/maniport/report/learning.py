@@ -28,7 +28,7 @@ def learned_report(learned: LearnedProfile) -> Report:
         *warnings_of(
             "equal-demonstrations", [f"{listed(equal)} are the same: their agreement has no meaning"] if equal else []
         ),
-        *warnings_of(RECORDING, [text for one in learned.demonstrations for text in one.quality_warnings]),
+        *warnings_of(RECORDING, [text for part in learned.demonstrations for text in part.quality_warnings]),
         *warnings_of("demonstrations-differ", texts),
     )
     lead = (
@@ -83,18 +83,18 @@ def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
     agreement, held = learned.agreement, learned.agreement.held_out
     sides = tuple(str(arm.side) for arm in learned.arms)
     values = [
-        {"name": one.name, "start_s": float(one.motion.time[0]), "stop_s": float(one.motion.time[-1]),
-         "frames": len(one.motion), "side": listed(one.motion.names), "from_others": float(agreement.alone[i]),
+        {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
+         "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),
          "held_out": None if held is None else float(held.learned[i]),
-         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in one.motion.arms}}
-        for i, one in enumerate(learned.demonstrations)
+         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
+        for i, part in enumerate(learned.demonstrations)
     ]  # fmt: skip
     columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
                "arm": "{side}", "from the others": "{from_others:.2f}"}  # fmt: skip
     if held is not None:
         columns["held out"] = "{held_out:.2f}"
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
-    mirrored = [one.name for one in learned.demonstrations if one.motion.names != sides]
+    mirrored = [part.name for part in learned.demonstrations if part.motion.names != sides]
     arm = "arms that differ in size" if learned.lengths == "own" else f"{' and '.join(sides)} arm of mean lengths"
     metrics = (
         info("Reference", "reference", learned.alignment.reference, learned.reference.name,

@@ -173,8 +173,8 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
         apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
         distance = statistics("Distance between the hands", "between_hands", apart, fit.time, "m")
         both.append(Section("Both arms", (distance,)))
-    arms = [replace(person_section(one), title=f"Human {one.arm.side} arm", key=str(one.arm.side)) for one in fit.arms]
-    title = f"{' and '.join(one.arm.name for one in fit.arms)}, fitted to a person"
+    arms = [replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms]
+    title = f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person"
     return Report(title, sections=(*both, *arms), data_warnings=data_warnings)
 
 
@@ -207,5 +207,5 @@ def person_section(fit: ArmFit) -> Section:
     columns = {"direction of": "{name}", "median": "{median:.2f}°", "95 %": "{p95:.2f}°", "max": "{max:.2f}°",
                "when": "at {max_at_s:.1f} s"}  # fmt: skip
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
-    table = table_of([{"name": name, **one} for name, one in residuals.items()], columns, caption, "residual_deg")
+    table = table_of([{"name": name, **item} for name, item in residuals.items()], columns, caption, "residual_deg")
     return Section("Human arm", metrics, (replace(table, value=residuals),), "person")

@@ -84,7 +84,7 @@ def result_report(result: TransferResult | MotionResult) -> Report:
     if result.motion is not None:
         return replace(report, summary=_summary(result, motions, report.status))
     evaluations = (arm.evaluation for arm in result.arms if isinstance(arm, ArmTransfer))
-    gaps = [one.adapter.feasibility_gap for one in evaluations if one is not None]
+    gaps = [item.adapter.feasibility_gap for item in evaluations if item is not None]
     medians = listed(f"{gap.median:.2f}" for gap in gaps if gap is not None)
     text = f"Median distance of the targets to the feasible set: {medians}." if medians else ""
     return replace(report, summary=Summary(f"{robot} has its targets and was not moved.", text, graded=False))
@@ -104,7 +104,7 @@ def _arm_sections(arm: ArmResult) -> list[Section]:
         sections = [Section("Robot motion", tuple(warned), key="motion", text="The robot was not moved.")]
     if isinstance(arm, ArmTransfer):
         compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation, choice=arm.choice)]
-        sections += [replace(one, folded=True) for one in (*compared, _adapter(arm), person_section(arm.fit))]
+        sections += [replace(item, folded=True) for item in (*compared, _adapter(arm), person_section(arm.fit))]
     return sections
 
 
@@ -124,7 +124,7 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
             section,
             title=f"{name} arm: {section.title[:1].lower()}{section.title[1:]}",
             key=f"{arm}_{section.key}",
-            metrics=tuple(named(one) for one in section.metrics if not (one.is_warning and one.key in OF_ALL_ARMS)),
+            metrics=tuple(named(item) for item in section.metrics if not (item.is_warning and item.key in OF_ALL_ARMS)),
             folded=True,
         )
         for section in sections
@@ -212,7 +212,7 @@ def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tupl
     slower = _track(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
     if status == RED:
         limits = (metrics["limits"] for metrics in motions.values() if "limits" in metrics)
-        exceeded = any(METRICS["limits"].level(one.value) > METRICS["limits"].warn_above for one in limits)
+        exceeded = any(METRICS["limits"].level(item.value) > METRICS["limits"].warn_above for item in limits)
         return ("Do not run it: give it more time.", slower) if exceeded else ("Do not run it.", "")
     for arm, metrics in zip(result.arms, motions.values(), strict=True):
         motion, error = arm.motion, metrics.get("position_error")

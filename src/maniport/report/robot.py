@@ -135,9 +135,9 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
 def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
     values = [
-        {"rank": rank, "scale": one.scale, **_angles(one), "offset_m": one.offset.tolist(), "rms": one.rms,
-         "max": float(one.distance.max())}
-        for rank, one in enumerate(placed.candidates, 1)
+        {"rank": rank, "scale": item.scale, **_angles(item), "offset_m": item.offset.tolist(), "rms": item.rms,
+         "max": float(item.distance.max())}
+        for rank, item in enumerate(placed.candidates, 1)
     ]  # fmt: skip
     columns = {
         "rank": "{rank}", "scale": "{scale:.3f}", "yaw [°]": "{yaw_deg:.1f}",

@@ -48,12 +48,12 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
         regularized = f"damping {adapter.damping:g}: adds {added[0]:.3g} to the teacher, {added[1]:.3g} to the student"
     ended = f"{adapter.stop_reason_} ({'' if adapter.converged_ else 'not '}converged)"
     determined = []
-    if (found := getattr(adapter, "identifiability_", None)) is not None:
-        text, free = found.in_words(), not found.determined
+    if (result := getattr(adapter, "identifiability_", None)) is not None:
+        text, free = result.in_words(), not result.determined
         if free and (mounted or rotation is not None):
             text = f"the base orientation is taken as known, since {text}"
         metric = warning("identifiability", text) if free else replace(notes([text])[0], key="identifiability")
-        determined.append(replace(metric, value=found.in_words()))
+        determined.append(replace(metric, value=result.in_words()))
     metrics = (
         *determined,
         method,
@@ -79,9 +79,9 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
 
 
 @describe.register
-def identifiability_report(found: Identifiability) -> Report:
+def identifiability_report(result: Identifiability) -> Report:
     """Describe which directions of the rotation the domains determine."""
-    return Report("", "", (Section("", (info("Result", "identifiability", found.in_words()),)),))
+    return Report("", "", (Section("", (info("Result", "identifiability", result.in_words()),)),))
 
 
 COLUMNS = {
@@ -108,9 +108,9 @@ WEAKNESSES = {
 
 
 @describe.register
-def evaluation_report(found: Evaluation | Choice) -> Report:
+def evaluation_report(result: Evaluation | Choice) -> Report:
     """Describe the comparison of an adapter with baselines, or the selection of a method."""
-    evaluation, choice = (found.evaluation, found) if isinstance(found, Choice) else (found, None)
+    evaluation, choice = (result.evaluation, result) if isinstance(result, Choice) else (result, None)
     settings = (
         Metric("Fit", evaluation.adapter.note),
         *(Metric(name.capitalize(), str(value)) for name, value in evaluation.settings.items()),
@@ -139,7 +139,7 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
             ratios = {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
             values[row.name]["smoothness"] |= ratios
     name = label(summary.name)
-    weaknesses = {one.code: f"{name}: {WEAKNESSES[one.code].format(one.value)}" for one in summary.weaknesses}
+    weaknesses = {own.code: f"{name}: {WEAKNESSES[own.code].format(own.value)}" for own in summary.weaknesses}
     lost_order = weaknesses.pop("rank_correlation", "")
     metrics = [
         _comparison(summary) if choice is None else _selection(choice),

@@ -22,7 +22,7 @@ SUMMARIES = ("summary.md", SUMMARY, PAGE, CONFIG)
 FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms", "motion")
 """Figures of results, which `maniport figures` adds to the folder."""
 
-EXPORTS = tuple(one.file for one in FORMATS.values())
+EXPORTS = tuple(exporter.file for exporter in FORMATS.values())
 REPORT_FILES = (*SUMMARIES, *EXPORTS, *files_of(*FIGURES))
 RUN_FILES = (*TRANSFER_FILES, *REPORT_FILES)
 """Files of a transfer to one arm. A folder with other files is not replaced."""

@@ -77,8 +77,8 @@ class AccessControl:
             return f"it requests the host {hosts[0][:LONGEST_TEXT]!r}"
         if origins and origins[0].lower() != f"http://{hosts[0].lower()}":
             return f"it comes from {origins[0][:LONGEST_TEXT]!r}"
-        given = path.partition("?")[0].strip("/").split("/")[0]
-        if not hmac.compare_digest(given.encode(errors="surrogateescape"), self.token.encode()):
+        token = path.partition("?")[0].strip("/").split("/")[0]
+        if not hmac.compare_digest(token.encode(errors="surrogateescape"), self.token.encode()):
             return "its address lacks the token"
         return ""
 

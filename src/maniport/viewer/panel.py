@@ -144,8 +144,8 @@ class Panel:
 def _preset_of(angles: Array) -> str:
     """Return the name of a base orientation in `BASE_ORIENTATIONS`, or `OWN`."""
     rotation = from_roll_pitch_yaw(angles)
-    named = ((name, from_roll_pitch_yaw(np.array(one))) for name, one in BASE_ORIENTATIONS.items())
-    return next((name for name, one in named if np.allclose(one, rotation, atol=1e-6)), OWN)
+    named = ((name, from_roll_pitch_yaw(np.array(item))) for name, item in BASE_ORIENTATIONS.items())
+    return next((name for name, item in named if np.allclose(item, rotation, atol=1e-6)), OWN)
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:
@@ -186,12 +186,12 @@ def _method_table(frames: Sequence[Frame], state: ViewState, method: str, names:
     gaps = [side.gaps(frame.target.demonstrated) for side, frame in zip(state.sides, frames, strict=True)]
     head = " | ".join(f"{name}feasibility gap" for name in names)
     rows = [f"| method | {head} |", "|---" * (len(maps) + 1) + "|"]
-    for one in state.methods:
-        label = f"**{readable(one)}**" if one == method else readable(one)
+    for item in state.methods:
+        label = f"**{readable(item)}**" if item == method else readable(item)
         cells = []
-        for own, found in zip(maps, gaps, strict=True):
-            gap = None if one == LOOKUP else found.get(one)  # samples of the robot have no gap by construction
-            cells.append("fitting …" if one not in own else "—" if gap is None else f"{gap:.2f}")
+        for own, values in zip(maps, gaps, strict=True):
+            gap = None if item == LOOKUP else values.get(item)  # samples of the robot have no gap by construction
+            cells.append("fitting …" if item not in own else "—" if gap is None else f"{gap:.2f}")
         rows.append(f"| {label} | {' | '.join(cells)} |")
     notes = []
     for name, own, frame in zip(names, maps, frames, strict=True):

@@ -54,14 +54,14 @@ def prepare(
     if both and isinstance(robot, Arm):
         raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
     require_person(person, AUTO if both else side, height)
-    given = None if adapter is None else load_adapter(adapter)
+    loaded = None if adapter is None else load_adapter(adapter)
     options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
-    if given is not None:
-        require_drawable(given)  # before any long work
-        if (given.damping, given.eigenvalue_floor) != (None, None):
-            options = {"damping": given.damping, "eigenvalue_floor": given.eigenvalue_floor}
+    if loaded is not None:
+        require_drawable(loaded)  # before any long work
+        if (loaded.damping, loaded.eigenvalue_floor) != (None, None):
+            options = {"damping": loaded.damping, "eigenvalue_floor": loaded.eigenvalue_floor}
     if base_rotation is None:
-        base_rotation = getattr(given, "base_rotation", None)
+        base_rotation = getattr(loaded, "base_rotation", None)
     rotation = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
     group = as_group(robot if isinstance(robot, Arm | ArmGroup) else (load_arms if both else load_arm)(robot))
     if both and len(group.arms) != 2:
@@ -71,18 +71,18 @@ def prepare(
     persons, motion, time, bases = _person(person, recording, side, height, both, seed, progress)
 
     tell("Prepare page", 0.0)
-    shown, ready = (GIVEN, GIVEN) if given is not None else (PREFERRED, AT_ONCE)
+    displayed, ready = (GIVEN, GIVEN) if loaded is not None else (PREFERRED, AT_ONCE)
     sides = []
     for teacher, student, base in zip(persons, group.arms, bases, strict=True):
         bank = SeedBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-        maps = Maps(*domains, given=given, robot=student, bank=bank, base_rotation=rotation, first=(ready,), **options)
+        maps = Maps(*domains, given=loaded, robot=student, bank=bank, base_rotation=rotation, first=(ready,), **options)
         sides.append(Side(teacher, student, maps, bank, base=base))
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(group if both else group.arms[0], sides, playback)
     sides[0].maps.before = lambda: state.find_place(motion, ready)
     tell("Prepare page", 1.0, f"{ready}; the placement and the other methods follow")
-    return state, shown, rotation
+    return state, displayed, rotation
 
 
 def _person(
@@ -90,7 +90,7 @@ def _person(
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
     """The person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     if recording is None:
-        arms = tuple(human_arm(person, one, height) for one in (GROUP if both else (RIGHT if side == AUTO else side,)))
+        arms = tuple(human_arm(person, own, height) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
     side = BOTH if both else side

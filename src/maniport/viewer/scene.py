@@ -72,20 +72,20 @@ def find_surfaces(robot: Arm | ArmGroup, tolerance: float = 0.01) -> tuple[list[
     arms = as_group(robot).arms
     none: list[tuple[Surface, ...]] = [() for _ in arms]
     try:
-        found = [arm.surfaces() for arm in arms]
+        by_arm = [arm.surfaces() for arm in arms]
     except FileFormatError as error:
         return none, " ".join(str(error).split())
-    for arm, surfaces in zip(arms, found, strict=True):
+    for arm, surfaces in zip(arms, by_arm, strict=True):
         if not surfaces:
             return none, f"the description of {arm.name} names no shapes"
     if isinstance(robot, ArmGroup) and len(arms) > 1:  # surfaces of one joint may be simplified differently
-        shared = {surface.joint: bounds(surface) for surface in found[0] if surface.joint <= robot.common[0, 1]}
-        found[1] = tuple(
+        shared = {surface.joint: bounds(surface) for surface in by_arm[0] if surface.joint <= robot.common[0, 1]}
+        by_arm[1] = tuple(
             surface
-            for surface in found[1]
+            for surface in by_arm[1]
             if surface.joint not in shared or np.abs(bounds(surface) - shared[surface.joint]).max() >= tolerance
         )
-    return found, ""
+    return by_arm, ""
 
 
 def _edges(skeleton: Array) -> Array:
@@ -191,10 +191,10 @@ class DrawnSide:
             scene.add_frame(robot, show_axes=False)
         self.teacher = Skeleton(scene, f"{person}/arm", frame.teacher_skeleton, 0.028, (86, 120, 150))
         look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
-        self._joints = np.array([surface.joint for surface in surfaces], dtype=int)
+        self._joints = np.array([part.joint for part in surfaces], dtype=int)
         self.meshes = [
-            scene.add_mesh_simple(f"{robot}/surface/{one.joint}", one.points.astype(np.float32), one.triangles, **look)
-            for one in surfaces
+            scene.add_mesh_simple(f"{robot}/surface/{part.joint}", part.points.astype(np.float32), part.triangles, **look)
+            for part in surfaces
         ]
         self._skeleton = None
         if not surfaces:

@@ -161,10 +161,10 @@ class Mjcf(RobotXML):
             file = mesh.get("file", "")
             file = Path(file).name if options.get("strippath") == "true" else file
             meshes[f"{i}.stl"] = folder / file if file else mesh
-        model, shown, solid = self._geometries()
+        model, visual, solid = self._geometries()
         touching = {thing.name for thing in solid.geometryObjects}
-        dressed = {thing.parentFrame for thing in shown.geometryObjects if thing.name not in touching}
-        for thing in shown.geometryObjects:
+        dressed = {thing.parentFrame for thing in visual.geometryObjects if thing.name not in touching}
+        for thing in visual.geometryObjects:
             frame = model.frames[thing.parentFrame]
             if frame.name in links and (thing.name not in touching or thing.parentFrame not in dressed):
                 placement = (frame.placement.inverse() * thing.placement).homogeneous
@@ -191,11 +191,11 @@ class Mjcf(RobotXML):
             ElementTree.ElementTree(root).write(file, encoding="utf-8")
             try:
                 model = pin.buildModelFromMJCF(str(file))
-                shown, solid = (pin.buildGeomFromMJCF(model, str(file), kind) for kind in (pin.VISUAL, pin.COLLISION))
+                visual, solid = (pin.buildGeomFromMJCF(model, str(file), kind) for kind in (pin.VISUAL, pin.COLLISION))
             except (ValueError, RuntimeError, IndexError) as error:
                 reason = " ".join(str(error).split("message:")[-1].split())
                 raise FileFormatError(f"{self.path}: its shapes cannot be read: {reason}") from None
-        return model, shown, solid
+        return model, visual, solid
 
 
 def _mesh(thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]) -> Mesh | None:

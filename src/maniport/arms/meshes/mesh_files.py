@@ -144,8 +144,8 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
         things.setdefault(f"#{element.get('id')}", element)
-    shown = root.find("scene/instance_visual_scene")
-    scene = root.find("library_visual_scenes/visual_scene") if shown is None else things.get(shown.get("url", ""))
+    scene = root.find("scene/instance_visual_scene")
+    scene = root.find("library_visual_scenes/visual_scene") if scene is None else things.get(scene.get("url", ""))
     if scene is None:
         raise FileFormatError(f"{path}: cannot be read as a mesh: it has no scene")
     unit = root.find("asset/unit")

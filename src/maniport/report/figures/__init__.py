@@ -107,9 +107,9 @@ def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str]
 def _motion(page: Path) -> dict[str, Any]:
     """Read the data of the motion in a page."""
     text = read_whole(page, (), KEYPOINTS_BYTES).decode("utf-8", "replace")
-    found = re.search(r'<script type="application/json" id="motion-0">(.*?)</script>', text, re.DOTALL)
+    match = re.search(r'<script type="application/json" id="motion-0">(.*?)</script>', text, re.DOTALL)
     try:
-        data = unpacked(json.loads(found[1]) if found else None)
+        data = unpacked(json.loads(match[1]) if match else None)
         return {**data, "time": data["start"] + data["time"]}
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise FileFormatError(f"{str(page)!r} is not the page of a result: {error}") from None
@@ -137,8 +137,8 @@ def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
                 name, role = f"{stage['name']}, arm {k + 1}", PERSON.name if PERSON.name in drawn else ACHIEVED.name
                 skeletons[name], shells[name] = body["skeleton"], drawn[role]
                 roles[name], within[name] = role, stage["name"]
-                targets = {one: points for one, points in drawn.items() if one != ACHIEVED.name}
-                profiles |= {one: rotation.T @ points @ rotation for one, points in targets.items()}
+                targets = {name: points for name, points in drawn.items() if name != ACHIEVED.name}
+                profiles |= {name: rotation.T @ points @ rotation for name, points in targets.items()}
         yield "arms", arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
         if columns == 1 and len(profiles) > 1:  # all in the frame of the person
             yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles={role: role for role in profiles})

@@ -78,21 +78,21 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
     figure = column_figure(0.4 + 0.62 * count, columns)
     grid = figure.subplots(count, columns, sharex=True, squeeze=False)
     drawn = list(grid.ravel())
-    for one, panel in zip(drawn, panels, strict=False):
+    for item, panel in zip(drawn, panels, strict=False):
         for line in panel.lines:
             look = {"color": ROLES[line.role].color, "ls": LINE_STYLES[line.style], "lw": 3.0 if line.wide else 1.0}
-            one.plot(*_with_breaks(time, line.values), alpha=0.35 if line.wide else 1.0, label=line.name, **look)
-        one.set_title(f"{panel.title} [{panel.unit}]" if panel.unit else panel.title, fontsize=TEXT, loc="left", pad=2)
+            item.plot(*_with_breaks(time, line.values), alpha=0.35 if line.wide else 1.0, label=line.name, **look)
+        item.set_title(f"{panel.title} [{panel.unit}]" if panel.unit else panel.title, fontsize=TEXT, loc="left", pad=2)
         if panel.limits is not None and panel.span is not None:
             for ends in zip(panel.limits, panel.span, strict=True):
-                one.axhspan(*ends, color="0.85", lw=0)
-            one.set_ylim(*panel.span)
+                item.axhspan(*ends, color="0.85", lw=0)
+            item.set_ylim(*panel.span)
         elif panel.logarithmic:
-            _logarithmic(one)
-    for one in drawn[len(panels) :]:
-        one.set_visible(False)
+            _logarithmic(item)
+    for item in drawn[len(panels) :]:
+        item.set_visible(False)
     for column in grid.T:
-        _over_time([one for one in column if one.get_visible()])
+        _over_time([item for item in column if item.get_visible()])
     return laid_out(figure)
 
 
@@ -211,7 +211,7 @@ def diffusion_map(domains: Mapping[str, ArrayLike], profiles: Mapping[str, Array
     for name, points in profiles.items():
         lines[name] = as_points(points, f"profiles[{name!r}]", d, 1)
     chart = map_of([*clouds.values(), *lines.values()])
-    placed, paths = ({name: chart.transform(one) for name, one in sets.items()} for sets in (clouds, lines))
+    placed, paths = ({name: chart.transform(item) for name, item in sets.items()} for sets in (clouds, lines))
     return map_figure(placed, paths)
 
 
@@ -301,8 +301,8 @@ def _profiles(profiles: Mapping[str, ArrayLike], count: int) -> dict[str, Array]
 def _names(sets: Mapping[str, ArrayLike], argument: str) -> Mapping[str, ArrayLike]:
     """Require one to seven named arrays: there are seven colors."""
     if not isinstance(sets, Mapping) or not 1 <= len(sets) <= len(COLORS):
-        found = len(sets) if isinstance(sets, Mapping) else type(sets).__name__
-        raise InvalidInputError(f"{argument} must be a mapping of 1 to {len(COLORS)} names to arrays; found {found}")
+        text = len(sets) if isinstance(sets, Mapping) else type(sets).__name__
+        raise InvalidInputError(f"{argument} must be a mapping of 1 to {len(COLORS)} names to arrays; found {text}")
     return sets
 
 

@@ -75,7 +75,7 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
             menu.append(("Details", "folded"))
         if k and section.title and not section.folded:
             menu.append((section.title, f"section-{k}"))
-        for animation in (one for one in contents.get(name, ()) if isinstance(one, Animation)):
+        for animation in (item for item in contents.get(name, ()) if isinstance(item, Animation)):
             label, notes = f"motion-{len(data)}", [animation.note]
             if len(animation.time) > frames:
                 notes.append(f"{frames} of {len(animation.time)} times are included.")
@@ -86,7 +86,7 @@ def _page(report: Report, contents: Contents, frames: int, surfaces: bool) -> st
             menu += [(title, f"{label}-{i}") for i, title in enumerate(titles)]  # the scripts give these ids
             encoded = as_json(animation, frames, surfaces=surfaces)
             data.append(f'<script type="application/json" id="{label}">{encoded}</script>')
-    images = {name: [one for one in content if isinstance(one, Image)] for name, content in contents.items()}
+    images = {name: [item for item in content if isinstance(item, Image)] for name, content in contents.items()}
     values = {"report": report, "cards": CARDS, "menu": menu, "count": len(data), "motions": motions, "images": images}
     body = templates().get_template("report.html").render(**values)
     end = " Keys: space to play, ← and → to step." if data else ""

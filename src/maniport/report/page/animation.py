@@ -84,7 +84,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         clocks={"robot": moved[0].time} if transfer is not None and moved else {},
         legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
         note=" ".join(notes),
-        states=tuple(max(worst, key=order.index) for worst in zip(*(one.status for one in moved), strict=True)),
+        states=tuple(max(worst, key=order.index) for worst in zip(*(item.status for item in moved), strict=True)),
     )
 
 
@@ -120,7 +120,7 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
 
 def _is_same(part: Part, other: Part) -> bool:
     """Return whether two surfaces move alike and have the same bounds [m]; they may be simplified differently."""
-    first, second = ((one.points.min(axis=0), one.points.max(axis=0)) for one in (part, other))
+    first, second = ((item.points.min(axis=0), item.points.max(axis=0)) for item in (part, other))
     return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
 
 
@@ -146,7 +146,7 @@ def _body(
 def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: int = 40, dots: int = 300) -> DomainMap:
     """Return the map of the domains, regularized as in the fit, in the robot's base frame; fitted to few points."""
     rotation, student = spec.rotation(base_rotation), arm.adapter.student_side
-    human, robot = (one[evenly_spaced(len(one), dots)] for one in (arm.teacher_domain, arm.student_domain))
+    human, robot = (item[evenly_spaced(len(item), dots)] for item in (arm.teacher_domain, arm.student_domain))
     human, demonstrated = (
         rotation @ arm.adapter.teacher_side(points) @ rotation.T for points in (human, arm.demonstrated_profile)
     )
@@ -254,8 +254,8 @@ def _panels_of_learned(learned: LearnedProfile) -> dict[str, tuple[Panel, ...]]:
     d, unit, outlier = semi_axes.shape[1], learned.spec.unit, learned.agreement.outlier
 
     def panel(title: str, unit: str, several: Array, values: Array, deviation: Array | None = None) -> Panel:
-        lines = [Line(name, one, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
-                 for k, (name, one) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
+        lines = [Line(name, item, REFERENCE.name if k == outlier else PERSON.name, 1 if k == outlier else 2)
+                 for k, (name, item) in enumerate(zip(learned.names, several, strict=True))]  # fmt: skip
         factors: list[tuple[str, Array | float, int]] = [("learned", 1.0, 0)]
         if deviation is not None:
             factors += [("+ 1 deviation", np.exp(deviation), 1), ("− 1 deviation", np.exp(-deviation), 1)]

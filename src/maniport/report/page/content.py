@@ -169,7 +169,7 @@ class Animation:
         arrays = {f"the skeleton of {body.name!r}": body.skeleton for stage in self.stages for body in stage.bodies}
         arrays |= {f"the line {line.name!r} of {panel.title!r}": line.values
                    for panels in self.panels.values() for panel in panels for line in panel.lines}  # fmt: skip
-        arrays |= {f"the profile {one.name!r}": one.coordinates for one in (self.map.profiles if self.map else ())}
+        arrays |= {f"the profile {part.name!r}": part.coordinates for part in (self.map.profiles if self.map else ())}
         for name, array in arrays.items():
             if len(array) != count:
                 raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
