@@ -52,7 +52,7 @@ def statistics(distance: np.ndarray, error: np.ndarray | None, duration: float, 
 
 
 def transfers(recording: str, seeds: int, **options: Any) -> Iterator[Row]:
-    """The main job on a bundled recording."""
+    """Run the transfer on a bundled recording."""
     for seed in range(seeds):
         begin = time.process_time()
         result = mp.transfer_recording(shipped_recording(recording), seed=seed, **options)
@@ -153,7 +153,7 @@ def speed(whole: bool) -> Iterator[Row]:
 
 
 def processes(whole: bool) -> Iterator[Row]:
-    """The demo and a first fit in fresh processes; with an empty compile cache only in the whole record."""
+    """Run the demo in fresh processes, with an empty and a warm compile cache."""
     del whole
     with tempfile.TemporaryDirectory() as folder:
         for name in ("empty cache", "warm"):

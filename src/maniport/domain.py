@@ -74,7 +74,7 @@ def sample_domains(
 def _configurations(
     arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any
 ) -> Array:
-    """Samples of the joint space, free of collisions where they are given."""
+    """Return samples of the joint space, free of collisions where they are given."""
     if collisions is None:
         return arm.sample(n, random_state, sequence)
     from maniport.arms.collisions import free_configurations  # here: Numba takes its time

@@ -152,7 +152,7 @@ def typed() -> bool:
 
 
 def spoken(name: str) -> str:
-    """An argument's name in messages: the option's, on the command line, where that is another word."""
+    """Return the name of an argument in messages: on the command line, that of the option."""
     return _OPTIONS.get(name, name) if typed() else name
 
 

@@ -97,6 +97,6 @@ def _copied(value: Any) -> Any:
 
 
 def _short(text: str) -> str:
-    """A parameter in one line, its middle left out where it is long."""
+    """Return a parameter in one line, with its middle omitted if it is long."""
     line = " ".join(text.split())
     return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"

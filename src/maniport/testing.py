@@ -148,7 +148,7 @@ def _check_inverse(case: _Case) -> None:
 
 
 def _check_copies(case: _Case) -> None:
-    """A clone is unfitted and fits to the same bits; files, pickles and copies have them."""
+    """Check that clones are unfitted and that clones, files, pickles and copies give the same bits."""
     again = clone(case.fitted)
     assert repr(again.get_params()) == repr(case.fitted.get_params())
     _refused("call fit", again.transform, case.new, kind=NotFittedError)

@@ -144,7 +144,7 @@ def weighted_rows(jacobian: ArrayLike, spec: EllipsoidSpec) -> Array:
 def with_derivatives(
     jacobian: Array, chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY
 ) -> tuple[Array, Array]:
-    """Manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
+    """Return manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
 
     The Jacobian, shape (n, 6, dof), is a sum over chains: their factors, Jacobians in their joints, and couplings.
     """

@@ -109,7 +109,7 @@ def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
 
 
 def _with_coordinates(chain: Chain, kept: Array) -> Chain:
-    """The chain with the coordinates in `kept` (dof,) only."""
+    """Return the chain with the coordinates in `kept` (dof,) only."""
     return replace(
         chain,
         coupling=chain.coupling[:, kept],
@@ -126,7 +126,7 @@ def standing(chain: Chain, where: Array) -> Chain:
 
 
 def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
-    """The chain expressed in a frame in which its base has the pose `where`, shape (4, 4)."""
+    """Return the chain expressed in a frame in which its base has the pose `where`, shape (4, 4)."""
     joints = [replace(joint, placement=where @ joint.placement) for joint in chain.joints[:1]]
     return replace(
         chain,

@@ -58,7 +58,7 @@ def _described(thing: Any) -> Any:
 
 
 def _state(thing: Any) -> Any:
-    """What an object is made of; where it came from is no content, but for recordings."""
+    """Return the content of an object; its origin counts only for recordings."""
     if isinstance(thing, Arm):
         return thing.chain
     if isinstance(thing, ArmGroup):

@@ -91,7 +91,7 @@ def _run_here(work: Work, task: Any) -> "Future[Any]":
 
 @contextmanager
 def _processes(width: int) -> Iterator[Executor]:
-    """Processes of this computer; after one is killed all are started anew."""
+    """Run pairs in local processes; if one is killed, restart all."""
 
     def start() -> ProcessPoolExecutor:
         return ProcessPoolExecutor(width, env=ONE_THREAD, initializer=end_with_parent, initargs=(os.getpid(),))
@@ -158,7 +158,7 @@ def _client(address: str, timeout: float = 10.0) -> Any:
 
 
 def worker_version() -> str:
-    """The version of maniport that a worker has."""
+    """Return the version of maniport of a worker."""
     return __version__
 
 

@@ -63,7 +63,7 @@ def find_recordings(given: Sequence[str | os.PathLike[str]], without: Path) -> l
 
 
 def _matches(text: str) -> list[tuple[Path, str]]:
-    """The files that one argument names, with their names below it."""
+    """Return the files that one argument names, with their names below it."""
     path = Path(text)
     if not text:
         raise InvalidInputError("recordings: a file, folder or pattern must not be empty")
@@ -100,7 +100,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def _name(path: Path, folder: Path | None = None) -> str:
-    """A path below a folder, or its last part; it never leads upwards."""
+    """Return a path below a folder, or its last part; it never leads upwards."""
     absolute = Path(os.path.abspath(path))
     top = absolute.parent if folder is None else Path(os.path.abspath(folder))
     return as_text((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())

@@ -110,7 +110,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _short(value: Any, length: int = 80) -> str:
-    """A JSON value in few characters; of objects and lists their sizes."""
+    """Return a short form of a JSON value; for objects and lists their sizes."""
     if isinstance(value, dict | list):
         return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
     return json.dumps(value if not isinstance(value, str) else value[:length], ensure_ascii=False)[:length]

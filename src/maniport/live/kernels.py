@@ -108,7 +108,7 @@ def updated(covariance, measured, information):  # type: ignore[no-untyped-def]
 
 @kernel
 def trunk_directions(positions, linear, forward, shortest):  # type: ignore[no-untyped-def]
-    """Unit vectors (k, 3) in the trunk frame of points (n, 3), nan where a point is not seen.
+    """Return unit vectors (k, 3) in the trunk frame of points (n, 3), nan where a point is not seen.
 
     `linear` (k + 2, n) gives the vectors, of which the last two are the trunk's upward axis and its second axis, x
     where `forward`, else y.

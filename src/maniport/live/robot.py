@@ -140,7 +140,7 @@ class Robot:
         self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
 
     def _uncorrected(self, arm: int, target: Array | None, dt: float) -> Array:
-        """The part of the error at the last target that is not corrected within dt, so that braking is possible."""
+        """Return the part of the last error that is not corrected within dt, so that braking remains possible."""
         assert target is not None
         error = target - self.positions[arm]
         away = max(math.sqrt(error @ error), 1e-9)

@@ -98,7 +98,7 @@ def _distinct(values: Array, which: int) -> NDArray[np.bool_]:
 
 
 def axis_over_time(points: Array, which: int, like: Array | None = None) -> Array:
-    """Unit vectors along the major (−1) or minor (0) axes of a profile; nan where semi-axes have a ratio above 0.97.
+    """Return unit vectors along the major (−1) or minor (0) axes; nan where semi-axes have a ratio above 0.97.
 
     Signs are continuous, but change where an axis is more than 120° from that of `like`.
     """

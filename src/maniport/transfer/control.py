@@ -171,7 +171,7 @@ def _fill_features(u, parts, soft):  # type: ignore[no-untyped-def]
 
 @part
 def _released(value, epsilon, kappa):  # type: ignore[no-untyped-def]
-    """The y with y (y + ε) / (y + κ ε) = `value`; the value itself where ε is negative."""
+    """Return the y with y (y + ε) / (y + κ ε) = `value`; the value itself where ε is negative."""
     if epsilon < 0.0:
         return value
     gap = value - epsilon

@@ -116,7 +116,7 @@ def load_ellipsoids(path: str | os.PathLike[str]) -> tuple[Array, Array | None]:
 
 
 def _with_array(path: str | os.PathLike[str], what: str, name: str) -> dict[str, Any]:
-    """The array of that name, and its times where there are any."""
+    """Return the array of that name, and its times where there are any."""
     arrays = load_arrays(path, what, (name, "time"))
     if name not in arrays:
         raise FileFormatError(

@@ -16,7 +16,7 @@ def is_loopback(host: str) -> bool:
 
 
 def bound(host: str, port: int, kind: socket.SocketKind, name: str = "port") -> socket.socket:
-    """A socket that is bound to an address; `name` is what messages call the port."""
+    """Return a socket that is bound to an address; `name` is what messages call the port."""
     as_count(port, name, minimum=0, maximum=LAST_PORT)  # some systems take it modulo 65536
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=kind)[0]

@@ -88,7 +88,7 @@ def prepare(
 def _person(
     person: str, recording: Any, side: str, height: float | None, both: bool, seed: int, progress: Progress | None
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
-    """The person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
+    """Return the person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     if recording is None:
         arms = tuple(human_arm(person, own, height) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])

@@ -193,8 +193,8 @@ class DrawnSide:
         look = {"color": (203, 206, 211), "flat_shading": False, "side": "double"}
         self._joints = np.array([part.joint for part in surfaces], dtype=int)
         self.meshes = [
-            scene.add_mesh_simple(f"{robot}/surface/{part.joint}", part.points.astype(np.float32), part.triangles, **look)
-            for part in surfaces
+            scene.add_mesh_simple(f"{robot}/surface/{own.joint}", own.points.astype(np.float32), own.triangles, **look)
+            for own in surfaces
         ]
         self._skeleton = None
         if not surfaces:

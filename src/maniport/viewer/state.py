@@ -212,7 +212,7 @@ class ViewState:
             side.place = place
 
     def _targets(self, command: Command) -> list[Target]:
-        """The target of each arm; hands keep their relation, however the maps turn ellipsoids."""
+        """Return the target of each arm; the maps do not change the relation of the hands."""
         ends = np.cumsum([side.teacher.dof for side in self.sides])
         parts = zip(self.sides, np.split(command.joints, ends[:-1]), strict=True)
         targets = [side.target(own, command.method, command.base_rotation) for side, own in parts]
@@ -229,7 +229,7 @@ class ViewState:
         return targets
 
     def _joined(self, configurations: Sequence[Array]) -> Array:
-        """Configuration of the robot; shared joints are at the mean of the arms'."""
+        """Return configuration of the robot; shared joints are at the mean of the arms'."""
         total, count = np.zeros(self.robot.dof), np.zeros(self.robot.dof)
         for own, columns in zip(configurations, self._columns, strict=True):
             total[columns] += own
@@ -238,5 +238,5 @@ class ViewState:
 
 
 def _mean_turn(turns: Sequence[Array]) -> Array:
-    """The rotation between those of all arms, as `maniport.transfer_recording` rotates their paths."""
+    """Return the mean rotation of all arms, as `maniport.transfer_recording` rotates their paths."""
     return turns[0] if len(turns) == 1 else orthonormal(np.sum(turns, axis=0))

@@ -168,7 +168,7 @@ class _Piece:
 
 
 def _cut(triangles: Array, axis: int, at: float) -> tuple[Array, Array]:
-    """The parts of triangles (n, 3, 3) below and above a plane across an axis, as triangles."""
+    """Split triangles (n, 3, 3) by a plane normal to an axis; return those below and above."""
     above = triangles[..., axis] > at
     count = above.sum(axis=1)
     crossing = (count > 0) & (count < 3)
@@ -198,13 +198,13 @@ def _outline(points: Array) -> Array:
 
 
 def _extreme(points: Array) -> np.ndarray:
-    """Indices of the points that are farthest along 26 directions."""
+    """Return indices of the points that are farthest along 26 directions."""
     directions = np.array([direction for direction in product((-1, 0, 1), repeat=3) if any(direction)])
     return np.unique(np.argmax(points @ directions.T, axis=0))
 
 
 def _fixed_to(chain: Chain, frame: str) -> list[str]:
-    """A frame and its ancestors on the same joint."""
+    """Return a frame and its ancestors on the same joint."""
     joint = chain.frames[frame].joint
     return list(takewhile(lambda name: chain.frames[name].joint == joint, chain.ancestors(frame)))
 

@@ -69,7 +69,7 @@ class Solids:
         return distances - self._skins[pairs[columns]].sum(axis=1), normals, points
 
     def slopes(self, q: Array, pairs: Pairs, mask: NDArray[np.bool_], normals: Array, points: Array) -> Array:
-        """Derivatives of these distances in the configuration, shape (k, dof), for what `distances` returned."""
+        """Return derivatives of these distances in the configuration, shape (k, dof), for what `distances` returned."""
         rows, columns = np.nonzero(mask)
         turns, origins = self.tree.link_poses(q[rows])
         axes = np.einsum("njab,jb->nja", turns[:, 1:], self.tree.axes)

@@ -190,7 +190,7 @@ def robot_limbs(name_or_path: Robot) -> tuple[list[Limb], Limb | None]:
 
 
 def _robot_file(name_or_path: Robot) -> RobotFile:
-    """The file of a name or a path."""
+    """Return the file of a name or path."""
     text, path = os.fspath(name_or_path), Path(name_or_path)
     is_name = isinstance(name_or_path, str) and not os.path.isfile(path)
     robot = find_robot(text) if is_name else None

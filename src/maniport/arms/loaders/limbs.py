@@ -162,7 +162,7 @@ class Limbs:
 
 
 def _with_usual_name(names: Collection[str], usual: Sequence[str]) -> str | None:
-    """The first name that equals or ends with a usual name, in the order of `usual`."""
+    """Return the first name that equals or ends with a usual name, in the order of `usual`."""
     return next((name for end in usual for name in names if name == end or name.endswith((f"_{end}", f"/{end}"))), None)
 
 

@@ -97,7 +97,7 @@ class Mjcf(RobotXML):
         return np.pi / 180 if hinge and (not angle or angle[-1] == "degree") else 1.0
 
     def _attribute(self, joint: ElementTree.Element, attribute: str) -> str | None:
-        """An attribute of a joint, its own or that of its default class."""
+        """Return an attribute of a joint, its own or that of its default class."""
         if joint.get(attribute) is not None:
             return joint.get(attribute)
         name, node = joint.get("class"), self._parents.get(joint)
@@ -173,7 +173,7 @@ class Mjcf(RobotXML):
                     yield Shape(frame.name, (points @ placement[:3, :3].T + placement[:3, 3], triangles))
 
     def _geometries(self) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
-        """The model and its visual and collision geometry, with a triangle for each mesh."""
+        """Return the model and its visual and collision geometry, with a triangle for each mesh."""
         root = _one_tree(self.root)
         corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
         triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
@@ -199,7 +199,7 @@ class Mjcf(RobotXML):
 
 
 def _mesh(thing: pin.GeometryObject, paths: MeshPaths, meshes: Mapping[str, Path | ElementTree.Element]) -> Mesh | None:
-    """The mesh of a shape of Coal; none for planes, which are infinite."""
+    """Return the mesh of a shape of Coal; none for planes, which are infinite."""
     shape = thing.geometry
     if isinstance(shape, coal.BVHModelBase):
         mesh, scale = meshes[Path(thing.meshPath).name], np.asarray(thing.meshScale)

@@ -106,7 +106,7 @@ class RobotModel:
         )
 
     def _split(self, j: int) -> list[Joint]:
-        """The one-degree-of-freedom joints of a joint of the model; none for joints with more."""
+        """Return the one-degree-of-freedom joints of a model joint; none for joints with more."""
         joint, placement = self.model.joints[j], self.model.jointPlacements[j].homogeneous
         if joint.shortname() != "JointModelComposite":
             single = self._single(joint, self.model.names[j], placement)
@@ -127,7 +127,7 @@ class RobotModel:
         return parts
 
     def _single(self, joint: pin.JointModel, name: str, placement: Array) -> Joint | None:
-        """A joint with one axis, its limits and speed noted; None for other joints."""
+        """Return a joint with one axis, its limits and speed noted; None for other joints."""
         if joint.nv != 1:
             return None
         data = joint.createData()

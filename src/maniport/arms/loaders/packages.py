@@ -150,7 +150,7 @@ def _side(name: str) -> tuple[str, str | None]:
 
 
 def _from_catalog(name: str, installed: bool) -> RobotFile:
-    """A robot of robot_descriptions, downloaded on first use; xacro files are expanded with its arguments."""
+    """Return a robot of robot_descriptions, downloaded on first use; xacro files are expanded with its arguments."""
     if importlib.util.find_spec(CATALOG) is None:
         raise MissingPackageError(
             f"robot {name!r}: names with '_description' need the package {CATALOG}: pip install {CATALOG}"

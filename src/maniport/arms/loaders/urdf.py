@@ -106,7 +106,7 @@ class Urdf(RobotXML):
                 yield Shape(link.get("name", ""), (points, triangles), stand_in=kind == "collision")
 
     def _mesh(self, paths: MeshPaths, link: Element, part: Element) -> tuple[np.ndarray, np.ndarray]:
-        """The mesh of one <visual> or <collision> of a link in its own frame."""
+        """Return the mesh of one <visual> or <collision> of a link in its own frame."""
         path, name, geometry = self.path, link.get("name", ""), part.find("geometry")
         if geometry is None or not len(geometry):
             raise FileFormatError(f"{path}: a <{part.tag}> of link {name!r} has no <geometry>")

@@ -179,7 +179,7 @@ def _read_collada(path: Path, content: bytes) -> Iterator[Mesh]:
 
 
 def _step(element: Element) -> Array:
-    """Transformation of an element of a node; identity for other elements."""
+    """Return transformation of an element of a node; identity for other elements."""
     step = np.eye(4)
     if element.tag == "matrix":
         return _numbers(element).reshape(4, 4)

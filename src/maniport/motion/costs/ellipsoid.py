@@ -49,7 +49,7 @@ class EllipsoidCost:
         return apply(congruence(self.whitening, achieved), np.log)
 
     def log_changes(self, q: Array) -> Array:
-        """Derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
+        """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
         _, velocity, changes = self.arm.differentials(q, self.spec.velocity)
         values, vectors, _, changes = self.spectrum(velocity, changes)
         return self._log_changes(values, vectors, changes)
@@ -87,7 +87,7 @@ class EllipsoidCost:
         return values, vectors, singular, np.empty((0,)) if changes is None else changes
 
     def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
-        """Derivatives of log X in the base frame; as in `add_log_residual`."""
+        """Return derivatives of log X in the base frame; as in `add_log_residual`."""
         frames = np.swapaxes(vectors, -1, -2) @ self.whitening
         inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
         turned = log_slopes(values)[:, None] * inner

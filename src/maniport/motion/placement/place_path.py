@@ -195,7 +195,7 @@ def place_path(  # type: ignore[misc]
 
 
 def fixed_place(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Array, Array]:
-    """Fixed numbers of a placement (7,), nan where free, and lower and upper bounds of placements."""
+    """Return fixed numbers of a placement (7,), nan where free, and lower and upper bounds of placements."""
     fixed, scales = np.full(SIZE, np.nan), (0.5, 2.0)
     if isinstance(scale, tuple | list):
         if len(scale) != 2:
@@ -248,7 +248,7 @@ def _require_reach(maps: Sequence[ReachabilityMap], bounds: Array, upright: bool
 
 
 def _times(time: ArrayLike | None, paths: Sequence[Array], speed: float = 0.1) -> Array:
-    """Times of waypoints at a mean speed [m/s], at which placements are compared whatever the demonstrated one."""
+    """Return times of waypoints at a mean speed [m/s], which is the same for all placements."""
     times = np.arange(len(paths[0]), dtype=float) if time is None else as_times(time, count=len(paths[0]))
     if len(times) < 2:
         return times

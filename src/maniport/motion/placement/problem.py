@@ -22,7 +22,7 @@ SIZE = 7
 
 
 def named(place: Array, distance: Array) -> Place:
-    """A placement (7,) by its numbers, with distances (n,) there."""
+    """Return a placement (7,) by its numbers, with distances (n,) there."""
     scale, tilt = float(np.exp(place[SCALE])), float(place[TILT])
     yaw, heading = (float(np.remainder(place[i] + np.pi, 2.0 * np.pi) - np.pi) for i in (YAW, HEADING))
     heading = heading if tilt else 0.0
@@ -73,7 +73,7 @@ class ArmPath:
         return self.objective.targets(profile[0], positions[0])
 
     def derivatives(self, place: Array) -> tuple[Array, Array]:
-        """Derivatives of positions in a placement (n, 3, 7), and generators of rotations (7, d, d)."""
+        """Return derivatives of positions in a placement (n, 3, 7), and generators of rotations (7, d, d)."""
         rotation = path_rotations(place[None])[0]
         positions, vertical = np.exp(place[SCALE]) * self.path @ rotation.T, rotation[:, 2]
         axes = np.zeros((SIZE, 3))
@@ -104,7 +104,7 @@ class PlacementProblem:
         return np.isnan(self.fixed)
 
     def thinned(self, count: int) -> "PlacementProblem":
-        """The same with `count` evenly spaced waypoints of each path."""
+        """Return the same with `count` evenly spaced waypoints of each path."""
         rows = evenly_spaced(len(self.time), count)
         arms = tuple(replace(arm, path=arm.path[rows], profile=arm.profile[rows]) for arm in self.arms)
         return replace(self, arms=arms, time=self.time[rows])

@@ -103,7 +103,7 @@ def _search(
 
 
 def _shortlist(problem: PlacementProblem, seed: np.random.Generator, effort: Effort) -> list[Array]:
-    """The best of random placements by samples: of all at a few waypoints, then of some at more waypoints."""
+    """Return the best random placements: of all at a few waypoints, then of some at more waypoints."""
     count, lower, upper = effort.candidates, problem.lower[:4], problem.upper[:4]
     unit = sobol(4, max(count - 1, 1).bit_length(), seed)[:count]
     reached = [arm.reachability_map.reach for arm in problem.arms]

@@ -54,7 +54,7 @@ class JointPath:
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
 
     def passed(self, speed: Array) -> Array:
-        """Times at which the grid is passed [s] with parameter speeds (k,), squares of which are linear between."""
+        """Return times of the grid points [s] for parameter speeds (k,) whose squares are linear between them."""
         return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(self.grid) / (speed[1:] + speed[:-1]))])
 
 

@@ -160,7 +160,7 @@ class ReachabilityMap:
         return Roadmap(q, targets[owner].cost(q), np.searchsorted(owner, np.arange(len(targets) + 1)))
 
     def _near(self, targets: Targets, count: int) -> tuple[Array, Array]:
-        """Samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
+        """Return samples next to each target's position, turned there (n, k, dof), and their distances (n, k)."""
         assert targets.positions is not None
         coordinates, angles = self.coordinates(targets.positions)
         rows = self._located[0].query(coordinates, k=[*range(1, min(count, len(self.q)) + 1)])[1]

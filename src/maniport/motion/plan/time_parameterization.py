@@ -148,7 +148,7 @@ def _fastest(limits: MotionLimits, path: JointPath, scale: Array) -> Array:
 
 
 def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -> tuple[Array, int, Array]:
-    """Samples with limited jerk, how many of them are rest at either end, and the largest share of each limit."""
+    """Return samples with limited jerk, the number of samples at rest, and the largest share of each limit."""
     passed = path.passed(speed)
     require_few(passed[-1] * rate)
     clock = np.minimum(np.arange(int(np.ceil(passed[-1] * rate)) + 1) / rate, passed[-1])

@@ -102,7 +102,7 @@ class SeedBank(NotebookDisplay):
     def query(
         self, ellipsoids: ArrayLike, positions: ArrayLike | None = None, k: int = 5, position_weight: float = 6.0
     ) -> Array:
-        """Configurations whose ellipsoids, and positions where given, are most similar to the targets.
+        """Return configurations with the most similar ellipsoids and positions.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class SeedBank(NotebookDisplay):
         return np.asarray(self.joint_positions[self._trees[weight].query(vectors, k=[*range(1, count + 1)])[1]])
 
     def starts_for(self, targets: Targets, k: int) -> Array:
-        """Samples to search for targets from, shape (n, k, dof); the damping of the targets need not be the bank's."""
+        """Return start configurations for targets, shape (n, k, dof), whatever their damping."""
         ellipsoids = apply(targets.ellipsoids, lambda values: np.maximum(values, 0.0))
         return self.query(ellipsoids, targets.positions, k)
 

@@ -7,7 +7,7 @@ from maniport.util.validation import SPD_TOLERANCE, SYMMETRY_TOLERANCE
 
 @part
 def admit(point, a, v, x, added, floor):  # type: ignore[no-untyped-def]  # Numba infers the types
-    """A ← P + added I, the eigenvalues of P first lifted to `eigenvalue_floor`; V and X are overwritten."""
+    """Set A ← P + added I, the eigenvalues of P first lifted to `eigenvalue_floor`; overwrite V and X."""
     n, largest = len(point), 0.0
     for i in range(n):
         for j in range(n):
@@ -31,7 +31,7 @@ def admit(point, a, v, x, added, floor):  # type: ignore[no-untyped-def]  # Numb
 
 @part
 def compose(x, v, a):  # type: ignore[no-untyped-def]
-    """A ← V diag(x) Vᵀ."""
+    """Set A ← V diag(x) Vᵀ."""
     n = len(x)
     for i in range(n):
         for j in range(i, n):
@@ -55,7 +55,7 @@ def multiply(left, v, b):  # type: ignore[no-untyped-def]
 
 @part
 def congruence(left, a, b):  # type: ignore[no-untyped-def]
-    """A ← L A Lᵀ; B is overwritten."""
+    """Set A ← L A Lᵀ; overwrite B."""
     n = len(a)
     multiply(left, a, b)
     for i in range(n):

@@ -15,7 +15,7 @@ from maniport.util.validation import Array
 
 
 def toy_figures(seed: int = 0) -> dict[str, Figure]:
-    """The ten new ellipsoids of the toy data before and after."""
+    """Plot the ten new ellipsoids of the toy data before and after the transfer."""
     draw = known_truth.toy_draw(seed)
     adapter = our_adapter(paper_table("I")[1], damping=None).set_params(random_state=seed)
     fit_quietly(adapter, draw)

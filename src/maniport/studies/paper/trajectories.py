@@ -65,7 +65,7 @@ def human_evaluation() -> dict[str, Array]:
 
 @cache
 def robot_arm() -> Arm:
-    """The Panda to its flange, in the frame of the person's trunk: x forward, z up."""
+    """Return the Panda to its flange, in the frame of the person's trunk: x forward, z up."""
     return load_arm("panda", frame="panda_link8")
 
 

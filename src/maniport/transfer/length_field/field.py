@@ -99,7 +99,7 @@ class LengthsMap:
         return compose(values + axiswise(self.kernel(x) @ self.lengths, powers(values)), vectors)
 
     def slopes(self, values: Array, vectors: Array, equal: float = 1e-5) -> Array:
-        """Derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
+        """Return derivatives (n, D, D) of vec(log f) by vec L; eigenvalues less than `equal` apart are equal."""
         x = to_vector(compose(values, vectors))
         near, d = self.kernel(x), values.shape[1]
         field, t = near @ self.lengths, powers(values)
@@ -221,7 +221,7 @@ def powers(values: Array) -> Array:
 
 
 def powers_changing(values: Array) -> Array:
-    """Derivatives of `powers` by ℓ, shape (..., 3)."""
+    """Return derivatives of `powers` by ℓ, shape (..., 3)."""
     t = np.tanh(0.5 * values)
     rate = 0.5 * (1.0 - t * t)
     return np.stack([np.zeros_like(t), rate, 2.0 * t * rate], axis=-1)
@@ -281,7 +281,7 @@ def features(parts: Array, soft: float) -> Array:
 
 
 def features_changing(parts: Array, soft: float) -> Array:
-    """Derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
+    """Return derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
     _, _, a, b, c, e = parts.T
     once, twice, both = _radii(parts, soft)
     scale, found = 1.0 / (once * both), np.zeros((len(parts), 6, 6))

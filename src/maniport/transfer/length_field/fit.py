@@ -174,7 +174,7 @@ def _unreachable(moves: Array, gamma: float = 0.05) -> Array:
 
 
 def centers_among(x: Array, count: int) -> NDArray[np.intp]:
-    """Indices of `count` of the vectors (n, D): the nearest to the mean, then always the farthest; ties: the first."""
+    """Return indices of `count` vectors (n, D): the nearest to the mean, then always the farthest."""
     squares = np.sum((x - x.mean(axis=0)) ** 2, axis=1)
     chosen = [int(np.argmax(squares <= squares.min() + TIE))]
     apart = np.sum((x - x[chosen[0]]) ** 2, axis=1)
