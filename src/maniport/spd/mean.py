@@ -72,7 +72,10 @@ def mean(points: ArrayLike, weights: ArrayLike | None = None, tol: float = 1e-10
     tol = as_number(tol, "tol", above=0.0)
     limit = as_count(max_iter, "max_iter")
     sample = _Sample(data, w, np.linalg.norm(data, axis=(-2, -1)))
-    now = _Iterate(_log_euclidean_mean(sample), sample)
+    start = moments(data, np.eye(data.shape[-1]), w, sample.sizes, curved=False)
+    if start is None:
+        raise NotSPDError(ILL_CONDITIONED)
+    now = _Iterate(apply(start.gradient, np.exp), sample)  # from the log-Euclidean mean
     if not np.isfinite(now.cost):
         raise NotSPDError(ILL_CONDITIONED)
     steps, reason = 0, ""
@@ -136,10 +139,7 @@ def whiten(points: ArrayLike, center: ArrayLike) -> Array:
     NotSPDError
         When a matrix is not SPD, or so ill-conditioned that rounding moves a result by more than a distance of 0.01.
     """
-    middle = as_spd(center, "center")
-    data = as_spd(points, "points", middle.shape[-1])
-    require_broadcast(points=data, center=middle)
-    return recentered(roots(middle)[1], data)
+    return _recentered(points, center, 1)
 
 
 def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
@@ -156,10 +156,15 @@ def unwhiten(points: ArrayLike, center: ArrayLike) -> Array:
     -------
     ndarray, shape (..., d, d)
     """
+    return _recentered(points, center, 0)
+
+
+def _recentered(points: ArrayLike, center: ArrayLike, root: int) -> Array:
+    """Apply the congruence by P^½ (0) or P^-½ (1)."""
     middle = as_spd(center, "center")
     data = as_spd(points, "points", middle.shape[-1])
     require_broadcast(points=data, center=middle)
-    return recentered(roots(middle)[0], data)
+    return recentered(roots(middle)[root], data)
 
 
 class _Sample(NamedTuple):
@@ -190,13 +195,6 @@ class _Iterate:
         # than 1e-3 is not put down to rounding.
         with np.errstate(divide="ignore"):
             self.rounding = min(float(np.finfo(np.float64).eps / np.abs(values[0])) * terms.rounding, 1e-3)
-
-
-def _log_euclidean_mean(sample: _Sample) -> Array:
-    start = moments(sample.points, np.eye(sample.points.shape[-1]), sample.weights, sample.sizes, curved=False)
-    if start is None:
-        raise NotSPDError(ILL_CONDITIONED)
-    return apply(start.gradient, np.exp)
 
 
 def _line_search(now: _Iterate) -> _Iterate | None:

@@ -14,7 +14,7 @@ from maniport.transfer.adapter_file import Attribute, Schema, as_indices
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.algorithm import ICP, best_registration
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.initialization import initial_rotations
+from maniport.transfer.icp.initialization import aligned_frames, rotations_of_pairs, voted
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rotation_group import rotation_angle
@@ -188,7 +188,10 @@ class RiemannianICP(RigidAdapter):
         multi_start = self.base_rotation is None and search.n_starts > 0 and d <= LARGEST_EXAMINED
         if multi_start or pairs is not None:
             random = as_generator(self.random_state)
-            rotations = initial_rotations(first, matched_t, matched_s, random, recentered_pairs)
+            if recentered_pairs is not None:
+                rotations = rotations_of_pairs(*recentered_pairs, first, random)
+            else:
+                rotations += voted(matched_t, matched_s) + aligned_frames(matched_t, matched_s, random)
         icp = ICP(matched_t, matched_s, correspondence_of(self.correspondence), search.tol, recentered_pairs)
         # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
         # lower was off by 180°.

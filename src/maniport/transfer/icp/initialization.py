@@ -13,19 +13,6 @@ from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 
-def initial_rotations(
-    first: Array,
-    teacher: Array,
-    student: Array,
-    random: np.random.Generator,
-    pairs: tuple[Array, Array] | None = None,
-) -> list[Array]:
-    """Return `first` and further rotations, or those that suit known pairs (k, d, d) equally well."""
-    if pairs is not None:
-        return rotations_of_pairs(*pairs, first, random)
-    return [first, *voted(teacher, student), *aligned_frames(teacher, student, random)]
-
-
 def aligned_frames(
     teacher: Array, student: Array, random: np.random.Generator, near_isotropic: float = 0.1
 ) -> list[Array]:
