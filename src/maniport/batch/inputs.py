@@ -47,19 +47,20 @@ class Robot:
     settings: Mapping[str, str]  # options as text by name
 
 
-def find_recordings(given: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
+def find_recordings(patterns: Sequence[str | os.PathLike[str]], without: Path) -> list[Source]:
     """Find the recordings that files, folders and patterns name, but those in the folder `without`; sorted by name."""
-    if isinstance(given, str | os.PathLike):
-        raise InvalidInputError(f"recordings must be a sequence, such as [{str(given)!r}]; found a name alone")
-    found: dict[Path, str] = {}
-    for pattern in given:
+    if isinstance(patterns, str | os.PathLike):
+        raise InvalidInputError(f"recordings must be a sequence, such as [{str(patterns)!r}]; found a name alone")
+    sources: dict[Path, str] = {}
+    for pattern in patterns:
         for path, name in _matches(os.fspath(pattern)):
             if without not in path.resolve().parents:
-                found.setdefault(path.resolve(), name)
-    if not found:
+                sources.setdefault(path.resolve(), name)
+    if not sources:
         raise InvalidInputError("recordings must name at least one file, folder or pattern; found none")
-    found = {path: name for path, name in found.items() if found.keys().isdisjoint(path.parents)}  # frames of a folder
-    return sorted((Source(name, path) for path, name in _unique(found).items()), key=lambda source: source.name)
+    # Frames of a folder of keypoints are no recordings of their own.
+    sources = {path: name for path, name in sources.items() if sources.keys().isdisjoint(path.parents)}
+    return sorted((Source(name, path) for path, name in _unique(sources).items()), key=lambda source: source.name)
 
 
 def _matches(text: str) -> list[tuple[Path, str]]:
@@ -106,9 +107,9 @@ def _name(path: Path, folder: Path | None = None) -> str:
     return as_text((absolute.relative_to(top) if top in absolute.parents else Path(absolute.name)).as_posix())
 
 
-def _unique(found: dict[Path, str]) -> dict[Path, str]:
+def _unique(sources: dict[Path, str]) -> dict[Path, str]:
     """Put folders before names until none is another's, nor a folder of another's."""
-    names = dict(found)
+    names = dict(sources)
     while clashing := _clashing(list(names.values())):
         for path, name in names.items():
             if name in clashing:

@@ -93,11 +93,11 @@ def _number(numbers: Any, name: str) -> float | None:
     return float(numbers) if isinstance(numbers, bool | int | float) else None
 
 
-def is_row(found: Any) -> bool:
+def is_row(row: Any) -> bool:
     """Return whether JSON that was read is the row of a pair that is done."""
-    if not isinstance(found, dict) or found.keys() != set(COLUMNS) or found["state"] != DONE:
+    if not isinstance(row, dict) or row.keys() != set(COLUMNS) or row["state"] != DONE:
         return False
-    return all(isinstance(value, str if name in TEXTS else int | float | None) for name, value in found.items())
+    return all(isinstance(value, str if name in TEXTS else int | float | None) for name, value in row.items())
 
 
 def failures(rows: Iterable[Row]) -> list[dict[str, Any]]:
@@ -196,11 +196,11 @@ def write_overview(path: Path, rows: Sequence[Row], count: int, tables: Sequence
 def _distributions(rows: Sequence[Row], column: str, bins: int = 24) -> list[dict[str, Any]]:
     """Return a histogram of a column for each robot, all on one scale."""
     largest = max((row[column] for row in rows), default=0.0) or 1.0
-    found = []
+    histograms = []
     for robot in dict.fromkeys(row["robot"] for row in rows):
         values = np.array([row[column] for row in rows if row["robot"] == robot])
         counts, _ = np.histogram(values, bins, (0.0, largest))
         summary = {"median": float(np.median(values)), "min": values.min(), "max": values.max()}
         bars = {"bars": (100.0 * counts / counts.max()).tolist(), "bins": bins, "largest": largest}
-        found.append({"robot": robot, "motions": len(values), **summary, **bars})
-    return found
+        histograms.append({"robot": robot, "motions": len(values), **summary, **bars})
+    return histograms

@@ -148,7 +148,7 @@ def _of_results(folder: Path) -> Report:
         title, outcome = summary["title"], summary.get("summary", {})
         lead = " ".join(outcome[key] for key in ("title", "text") if outcome.get(key))
         status = str(summary.get("status") or "")
-        quality_warnings = tuple(warning(str(one["key"]), str(one["text"])) for one in summary.get("warnings", []))
+        quality_warnings = tuple(warning(str(e["key"]), str(e["text"])) for e in summary.get("warnings", []))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
     page = str(folder / PAGE)

@@ -95,7 +95,7 @@ def evaluate(
     if robot is not None:
         require_shape(student, "student_domain", ("m", spec.size, spec.size), f" for {robot.name!r}")
     as_points(adapter.student_side(student, "student_domain"), "student_domain")
-    random, shown = as_generator(random_state), as_finite(profile, "profile")
+    random, demonstrated = as_generator(random_state), as_finite(profile, "profile")
     original = as_points(adapter.teacher_side(profile, "profile"), "profile", minimum=3)
     wanted = None if truth is None else adapter.student_side(truth, "truth")
     probes = _sampled(person, teacher, n_domain, spec, random)
@@ -112,8 +112,8 @@ def evaluate(
             warnings.simplefilter("always", ManiportWarning)
             if method is not adapter:
                 method.fit(teacher, student)
-            images.append(method.transform(np.concatenate([shown, probes])))
-            mapped = method.student_side(images[-1][: len(shown)])
+            images.append(method.transform(np.concatenate([demonstrated, probes])))
+            mapped = method.student_side(images[-1][: len(demonstrated)])
             result = Row(
                 row,
                 "returns samples of the student only: its gap is zero" if row == LOOKUP else "",
@@ -130,15 +130,15 @@ def evaluate(
     measured[0] = replace(measured[0], note="; ".join(fit))
     if robot is not None:
         search = {"spec": spec, "bank": bank, "n_starts": n_starts}
-        measured = _with_gaps(measured, images, robot, len(shown), adapter.student_regularization, **search)
+        measured = _with_gaps(measured, images, robot, len(demonstrated), adapter.student_regularization, **search)
     step.end(f"{len(methods) - 1} baselines")
     held_out = "of the teacher's domain" if person is None else "held out of the fit"
     sizes = " and ".join(str(len(samples)) for samples in same)
     settings = {
-        "profile": f"{len(shown)} ellipsoids",
+        "profile": f"{len(demonstrated)} ellipsoids",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
         "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
-        GAP_SEARCH: "" if robot is None else _gap_search(len(shown), adapter.eigenvalue_floor),
+        GAP_SEARCH: "" if robot is None else _gap_search(len(demonstrated), adapter.eigenvalue_floor),
         "further samples": f"{len(probes)}, {held_out}",
         "identity test": f"{sizes} ellipsoids" if sizes else "not measured",
         "seed": random_state if isinstance(random_state, int) else "none",

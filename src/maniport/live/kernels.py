@@ -87,13 +87,13 @@ def follow(q, velocity, covariance, targets, dt, decay, noise, weights, body, he
     for i in range(len(targets)):
         if np.isnan(targets[i, 0]):
             seen[i], used[i] = 0.0, 0.0
-    found, measured = mean.copy(), np.empty((n, n))
-    square = search(found, seen, used, body, held, mean, prior, 6, gain, measured)
-    change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (prior @ (found - mean))
+    posterior, measured = mean.copy(), np.empty((n, n))
+    square = search(posterior, seen, used, body, held, mean, prior, 6, gain, measured)
+    change = decay * velocity + np.ascontiguousarray(predicted[n:, :n]) @ (prior @ (posterior - mean))
     for j in range(n):
-        if (found[j] <= lower[j] and change[j] < 0.0) or (found[j] >= upper[j] and change[j] > 0.0):
+        if (posterior[j] <= lower[j] and change[j] < 0.0) or (posterior[j] >= upper[j] and change[j] > 0.0):
             change[j] = 0.0
-    return found, change, updated(predicted, measured, information), square
+    return posterior, change, updated(predicted, measured, information), square
 
 
 @kernel

@@ -286,6 +286,6 @@ def _of_each(name: str, value: Any, kind: Any, count: int) -> tuple[Any, ...]:
     values = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
     if len(values) != count or not all(isinstance(item, kind) for item in values):
         number = "" if count == 1 else f", {count} of them, one for each arm of the robot"
-        found = ", ".join(type(item).__name__ for item in values)
-        raise InvalidInputError(f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {found}")
+        kinds = ", ".join(type(item).__name__ for item in values)
+        raise InvalidInputError(f"{name} must be of type {getattr(kind, '__name__', kind)}{number}; found {kinds}")
     return values

@@ -196,11 +196,11 @@ class ArmMotion(Trajectory):
         steps = [(distance(damped[1:], damped[:-1]), 0.2)]
         if self.path is not None:
             steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), 0.02))
-        found = np.zeros(len(pace) + 2, bool)
+        marked = np.zeros(len(pace) + 2, bool)
         for size, least in steps:
             usual = median_filter(size * pace, min(9, len(pace)), mode="nearest")
-            found[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
-        return np.asarray(found[1:] | found[:-1])
+            marked[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
+        return np.asarray(marked[1:] | marked[:-1])
 
     def save_joints(self, path: str | os.PathLike[str]) -> None:
         """Write an ``.npz`` file without pickled objects.

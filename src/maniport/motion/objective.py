@@ -39,18 +39,18 @@ HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellip
 
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
     """Convert to a damping whose ε [unit of M] is known."""
-    known = damping if isinstance(damping, Regularization) else Regularization(damping)
-    if known.eigenvalue_floor is not None:
+    own = damping if isinstance(damping, Regularization) else Regularization(damping)
+    if own.eigenvalue_floor is not None:
         raise InvalidInputError(
             "damping must be a number, None or a Regularization by damping; found a floor of "
-            f"{known.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds "
+            f"{own.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds "
             "a fixed amount"
         )
-    if known.damping is not None and known.epsilon == 0.0:
-        return known.fitted(ellipsoids(), "ellipsoids")
-    if positive and known.epsilon == 0.0:
+    if own.damping is not None and own.epsilon == 0.0:
+        return own.fitted(ellipsoids(), "ellipsoids")
+    if positive and own.epsilon == 0.0:
         raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
-    return known
+    return own
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class Objective:
         """Check arguments; `damping` as in `as_damping`, relative to the arm's ellipsoids at 4096 samples."""
         if not callable(getattr(arm, "ellipsoids", None)):
             raise InvalidInputError(f"arm must be an arm, such as maniport.load_arm('panda'); found {arm!r}")
-        known = as_damping(damping, lambda: arm.ellipsoids(arm.sample(4096, 0), spec), positive)
-        return cls(arm, spec, known, position_weight)
+        regularization = as_damping(damping, lambda: arm.ellipsoids(arm.sample(4096, 0), spec), positive)
+        return cls(arm, spec, regularization, position_weight)
 
     @cached_property
     def shift(self) -> Array:

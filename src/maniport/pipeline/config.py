@@ -132,8 +132,8 @@ class Config(Options):
         config, file = base or cls(), os.fspath(path)
         for key, value in read_settings(path, [item.name for item in fields(cls) if item.name != "verb"]).items():
             if key in SECTIONS and not isinstance(value, dict):
-                found = type(value).__name__
-                raise FileFormatError(f"{file}{line_of(path, key)}: {key} must be a mapping of options; found {found}")
+                kind = type(value).__name__
+                raise FileFormatError(f"{file}{line_of(path, key)}: {key} must be a mapping of options; found {kind}")
             section = key if key in SECTIONS else ""
             described = {name: item for name, (place, item) in OPTIONS.items() if place == section and item.typed}
             for name, setting in value.items() if section else [(key, value)]:

@@ -181,8 +181,8 @@ def follow_profile(
     config = replace((config or Config()).changed(**options), verb="track")
     orientation, spec = config.motion.orientation, config.transfer.spec
     if isinstance(orientation, str) and orientation != FREE:
-        found = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
-        raise InvalidInputError(found)
+        text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
+        raise InvalidInputError(text)
     settings = Settings(config, robot, control := _control_of(robot, config), progress=progress or no_progress)
     if control.workspace is not None and (paths is None or not place):
         raise InvalidInputError("workspace bounds a path that is placed; found none")

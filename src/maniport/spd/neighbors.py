@@ -23,18 +23,18 @@ class NeighborIndex:
 
     def query(self, queries: Array) -> tuple[Indices, Array]:
         """For every query, shape (n, d, d), the index of the nearest point and the distance to it, shapes (n,)."""
-        asked, vectors = self._seen(queries)
-        best, distance = np.zeros(len(asked), np.intp), np.full(len(asked), np.inf)
-        open_queries = np.arange(len(asked))
+        queried, vectors = self._seen(queries)
+        best, distance = np.zeros(len(queried), np.intp), np.full(len(queried), np.inf)
+        open_queries = np.arange(len(queried))
         count = min(8, len(self._cloud))
         while len(open_queries):
-            block = max(1, 16_000_000 // (count * asked[0].nbytes))  # bounds the memory [bytes]
+            block = max(1, 16_000_000 // (count * queried[0].nbytes))  # bounds the memory [bytes]
             still_open = []
             for part in np.split(open_queries, range(block, len(open_queries), block)):
                 lower, candidates = self._tree.query(vectors[part], k=[*range(1, count + 1)])
-                found = distance_unchecked(asked[part][:, None], self._cloud[candidates])
-                choice, rows = np.argmin(found, axis=1), np.arange(len(part))
-                best[part], distance[part] = candidates[rows, choice], found[rows, choice]
+                distances = distance_unchecked(queried[part][:, None], self._cloud[candidates])
+                choice, rows = np.argmin(distances, axis=1), np.arange(len(part))
+                best[part], distance[part] = candidates[rows, choice], distances[rows, choice]
                 still_open.append(part[lower[:, -1] < distance[part]])
             if count == len(self._cloud):
                 break

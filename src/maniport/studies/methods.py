@@ -80,17 +80,17 @@ def study(
     rows: Sequence[str | DomainAdapter] = (*BASELINES, LOOKUP, *FITTED_METHODS),
 ) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
     """Evaluate methods on the motions, by (motion, method)."""
-    robot, known = load_arm(ROBOT), {"damping": DAMPING, "base_rotation": np.eye(3)}
+    robot, shared = load_arm(ROBOT), {"damping": DAMPING, "base_rotation": np.eye(3)}
     student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
     for motion in motions(names):
         teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         for method in methods:
             step = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
             if method == AUTO:
-                options: dict[str, Any] = {"robot": robot, "random_state": random_state, **known}
+                options: dict[str, Any] = {"robot": robot, "random_state": random_state, **shared}
                 adapter = choose(teacher, student, motion.profile, **options).adapter
             else:
-                adapter = knowing(method_of(method, random_state=random_state, **known), robot).fit(teacher, student)
+                adapter = knowing(method_of(method, random_state=random_state, **shared), robot).fit(teacher, student)
             evaluation = evaluate(
                 adapter,
                 teacher,

@@ -161,21 +161,21 @@ def _require_complete(method: Any, fitted: Mapping[str, Any]) -> None:
 
 def require_arrays(values: Mapping[str, Any], schema: Schema, sizes: dict[str | int, int] | None = None) -> None:
     """Raise `InvalidInputError` unless values have the shapes and types of a schema and pass its checks."""
-    known: dict[str | int, int] = dict(sizes or {})
+    known_sizes: dict[str | int, int] = dict(sizes or {})
     for name, value in values.items():
         shape, check, _ = schema[name]
         array = np.asarray(value)
         agrees = array.ndim == len(shape) and all(
-            known.get(size, size if isinstance(size, int) else length) == length
+            known_sizes.get(size, size if isinstance(size, int) else length) == length
             for size, length in zip(shape, array.shape, strict=True)
         )
         numeric = array.dtype == np.float64 or (not shape and array.dtype.kind in "iu")
         if not agrees or not (numeric or check in (as_text, as_flag, as_flags, as_indices)):
-            expected = str(tuple(known.get(size, size) for size in shape)).replace("'", "")
+            expected = str(tuple(known_sizes.get(size, size) for size in shape)).replace("'", "")
             raise InvalidInputError(
                 f"{name} must be finite, of shape {expected}; found {array.dtype} values of shape {array.shape}"
             )
-        known |= dict(zip(shape, array.shape, strict=True))
+        known_sizes |= dict(zip(shape, array.shape, strict=True))
         check(value, name)
 
 

@@ -85,9 +85,9 @@ class CloudPair:
 
     def nearest(self, rotation: Array) -> Array:
         """Distances from the seeking ellipsoids to the nearest of the other cloud, shape (k,)."""
-        turning, found = _mandel_rotation(rotation), np.empty(len(self._seeking))
-        _nearest_distances(self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought, found)
-        return found
+        turning, distances = _mandel_rotation(rotation), np.empty(len(self._seeking))
+        _nearest_distances(self._seeking @ (turning.T if self._teacher_seeks else turning), self._sought, distances)
+        return distances
 
     @staticmethod
     def coincidence(before: Array, after: Array) -> Gain:
@@ -150,7 +150,7 @@ def _sum_distances(vectors, others, sums, columns):  # type: ignore[no-untyped-d
 
 
 @kernel(fastmath=True)
-def _nearest_distances(vectors, others, found):  # type: ignore[no-untyped-def]
+def _nearest_distances(vectors, others, distances):  # type: ignore[no-untyped-def]
     """Fill the distance from each vector (n, k) to the nearest of the others (k, m)."""
     squares = np.empty(others.shape[1])
     for i in range(len(vectors)):
@@ -161,4 +161,4 @@ def _nearest_distances(vectors, others, found):  # type: ignore[no-untyped-def]
         least = squares[0]
         for j in range(1, len(squares)):  # compiled in a tenth of the time of np.min
             least = min(least, squares[j])
-        found[i] = np.sqrt(least)
+        distances[i] = np.sqrt(least)

@@ -80,8 +80,8 @@ def compiled_map(function: Any, d: int, *terms: Array) -> CompiledMap:
 
 def _refuse(failed: int, shape: tuple[int, int], point: Array, out: Array) -> NoReturn:
     if failed == OTHER_ARRAYS:
-        found = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
-        raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {found}")
+        text = " and ".join(f"{getattr(a, 'dtype', type(a).__name__)} {np.shape(a)}" for a in (point, out))
+        raise InvalidInputError(f"point and out must be C-contiguous float64 arrays of shape {shape}; found {text}")
     reason = REASONS[failed]
     raise NotSPDError(f"point {reason}: {np.array2string(np.asarray(point), precision=4, separator=', ')}")
 

@@ -59,23 +59,23 @@ def existing_file(path: str | os.PathLike[str], suffixes: Collection[str], most:
     """Check what can be checked of a file before it is read; what has no end is not even opened."""
     file = Path(path)
     try:
-        found = file.stat()
+        status = file.stat()
     except (FileNotFoundError, NotADirectoryError):
         raise FileFormatError(f"{file}: there is no such file{_similar(file, suffixes)}{hint}") from None
     except (OSError, ValueError) as error:  # names that are too long or hold a zero byte, loops of links
         raise FileFormatError(f"{str(file)!r}: cannot be read: {getattr(error, 'strerror', error)}") from None
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         wanted = f"a file with suffix {', '.join(suffixes)}" if suffixes else "a file"
         raise FileFormatError(f"{file}: this is a folder; give {wanted}")
     if suffixes and file.suffix.lower() not in suffixes:
         raise FileFormatError(f"{file}: suffix {file.suffix!r} is not known; allowed are {', '.join(suffixes)}{hint}")
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise FileFormatError(f"{file}: this is a pipe, a socket or a device; give a file")
-    if found.st_size > most:
+    if status.st_size > most:
         raise FileFormatError(
-            f"{file}: has {found.st_size / MEGABYTE:.4g} MB; at most {most / MEGABYTE:.4g} MB are read"
+            f"{file}: has {status.st_size / MEGABYTE:.4g} MB; at most {most / MEGABYTE:.4g} MB are read"
         )
-    if found.st_size == 0:
+    if status.st_size == 0:
         raise FileFormatError(f"{file}: the file is empty")
     if not os.access(file, os.R_OK):
         raise FileFormatError(f"{file}: cannot be read: permission denied")

@@ -43,12 +43,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]  # Numba is untyped
         try:
             # Numba's own stamp covers one file; here all called functions are known, which they are not earlier
             self._cache_file._source_stamp = _digest(_sources(self._py_func, set()))
-            found = super().load_overload(sig, target_context)
+            overload = super().load_overload(sig, target_context)
         except Exception:  # noqa: BLE001  # what a damaged file makes pickle raise
             self._ignoring_errors(self.flush)
             return None
         # two processes that store code for different arguments at once may choose the same file
-        return found if found is None or found.signature.args == sig else None
+        return overload if overload is None or overload.signature.args == sig else None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         self._ignoring_errors(super().save_overload, sig, data)

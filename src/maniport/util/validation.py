@@ -161,8 +161,8 @@ def require_broadcast(**arrays: Array) -> None:
     try:
         np.broadcast_shapes(*(array.shape[:-2] for array in arrays.values()))
     except ValueError:
-        found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise InvalidInputError(f"the leading axes must broadcast; found shapes {found}") from None
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InvalidInputError(f"the leading axes must broadcast; found shapes {shapes}") from None
 
 
 def as_rotation(value: ArrayLike, name: str, dimension: int | None = None) -> Array:

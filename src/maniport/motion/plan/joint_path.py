@@ -48,8 +48,8 @@ class JointPath:
             if np.abs(spline(since) - points).max() <= PATH_TOLERANCE:
                 break
         count = np.clip(since[-1] / 15e-3, 1250, 2500)  # twice as many make a motion 0.4 % shorter
-        each = np.maximum(pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64))
-        knots = np.concatenate([[0], np.cumsum(each)])
+        n_pieces = np.maximum(pieces, np.ceil(np.diff(since) * (count / since[-1]) - 1e-9).astype(np.int64))
+        knots = np.concatenate([[0], np.cumsum(n_pieces)])
         grid = np.interp(np.arange(knots[-1] + 1), knots, since)
         return cls(spline, grid, spline(grid, 1), spline(grid, 2), knots)
 

@@ -167,7 +167,7 @@ def _pointwise_bests(
     """
     rows = evenly_spaced(len(q), most)
     targets, columns = tuple(replace(own[rows], rotations=None) for own in problem.targets), planner.group.columns
-    banks = [own.bank.starts_for(each, STARTS) for own, each in zip(planner.arms, targets, strict=True)]
+    banks = [own.bank.starts_for(part, STARTS) for own, part in zip(planner.arms, targets, strict=True)]
     if vectors:
         starts = np.empty((len(rows), STARTS, q.shape[1]))
         for bank, own in zip(banks, columns, strict=True):
@@ -176,5 +176,5 @@ def _pointwise_bests(
         distances = joint.distances(pointwise_best(joint, starts, q[rows]).joint_positions)
     else:
         parts = zip(targets, banks, columns, strict=True)
-        distances = [pointwise_best(each, bank, q[rows][:, own]).distance for each, bank, own in parts]
+        distances = [pointwise_best(part, bank, q[rows][:, own]).distance for part, bank, own in parts]
     return [interpolated_distance(rows, distance, len(q)) for distance in distances]

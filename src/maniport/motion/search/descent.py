@@ -48,9 +48,9 @@ def descend(
 
 def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving: int) -> Array:
     """Search from all starts at once: rows are those of the first target, then those of the second and so on."""
-    (count, each, dof), lower, upper = starts.shape, target.arm.lower, target.arm.upper
+    (count, n_starts, dof), lower, upper = starts.shape, target.arm.lower, target.arm.upper
     q = np.clip(starts.reshape(-1, dof), lower, upper)
-    owner = np.repeat(np.arange(count), each)
+    owner = np.repeat(np.arange(count), n_starts)
     length, gradient, hessian = target[owner].evaluate(q)
     damping, growth = np.full(len(q), 0.1), np.full(len(q), 2.0)
 
@@ -62,7 +62,7 @@ def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving
         # flatter joints, such as one whose axis goes through the end effector, have only rounding in both
         flat = np.maximum(1e-9 * curvature.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
         promise = np.where(held, 0.0, 0.5 * slope**2 / np.maximum(curvature, flat)).max(axis=1)
-        reached = (length.reshape(count, each).min(axis=1) <= tol)[owner[rows]]
+        reached = (length.reshape(count, n_starts).min(axis=1) <= tol)[owner[rows]]
         return np.asarray(rows[~reached & (promise > tol * own) & np.isfinite(own) & (damping[rows] < LARGEST_DAMPING)])
 
     active = still_open(np.arange(len(q)))
@@ -89,7 +89,7 @@ def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving
             first = np.searchsorted(own, own)
             size = np.searchsorted(own, own, side="right") - first
             active = np.sort(order[np.arange(len(order)) - first < (size + 1) // 2])
-    return np.asarray(q[np.arange(count) * each + np.argmin(length.reshape(count, each), axis=1)])
+    return np.asarray(q[np.arange(count) * n_starts + np.argmin(length.reshape(count, n_starts), axis=1)])
 
 
 @dataclass(frozen=True)

@@ -132,8 +132,8 @@ class SeedBank(NotebookDisplay):
             weight = as_number(position_weight, "position_weight", above=0.0)
             vectors = np.concatenate([vectors, weight * as_positions(positions, len(vectors))], axis=1)
         if weight not in self._trees:
-            known = np.concatenate([self._vectors, weight * self.tip_positions], axis=1)
-            self._trees[weight] = cKDTree(known if weight else self._vectors)
+            features = np.concatenate([self._vectors, weight * self.tip_positions], axis=1)
+            self._trees[weight] = cKDTree(features if weight else self._vectors)
         count = min(as_count(k, "k"), len(self))
         return np.asarray(self.joint_positions[self._trees[weight].query(vectors, k=[*range(1, count + 1)])[1]])
 

@@ -182,10 +182,10 @@ def symmetrize(matrices: Array) -> Array:
 @cache
 def mandel_indices(d: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Row and column of each entry of a Mandel vector: the diagonal first, then the rows of the triangle above it."""
-    found = tuple(np.r_[np.arange(d), above] for above in np.triu_indices(d, 1))
-    for indices in found:
+    orders = tuple(np.r_[np.arange(d), above] for above in np.triu_indices(d, 1))
+    for indices in orders:
         indices.flags.writeable = False
-    return found[0], found[1]
+    return orders[0], orders[1]
 
 
 @cache
@@ -208,7 +208,7 @@ def _pairs(a: Array, b: Array) -> tuple[tuple[int, ...], Array, Array]:
     """Flatten matrices that broadcast; return the shape of the batch, too. One matrix for all stays one."""
     d = a.shape[-1]
     batch = _common(a.shape[:-2], b.shape[:-2])
-    first, second = (_flat(one if one.size == d * d else _over(one, (*batch, d, d))) for one in (a, b))
+    first, second = (_flat(x if x.size == d * d else _over(x, (*batch, d, d))) for x in (a, b))
     return batch, first, second
 
 

@@ -107,8 +107,8 @@ def measure(
 
 def measure_defaults(draws: Sequence[Draw], data: str, samples: str, base_rotation: ArrayLike) -> list[Line]:
     """Measure our defaults with the base rotation, without and with matching."""
-    known: dict[str, Any] = {"damping": DAMPING, "base_rotation": base_rotation}
-    adapters = {"PT only": ParallelTransport(**known), "PT + ICP": RiemannianICP(**known)}
+    options: dict[str, Any] = {"damping": DAMPING, "base_rotation": base_rotation}
+    adapters = {"PT only": ParallelTransport(**options), "PT + ICP": RiemannianICP(**options)}
     return [
         line
         for method, adapter in adapters.items()

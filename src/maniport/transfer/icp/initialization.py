@@ -50,30 +50,30 @@ def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3
     proposals = turns.reshape(-1, d * d)
     centers = turns[:, 0].reshape(-1, d * d)
     radius = 2.0 * np.sqrt(2.0) * np.sin(np.deg2rad(10.0) / 2.0)  # |R - R'| for 10° apart in one plane
-    tree, found = cKDTree(proposals), list[Array]()
+    tree, rotations = cKDTree(proposals), list[Array]()
     for place in np.argsort(-tree.query_ball_point(centers, radius, return_length=True), kind="stable"):
-        if len(found) == elected:
+        if len(rotations) == elected:
             break
         agreeing = tree.query_ball_point(centers[place], radius, return_sorted=True)
         rotation = orthonormal(proposals[agreeing].mean(axis=0).reshape(d, d))
-        if all(np.linalg.norm(rotation - other) > 2.0 * radius for other in found):
-            found.append(rotation)
-    return found
+        if all(np.linalg.norm(rotation - other) > 2.0 * radius for other in rotations):
+            rotations.append(rotation)
+    return rotations
 
 
 @lru_cache
 def signed_permutations(d: int) -> tuple[Array, ...]:
     """Signed permutation matrices of determinant +1; beyond d = 3 only sign changes, at most 64 of them."""
     orders = list(permutations(range(d))) if d <= 3 else [tuple(range(d))]
-    found = []
+    rotations = []
     for order in orders:
         for signs in product((1.0, -1.0), repeat=d):
             matrix = np.zeros((d, d))
             matrix[np.arange(d), order] = signs
             # in even dimension −P does what P does: one of the two is enough
             if np.linalg.det(matrix) > 0 and (d % 2 or signs[0] > 0):
-                found.append(matrix)
-    return tuple(found[:64])
+                rotations.append(matrix)
+    return tuple(rotations[:64])
 
 
 def rotations_of_pairs(
@@ -94,11 +94,11 @@ def rotations_of_pairs(
     ends = [problem.minimize(start, tol=1e-12) for start in [near, *aligned_frames(teacher, student, random)]]
     size = np.sum(np.log(np.linalg.eigvalsh(np.concatenate([teacher, student]))) ** 2) / count
     highest = min(end.cost for end in ends) + equal * (1.0 + float(size))
-    found = list[Array]()
+    rotations = list[Array]()
     # the one that was reached from `near` is the nearest of a continuum
     for rotation in sorted(
         (end.rotation for end in ends if end.cost <= highest), key=lambda r: rotation_angle(r, near)
     ):
-        if all(rotation_angle(rotation, other) > distinct for other in found):
-            found.append(rotation)
-    return found
+        if all(rotation_angle(rotation, other) > distinct for other in rotations):
+            rotations.append(rotation)
+    return rotations

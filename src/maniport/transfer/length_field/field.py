@@ -171,11 +171,11 @@ class Inverse:
         other = self._newton(wanted[rows], self.starts[order.ravel()])
         apart = np.linalg.norm(other - x[rows], axis=1) > same * (1.0 + np.linalg.norm(other, axis=1))
         x[rows[apart]] = np.nan
-        found = np.flatnonzero(np.isfinite(x[:, 0]))
-        values, vectors = eigh(from_vector(x[found]))
+        solved = np.flatnonzero(np.isfinite(x[:, 0]))
+        values, vectors = eigh(from_vector(x[solved]))
         fair = least_singular(field.slopes(values, vectors)) > NEAR_SINGULAR
         back = np.full(points.shape, np.nan)
-        back[found[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
+        back[solved[fair]] = compose(np.exp((values[fair] - field.shift) / field.power), vectors[fair])
         return back
 
     def _newton(self, wanted: Array, start: Array, steps: int = 40, halvings: int = 12) -> Array:
@@ -284,10 +284,10 @@ def features_changing(parts: Array, soft: float) -> Array:
     """Return derivatives of `features` by `harmonics`, shape (n, 6, 6)."""
     _, _, a, b, c, e = parts.T
     once, twice, both = _radii(parts, soft)
-    scale, found = 1.0 / (once * both), np.zeros((len(parts), 6, 6))
-    found[:, 0, 0] = found[:, 1, 1] = 1.0
-    found[:, 2, 2:4] = parts[:, 2:4] / once[:, None]
-    found[:, 3, 4:6] = parts[:, 4:6] / twice[:, None]
+    scale, derivatives = 1.0 / (once * both), np.zeros((len(parts), 6, 6))
+    derivatives[:, 0, 0] = derivatives[:, 1, 1] = 1.0
+    derivatives[:, 2, 2:4] = parts[:, 2:4] / once[:, None]
+    derivatives[:, 3, 4:6] = parts[:, 4:6] / twice[:, None]
     zero = np.zeros_like(a)
     shrinking = np.stack([a / once**2, b / once**2, zero, zero], axis=1)
     shrinking += np.stack([a, b, 4.0 * c, 4.0 * e], axis=1) / both[:, None] ** 2
@@ -297,8 +297,8 @@ def features_changing(parts: Array, soft: float) -> Array:
         (product * c - squares * e, [2.0 * (b * c - a * e), 2.0 * (a * c + b * e), product, -squares]),
     )
     for row, (value, rate) in enumerate(rates, start=4):
-        found[:, row, 2:] = scale[:, None] * (np.stack(rate, axis=1) - value[:, None] * shrinking)
-    return found
+        derivatives[:, row, 2:] = scale[:, None] * (np.stack(rate, axis=1) - value[:, None] * shrinking)
+    return derivatives
 
 
 def _radii(parts: Array, soft: float) -> tuple[Array, Array, Array]:

@@ -163,8 +163,8 @@ def _lengths(
             normal[s, :, r] = normal[r, :, s]
         normal[r, :, r] += ridge * n * (kernels.among + 1e-8 * np.eye(m))
     right = np.einsum("nir,ni->rn", t, pull) @ near
-    found = cho_solve(cho_factor(normal.reshape(rank * m, rank * m)), right.ravel())
-    return np.ascontiguousarray(found.reshape(rank, m).T)
+    coefficients = cho_solve(cho_factor(normal.reshape(rank * m, rank * m)), right.ravel())
+    return np.ascontiguousarray(coefficients.reshape(rank, m).T)
 
 
 def _unreachable(moves: Array, gamma: float = 0.05) -> Array:
