@@ -76,7 +76,7 @@ def test_one_motion_moves_both(moved, arms):
         np.testing.assert_array_equal(one.motion.time, motion.trajectory.time)
         assert np.percentile(one.motion.position_error, 95) < 12e-3
     assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
-    assert motion.clearance.known
+    assert motion.clearance.checked
     assert motion.clearance.share == 0.0
 
 

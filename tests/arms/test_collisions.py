@@ -194,8 +194,8 @@ def test_an_arm_without_surface_says_so(tmp_path):
     """Nothing is known to collide, which the object tells; a mesh that is missing is named."""
     bare = Collisions.of(load_arm("myoarm"), table=0.0)
     q = bare.arm.sample(4, 0)
-    assert not bare.known
-    assert "no shapes" in bare.why
+    assert not bare.checked
+    assert "no shapes" in bare.reason
     assert "not known" in repr(bare)
     assert not bare.collides(q).any()
     assert np.all(bare.clearance(q) == np.inf)
@@ -203,7 +203,7 @@ def test_an_arm_without_surface_says_so(tmp_path):
     np.testing.assert_array_equal(free_configurations(bare.arm, 8, 0, collisions=bare), bare.arm.sample(8, 0))
     path = write_digger(tmp_path)
     (tmp_path / "boom.stl").unlink()
-    assert "boom.stl" in Collisions.of(load_arm(path)).why
+    assert "boom.stl" in Collisions.of(load_arm(path)).reason
 
 
 def test_collision_shapes_are_checked_where_meshes_are_missing(tmp_path, gantry):

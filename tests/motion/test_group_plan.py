@@ -121,7 +121,7 @@ def test_arms_that_would_meet_are_kept_apart(beside):
     asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
     found = plan_motion(arms, **asked, planner=planner, position_tolerance=0.02, planning_effort="quick")
     assert found.coupled  # only where the arms come near one another
-    assert found.clearance.known
+    assert found.clearance.checked
     assert found.clearance.share == 0.0
     assert found.clearance.distance > 0.0
     assert found.limit_use.within
@@ -204,7 +204,7 @@ def test_three_arms_keep_clear_of_one_another():
     asked["paths"] = [path - 0.12 * path.mean(axis=0) * [1, 1, 0] for path in asked["paths"]]
     found = plan_motion(arms, **asked, planner=planner_of(arms, True), position_tolerance=0.02, planning_effort="quick")
     assert found.trajectory.control_positions.shape[1] == 21
-    assert found.clearance.known
+    assert found.clearance.checked
     assert found.clearance.share == 0.0
     assert found.limit_use.within
     for arm in found.arms:

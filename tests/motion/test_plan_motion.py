@@ -111,8 +111,8 @@ def test_any_arm_follows_itself(panda, planner, name):
     assert np.median(result.distance) < 0.1
     assert np.percentile(result.position_error, 95) <= result.position_tolerance
     assert plan.clearance.share == 0.0
-    assert plan.clearance.known == (name == "panda")
-    assert ("shapes of links" in plan.clearance.why) != plan.clearance.known
+    assert plan.clearance.checked == (name == "panda")
+    assert ("shapes of links" in plan.clearance.reason) != plan.clearance.checked
 
 
 def test_distances_stay_above_the_pointwise_optimum(planned, targets):

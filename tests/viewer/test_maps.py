@@ -10,7 +10,7 @@ from maniport import ParallelTransport
 from maniport.arms import EllipsoidSpec
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError
-from maniport.viewer.maps import GIVEN, Maps, require_drawable
+from maniport.viewer.maps import LOADED, Maps, require_drawable
 
 FEW = ("parallel-transport", "identity")
 
@@ -18,9 +18,9 @@ FEW = ("parallel-transport", "identity")
 def test_an_adapter_file_keeps_its_base_orientation(arms, domains):
     """It maps alike at any base rotation, with a note; it must map 3×3 ellipsoids."""
     adapter = ParallelTransport(damping=0.05).fit(*domains)
-    maps, ellipsoid = Maps(*domains, given=adapter), domains[0][0]
-    assert maps.names[0] == GIVEN
-    chosen = maps.fit(GIVEN, Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix())
+    maps, ellipsoid = Maps(*domains, loaded=adapter), domains[0][0]
+    assert maps.names[0] == LOADED
+    chosen = maps.fit(LOADED, Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix())
     assert "base orientation" in chosen.notes[0]
     assert chosen.transform(ellipsoid.copy()) == pytest.approx(adapter.transform(ellipsoid), abs=1e-12)
     full = [sample_domain(arm, 64, 0, spec=EllipsoidSpec(part="full")) for arm in arms]

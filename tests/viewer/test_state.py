@@ -13,7 +13,7 @@ from maniport.domain import sample_domain
 from maniport.errors import ManiportError
 from maniport.motion import SeedBank
 from maniport.viewer import prepare
-from maniport.viewer.maps import GIVEN, Maps
+from maniport.viewer.maps import LOADED, Maps
 from maniport.viewer.scene import find_surfaces
 from maniport.viewer.state import Command, Playback, Side, ViewState
 from real_robots import NEEDS_ROBOTS
@@ -80,14 +80,14 @@ def test_the_end_effector_follows_on_request(make_state, place):
 
 def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, domains):
     """An adapter without damping cannot map the flat ellipsoid of a stretched arm."""
-    maps = Maps(*domains, given=ParallelTransport().fit(*domains), first=(GIVEN,))
-    maps.names = maps._order = (GIVEN,)
+    maps = Maps(*domains, loaded=ParallelTransport().fit(*domains), first=(LOADED,))
+    maps.names = maps._order = (LOADED,)
     state = make_state(maps)
-    good, flat = advance(state, GIVEN), advance(state, GIVEN, np.zeros(7))
+    good, flat = advance(state, LOADED), advance(state, LOADED, np.zeros(7))
     assert flat.target.note.startswith("no image")
     assert flat.target.ellipsoid == pytest.approx(good.target.ellipsoid)
     assert state.sides[0].gaps(flat.target.demonstrated) == {}
-    assert advance(state, GIVEN).target.note == ""
+    assert advance(state, LOADED).target.note == ""
 
 
 def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):

@@ -108,7 +108,7 @@ class Arm(Manipulable):
         for key, values in (("joint_names", names), ("kinds", kinds)):
             if len(values) != n:
                 raise InvalidInputError(f"{key} must have {n} entries, one for each row; found {len(values)}")
-        low, high = as_numbers(lower, "lower", n, one=True), as_numbers(upper, "upper", n, one=True)
+        low, high = as_numbers(lower, "lower", n, broadcast=True), as_numbers(upper, "upper", n, broadcast=True)
         if np.any(low >= high):
             i = int(np.argmax(low >= high))
             raise InvalidInputError(f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}")
@@ -124,7 +124,7 @@ class Arm(Manipulable):
         frames = {"base": Frame(0, first)} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
         speeds = None
         if velocity_limits is not None:
-            speeds = as_numbers(velocity_limits, "velocity_limits", n, one=True, above=0.0)
+            speeds = as_numbers(velocity_limits, "velocity_limits", n, broadcast=True, above=0.0)
         return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n), speeds))
 
     def __repr__(self) -> str:

@@ -52,7 +52,7 @@ class Robot:
             ellipsoids = [own.damped(own.arm.ellipsoids(part, own.spec)) for own, part in parts]
             self._candidates = q, ellipsoids, [own.arm.forward(part)[:, :3, 3] for own, part in parts]
         self._collision = None
-        if collisions is not None and collisions.known:
+        if collisions is not None and collisions.checked:
             self._collision = CollisionLimit(collisions, separation_share=0.0)
         braking = BrakingLimit(limits.lower, limits.upper, limits.velocity, limits.acceleration)
         self._controller = Controller(limits.arm, braking, self._collision, costs, own_limits)

@@ -114,11 +114,11 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) 
 def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
     mine, other = arms
-    own, given = (
+    own, expected = (
         {"joints": arm.joint_names, "tip": arm.frame, "base": arm.base, "held joints": dict(arm.locked)} for arm in arms
     )
     differing = [
-        f"{name}: {value!r} there, {given[name]!r} here" for name, value in own.items() if value != given[name]
+        f"{name}: {value!r} there, {expected[name]!r} here" for name, value in own.items() if value != expected[name]
     ]
     if specs[0] != specs[1]:
         differing.append(f"ellipsoids: {specs[0]!r} there, {specs[1]!r} here")

@@ -138,8 +138,8 @@ class CollisionLimit:
     ):
         if not isinstance(collisions, Collisions):
             raise InvalidInputError(f"collisions must be a Collisions object; found {type(collisions).__name__}")
-        if not collisions.known:
-            raise InvalidInputError(f"collisions: no collision geometry is available: {collisions.why}")
+        if not collisions.checked:
+            raise InvalidInputError(f"collisions: no collision geometry is available: {collisions.reason}")
         self.collisions = collisions
         self.margin = as_number(margin, "margin", minimum=0.0)
         self.reach = as_number(reach, "reach", above=self.margin)

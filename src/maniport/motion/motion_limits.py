@@ -37,7 +37,7 @@ class MotionLimits:
     sources : dict of str to str
         For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` a sentence on the source of the numbers.
     assumed : dict of str to tuple of str
-        For each of `QUANTITIES` the joints whose limit is neither given, nor the maker's, nor in the robot's
+        For each of `QUANTITIES` the joints whose limit is neither in `source`, nor the maker's, nor in the robot's
         description.
     """
 
@@ -52,7 +52,7 @@ class MotionLimits:
     def of(
         cls,
         arm: Arm | ArmGroup,
-        given: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+        source: str | os.PathLike[str] | Mapping[str, Any] | None = None,
         joint_limit_margin: float = MARGIN,
     ) -> "MotionLimits":
         """Take limits from the argument, else from the maker, else from the arm's description, else from defaults.
@@ -60,13 +60,13 @@ class MotionLimits:
         Parameters
         ----------
         arm : Arm or ArmGroup
-        given : path, mapping or None
+        source : path, mapping or None
             A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
             ``default: {velocity:, acceleration:, jerk:}`` for the other joints, all of it optional. The Panda's
             accelerations and jerks are known, and recognized by the names of its joints.
         joint_limit_margin : float
             Share of each joint's range that is kept free at either end, in [0, 0.4], unless ``lower`` or ``upper`` is
-            given.
+            specified.
 
         Raises
         ------
@@ -76,10 +76,10 @@ class MotionLimits:
             The same for a mapping; or for another margin.
         """
         share = as_number(joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
-        is_file = isinstance(given, str | os.PathLike)
-        where = str(given) if is_file else "limits"
+        is_file = isinstance(source, str | os.PathLike)
+        where = str(source) if is_file else "limits"
         try:
-            content: Any = {} if given is None else given
+            content: Any = {} if source is None else source
             content = read_settings(content, ("joints", "default")) if is_file else content
             joints, default = _checked(content, arm, where)
         except (InvalidInputError, FileFormatError) as error:

@@ -154,7 +154,7 @@ def track(
     speeds = speed_limits(arm, settings.velocity_limits)
     accelerations = as_limits(arm, settings.acceleration_limits, "acceleration_limits")
     braking = BrakingLimit(arm.lower, arm.upper, speeds, accelerations)
-    distances = CollisionLimit(model) if model is not None and model.known else None
+    distances = CollisionLimit(model) if model is not None and model.checked else None
     costs = as_costs(settings.costs, arm, schedules[0].time)
     controller = Controller(arm, braking, distances, costs, settings.limits, settings.lm_damping)
     step, planned = Step(progress, "Track trajectory"), 0.0 if begin is not None else 0.5  # the share of the work

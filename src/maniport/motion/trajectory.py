@@ -158,7 +158,7 @@ class Clearance:
 
     Attributes
     ----------
-    known, why : bool and str
+    checked, reason : bool and str
         Whether anything could be checked, and the reason where nothing was.
     share : float
         Share of the control steps that collide.
@@ -170,8 +170,8 @@ class Clearance:
         Links checked by their collision shapes, since visual ones are missing.
     """
 
-    known: bool = False
-    why: str = "collision checking was not requested"
+    checked: bool = False
+    reason: str = "collision checking was not requested"
     share: float = 0.0
     distance: float = np.inf
     time: float = 0.0
@@ -181,8 +181,8 @@ class Clearance:
     @classmethod
     def of(cls, collisions: Collisions | None, motion: Trajectory) -> "Clearance":
         """Check all control steps; measure distances at the waypoints and at control steps next to the closest."""
-        if collisions is None or not collisions.known:
-            return cls(why=cls.why if collisions is None else collisions.why)
+        if collisions is None or not collisions.checked:
+            return cls(reason=cls.reason if collisions is None else collisions.reason)
         share = float(collisions.collides(motion.control_positions).mean())
         distance = collisions.clearance(motion.joint_positions)
         close = distance <= distance.min() + 0.01

@@ -125,14 +125,17 @@ def _of_trajectory(
                 for name, use in used.items() if use["share"] > 1.001]  # fmt: skip
     text = listed(f"{name} {use['share']:.0%}" for name, use in used.items())
     metrics += measure("limits", used=used, sources=limits.sources, _text=text, _exceeded=listed(exceeded))
-    checked, at = clearance.known and np.isfinite(clearance.distance), np.interp(clearance.time, trajectory.time, time)
-    pair, text = "", "none possible" if clearance.known else "not checked"
+    checked, at = (
+        clearance.checked and np.isfinite(clearance.distance),
+        np.interp(clearance.time, trajectory.time, time),
+    )
+    pair, text = "", "none possible" if clearance.checked else "not checked"
     if checked:
         pair = f"{' and '.join(clearance.pair)} {at_time(float(at))}"
         colliding = f"in {clearance.share:.1%} of the time" if clearance.share else "none"
         text = f"{colliding}; clearance {1e3 * clearance.distance:.0f} mm ({pair})"
     return metrics + measure(
-        "collisions", checked=clearance.known, share=clearance.share, at_s=float(at), pair=clearance.pair,
+        "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
         clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair,
     )  # fmt: skip
 

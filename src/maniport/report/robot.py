@@ -97,12 +97,12 @@ def assumed_limits(limits: MotionLimits) -> list[Metric]:
     return warned
 
 
-def collision_warnings(checked: Collisions | Clearance, unchecked: Sequence[str] = ()) -> list[Metric]:
+def collision_warnings(result: Collisions | Clearance, unchecked: Sequence[str] = ()) -> list[Metric]:
     """Warn of what is not checked for collisions: `unchecked` links without a shape, and pairs of links."""
-    if not checked.known:
-        return [warning("unchecked-collisions", f"collisions are not checked: {checked.why}")]
-    links = listed(checked.unchecked if isinstance(checked, Collisions) else unchecked)
-    meshes = listed(checked.stand_ins)
+    if not result.checked:
+        return [warning("unchecked-collisions", f"collisions are not checked: {result.reason}")]
+    links = listed(result.unchecked if isinstance(result, Collisions) else unchecked)
+    meshes = listed(result.stand_ins)
     texts = {
         "missing-meshes": f"meshes of {meshes} are missing; the collision shapes of these links are checked instead",
         "unchecked-links": f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet",

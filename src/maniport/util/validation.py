@@ -205,12 +205,13 @@ def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
 
 
 def as_numbers(
-    value: ArrayLike, name: str, count: int | None = None, one: bool = False, **bounds: Unpack[Bounds]
+    value: ArrayLike, name: str, count: int | None = None, broadcast: bool = False, **bounds: Unpack[Bounds]
 ) -> Array:
-    """Convert to `count` numbers (or any) within `bounds`, shape (count,); with `one`, one number stands for all."""
+    """Convert to `count` numbers (or any) within `bounds`, shape (count,); with `broadcast`, one number stands for all."""
     array = as_finite(value, name)
-    rule = f"{name} must be {'one number or ' if one else ''}{count or 'a sequence of'} numbers{_in_words(bounds)}"
-    if not ((array.ndim == 1 and count in (None, len(array))) or (one and array.ndim == 0)):
+    single = "one number or " if broadcast else ""
+    rule = f"{name} must be {single}{count or 'a sequence of'} numbers{_in_words(bounds)}"
+    if not ((array.ndim == 1 and count in (None, len(array))) or (broadcast and array.ndim == 0)):
         raise InvalidInputError(f"{rule}; found shape {array.shape}")
     wrong = ~inside(array, bounds)
     if wrong.any():

@@ -14,7 +14,7 @@ from maniport.motion import SeedBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.validation import Array
 
-GIVEN = "adapter file"  # Name of an adapter that was given fitted
+LOADED = "adapter file"  # Name of an adapter that was given fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +36,15 @@ class Maps:
         student: Array,  # domain (m, 3, 3) of the robot
         damping: float | None = 0.01,
         eigenvalue_floor: float | None = None,
-        given: DomainAdapter | None = None,
+        loaded: DomainAdapter | None = None,
         robot: Arm | None = None,
         bank: SeedBank | None = None,
         base_rotation: Array | None = None,
         first: Iterable[str] = (),  # methods that are fitted at once
     ):
-        self._domains, self._robot, self._given = (teacher, student), (robot, VELOCITY, bank), given
+        self._domains, self._robot, self._loaded = (teacher, student), (robot, VELOCITY, bank), loaded
         self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
-        self.names = (*([] if given is None else [GIVEN]), *METHODS)
+        self.names = (*([] if loaded is None else [LOADED]), *METHODS)
         self._wanted = np.eye(3) if base_rotation is None else base_rotation
         self._order = list(self.names)
         self._fitted = {name: self.fit(name, self._wanted) for name in first}
@@ -55,9 +55,9 @@ class Maps:
 
     def fit(self, name: str, base_rotation: Array) -> LiveMap:
         """Fit a method at a base orientation, shape (3, 3)."""
-        if name == GIVEN and self._given is not None:
+        if name == LOADED and self._loaded is not None:
             note = "it keeps the base orientation of its fit"
-            return LiveMap(base_rotation, self._given.compiled(), self._given.map_rotation_, (note,))
+            return LiveMap(base_rotation, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
         adapter = knowing(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)

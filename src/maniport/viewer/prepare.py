@@ -20,7 +20,7 @@ from maniport.transfer import load_adapter
 from maniport.util.defaults import AUTO, BOTH, DAMPING
 from maniport.util.progress import Progress, no_progress
 from maniport.util.validation import Array, as_count, as_rotation
-from maniport.viewer.maps import GIVEN, Maps, require_drawable
+from maniport.viewer.maps import LOADED, Maps, require_drawable
 from maniport.viewer.state import Playback, Side, ViewState
 
 TEACHER_SAMPLES = 2048
@@ -71,12 +71,14 @@ def prepare(
     persons, motion, time, bases = _person(person, recording, side, height, both, seed, progress)
 
     tell("Prepare page", 0.0)
-    displayed, ready = (GIVEN, GIVEN) if loaded is not None else (PREFERRED, AT_ONCE)
+    displayed, ready = (LOADED, LOADED) if loaded is not None else (PREFERRED, AT_ONCE)
     sides = []
     for teacher, student, base in zip(persons, group.arms, bases, strict=True):
         bank = SeedBank.build(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
-        maps = Maps(*domains, given=loaded, robot=student, bank=bank, base_rotation=rotation, first=(ready,), **options)
+        maps = Maps(
+            *domains, loaded=loaded, robot=student, bank=bank, base_rotation=rotation, first=(ready,), **options
+        )
         sides.append(Side(teacher, student, maps, bank, base=base))
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(group if both else group.arms[0], sides, playback)

@@ -43,7 +43,7 @@ class Collisions(NotebookDisplay):
 
     Attributes
     ----------
-    known, why, obstacles : bool, str, bool
+    checked, reason, obstacles : bool, str, bool
         Whether shapes of the arm are known, so that pairs are checked; the reason if not; whether there are obstacles.
     padding : float
         Distance that counts as a collision [m]; for links with at most two coordinates between them, which are always
@@ -61,10 +61,10 @@ class Collisions(NotebookDisplay):
         solids: Solids,
         selected: SelectedPairs,
         padding: float,
-        why: str = "",
+        reason: str = "",
         surroundings: Mapping[str, Any] | None = None,
     ):
-        self.arm, self.padding, self.why, self.known = arm, padding, why, not why
+        self.arm, self.padding, self.reason, self.checked = arm, padding, reason, not reason
         self._solids, self._pairs, self._selected = solids, selected.pairs, selected
         self._surroundings = dict(surroundings or {})
         self.obstacles = self._surroundings.get("obstacles") is not None
@@ -109,16 +109,16 @@ class Collisions(NotebookDisplay):
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
         surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
-        why = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
+        reason = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
         try:
             chosen = select_pairs(as_group(arm), boxes, height, disabled, distance)
         except FileFormatError as error:
-            chosen, why = None, f"the surface of {arm.name!r} cannot be read: {error}"
+            chosen, reason = None, f"the surface of {arm.name!r} cannot be read: {error}"
         nothing = Solids(as_group(arm).kinematics, [], -np.inf), NO_PAIRS
-        return cls(arm, *(chosen or nothing), distance, "" if chosen else why, surroundings)
+        return cls(arm, *(chosen or nothing), distance, "" if chosen else reason, surroundings)
 
     def __repr__(self) -> str:
-        text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.known else f"not known: {self.why}"
+        text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.checked else f"not checked: {self.reason}"
         return f"Collisions({self.arm.name!r}, {text})"
 
     @cached_property
@@ -126,7 +126,7 @@ class Collisions(NotebookDisplay):
         """Collisions between different arms of a group only."""
         every, across = self._selected, self._selected.across
         selected = every._replace(pairs=every.pairs[across], share=every.share[across], across=across[across])
-        return Collisions(self.arm, self._solids, selected, self.padding, self.why)
+        return Collisions(self.arm, self._solids, selected, self.padding, self.reason)
 
     @cached_property
     def of_arms(self) -> tuple["Collisions", ...]:
@@ -141,7 +141,7 @@ class Collisions(NotebookDisplay):
         A pair is not checked if convex hulls nearly always intersect although the meshes do not.
         """
         arms = as_group(self.arm).arms
-        if self.known:
+        if self.checked:
             missing = dict.fromkeys(name for arm in arms for name in arm.geometry.attached[1])
             return *missing, *(f"{first} against {second}" for first, second in self._full)
         return tuple(dict.fromkeys(name for arm in arms for name, at in arm.chain.frames.items() if at.joint))
@@ -150,7 +150,7 @@ class Collisions(NotebookDisplay):
     def stand_ins(self) -> tuple[str, ...]:
         """Links with collision shapes from the description, since visual meshes are missing."""
         arms = as_group(self.arm).arms
-        return tuple(dict.fromkeys(link for arm in arms if self.known for link in arm.geometry.stand_ins))
+        return tuple(dict.fromkeys(link for arm in arms if self.checked for link in arm.geometry.stand_ins))
 
     @property
     def table(self) -> float | None:
@@ -257,7 +257,7 @@ def free_configurations(
     one free sample in 64 is an `InvalidInputError`.
     """
     checked = as_collisions(collisions, arm)
-    if checked is None or not checked.known:
+    if checked is None or not checked.checked:
         return arm.sample(n, random_state, sequence)
     generator = as_generator(random_state)
     start = deepcopy(generator)

@@ -135,7 +135,7 @@ class Planner:
             own[:, columns] = part
         mean = np.nanmean(values, axis=0)  # shared joints are the mean of all arms, or those of one arm
         starts = [mean, *(np.where(np.isnan(own), mean, own) for own in values)] if group.shared else [mean]
-        near = collisions is not None and collisions.between.known
+        near = collisions is not None and collisions.between.checked
         near = near and bool(np.any(collisions.between.clearance(mean) < CLEARANCE))  # type: ignore[union-attr]
         if not (group.shared or problem.costs or near):
             earliest = 1.0 / settings.speed_scale * (problem.time - problem.time[0])

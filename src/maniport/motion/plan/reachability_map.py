@@ -50,7 +50,7 @@ class ReachabilityMap:
     ):
         self.arm, self.spec = arm, spec
         model = as_collisions(collisions, arm)
-        self.collisions: Collisions | None = model if model is not None and model.known else None
+        self.collisions: Collisions | None = model if model is not None and model.checked else None
         probes = arm.sample(32, 0)
         jacobian, _, changes = arm.differentials(probes, spec)
         poses = arm.forward(probes)

@@ -231,6 +231,6 @@ def _over(array: Array, shape: tuple[int, ...]) -> Array:
     return array if array.shape == shape else np.broadcast_to(array, shape)
 
 
-def _common(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
+def _common(shape: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
     """Shape of a batch from two that broadcast; equal ones without NumPy's detour, which costs more than a matrix."""
-    return one if one == other else np.broadcast_shapes(one, other)
+    return shape if shape == other else np.broadcast_shapes(shape, other)

@@ -80,22 +80,22 @@ class Samples:
         self.x = to_vector(compose(self.values, self.vectors))
         self._neighbors = None
         if len(points) > neighbors:
-            found = cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1]
-            self._neighbors = np.asarray(found, dtype=np.intp)
+            indices = cKDTree(self.x).query(self.x, k=[*range(2, neighbors + 2)])[1]
+            self._neighbors = np.asarray(indices, dtype=np.intp)
         self._projector = projector
         self._search = projector.search(damping) if isinstance(projector, SearchingProjector) else None
 
     def projected(self, images: Array) -> tuple[Array, Array | None]:
         """Return the nearest ellipsoids (n, d, d) to the images, and the ways there (n, k, d, d) where known."""
-        found: Any
+        result: Any
         if self._search is None:
-            found, ways = self._projector(images.copy()), None
+            result, ways = self._projector(images.copy()), None
         else:
             name = "the second of projector.search(damping).nearest(points)"
-            found, ways = self._search.nearest(images, self._neighbors)
+            result, ways = self._search.nearest(images, self._neighbors)
             ways = symmetrize(as_finite(ways, name))
             require_shape(ways, name, (len(images), "k", *images.shape[1:]))
-        array = as_finite(found, "projector(points)")
+        array = as_finite(result, "projector(points)")
         require_shape(array, "projector(points)", images.shape, ", as the points")
         nearest = as_points(array, "projector(points)", minimum=1)
         few = isinstance(self._projector, NearestSamples)  # one sample may be the nearest to all
@@ -262,7 +262,7 @@ def reported(field: LengthsMap, samples: Samples, held_out: int) -> FieldReport:
         nearest, _ = samples.projected(images)
     gaps, rigid = distance_unchecked(images, nearest), field.unscaled().apply(points)
     first, other = np.triu_indices(len(points), 1)
-    apart, own = (distance_unchecked(each[first], each[other]) for each in (images, points))
+    apart, own = (distance_unchecked(x[first], x[other]) for x in (images, points))
     near = own <= np.percentile(own, 1.0)
     varied = min(np.ptp(apart), np.ptp(own)) > 0.0
     values, vectors = field.base(points)
