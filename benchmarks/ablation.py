@@ -27,7 +27,7 @@ from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
 from maniport.motion.plan import arm_planner
-from maniport.motion.plan.plan_control import EFFORTS, FULL, QUICK
+from maniport.motion.plan.plan_settings import EFFORTS, FULL, QUICK
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -44,7 +44,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
-    "no joint descent of the placement": (search.JointProblem, "improved", lambda problem, state: state),
+    "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
     "1 planned placement": (search, "PLANS", 1),
     "planning time scale 2": (arm_planner, "PLANNING_TIME_SCALE", 2.0),
     "smoothness / 3": (arm_planner, "SMOOTHNESS", arm_planner.SMOOTHNESS / 3.0),
@@ -101,7 +101,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                 with changed(variant):
                     begin = time.process_time()
                     options |= {"planning_effort": FULL, "seed": seed}
-                    result = follow_profile(arm, [target], clock, [path], **options)
+                    result = follow_profile(arm, [target], clock, [path], place=True, **options)
                     seconds = time.process_time() - begin
                 motion, clearance = result.arm.motion, result.motion.clearance
                 assert motion is not None

@@ -18,7 +18,7 @@ import numpy as np
 import maniport as mp
 from lengths_table import FILES, ROBOTS
 from maniport.arms import VELOCITY, Arm
-from maniport.feasibility import knowing
+from maniport.feasibility import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
 from maniport.studies.methods import EVALUATIONS, RECORDINGS
@@ -117,7 +117,7 @@ def compare(motion: Motion, name: str, robot: Arm, planner: Planner, student: np
     demonstrated, targets = motion.person.manipulability(motion.joint_positions), {}
     for method in (RIGID, LENGTHS):
         adapter = method_of(method, damping=DAMPING, base_rotation=np.eye(3))
-        adapter = knowing(adapter, robot, VELOCITY, planner.arms[0].bank, seed).fit(teacher, student)
+        adapter = with_feasible_set(adapter, robot, VELOCITY, planner.arms[0].bank, seed).fit(teacher, student)
         targets[method] = adapter.transform(demonstrated)
     damping, time = adapter.student_regularization, SLOWER * (motion.time - motion.time[0])
     for method, target in targets.items():

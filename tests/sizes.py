@@ -4,7 +4,7 @@ from dataclasses import replace
 from unittest import mock
 
 from maniport.motion import RobotMotion
-from maniport.motion.plan.plan_control import EFFORTS
+from maniport.motion.plan.plan_settings import EFFORTS
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 

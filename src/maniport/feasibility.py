@@ -8,7 +8,7 @@ from maniport.motion import FeasibleProjector, SeedBank
 from maniport.transfer import DomainAdapter
 
 
-def knowing(
+def with_feasible_set(
     adapter: DomainAdapter,
     robot: Arm | None,
     spec: EllipsoidSpec = VELOCITY,

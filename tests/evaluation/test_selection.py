@@ -7,7 +7,7 @@ import pytest
 
 import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.evaluation import choose
+from maniport.evaluation import select_method
 from maniport.report import as_markdown, as_numbers, report_of
 from maniport.transfer.length_field.fit import FieldReport
 
@@ -42,7 +42,7 @@ def chosen(request, tmp_path_factory):
     domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
     path = np.zeros((5, 7))
     path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))
-    found = choose(*domains, person.manipulability(path), robot=robot, damping=0.01)
+    found = select_method(*domains, person.manipulability(path), robot=robot, damping=0.01)
     return request.param, found, domains
 
 
@@ -115,7 +115,7 @@ def test_large_ellipsoids_get_parallel_transport():
     person, robot, spec = mp.load_arm("rhuman"), mp.load_arm("panda"), mp.arms.EllipsoidSpec("velocity", "full")
     domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
     profile = person.ellipsoids(person.sample(5, 0), spec)
-    assert choose(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"
+    assert select_method(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"
 
 
 def test_bad_input_is_refused():
@@ -128,4 +128,4 @@ def test_bad_input_is_refused():
         ((domain, domain, profile[:2]), InvalidInputError, "profile must hold at least 3"),
     ):
         with pytest.raises(error, match=text):
-            choose(*sets, robot=robot, damping=0.01)
+            select_method(*sets, robot=robot, damping=0.01)

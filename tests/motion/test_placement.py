@@ -14,9 +14,9 @@ from maniport.errors import InvalidInputError
 from maniport.motion import Objective, ReachabilityMap, SeedBank, place_path
 from maniport.motion.placement.place_path import fixed_place
 from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
-from maniport.motion.placement.search import JointProblem
-from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, descend
-from maniport.motion.plan.plan_control import as_workspace
+from maniport.motion.placement.search import PlacementTrajectoryCost
+from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
+from maniport.motion.plan.plan_settings import as_workspace
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -182,7 +182,7 @@ def test_slopes_are_those_of_the_cost(kind):
     """Half the gradient in placement and joints agrees with central differences, of two arms on a leaning base."""
     problem, q, step = problem_of(EllipsoidSpec(kind), tilt="free"), FOUR.sample(COUNT, 3), 1e-6
     (arm,) = problem.arms
-    both = JointProblem(replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS])
+    both = PlacementTrajectoryCost(replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS])
     _, slopes = both.evaluate((PLACE, (q, q)))
     h, square = sum(own.h for own in slopes), sum(own.square for own in slopes)
     for k, change in enumerate(step * np.eye(len(PLACE))):
@@ -196,10 +196,10 @@ def test_placement_and_motion_improve_together(fixed):
     """The cost falls to less than what the joints alone reach; bounds, limits and fixed numbers are kept."""
     problem = problem_of(**fixed)
     place, q, (arm,) = np.where(problem.free, PLACE, problem.fixed), FOUR.sample(COUNT, 3), problem.arms
-    moved, (improved,) = JointProblem(problem, [TERMS]).improved((place, (q,)))
+    moved, (improved,) = PlacementTrajectoryCost(problem, [TERMS]).improved((place, (q,)))
     alone = TrajectoryCost(FOUR, arm.targets(place), problem.time, TERMS)
     there = TrajectoryCost(FOUR, arm.targets(moved), problem.time, TERMS)
-    without = descend(alone, q, TERMS.rel_tol)
+    without = levenberg_marquardt(alone, q, TERMS.rel_tol)
     assert there.evaluate(improved)[0] < alone.evaluate(without)[0] < alone.evaluate(q)[0]
     assert np.all((improved >= FOUR.lower) & (improved <= FOUR.upper))
     assert np.all((moved[SCALE:TILT] >= problem.lower[SCALE:TILT]) & (moved[SCALE:TILT] <= problem.upper[SCALE:TILT]))

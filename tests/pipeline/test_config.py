@@ -89,3 +89,10 @@ def test_names_of_options_are_unique_and_described():
 def test_units_of_elements_are_converted():
     """The yaw of a base is typed in degrees."""
     assert OPTIONS["pose"][1].parse(["0,0.3,0,90"]) == ((0.0, 0.3, 0.0, pytest.approx(np.pi / 2)),)
+
+
+@pytest.mark.parametrize("option", [{"tilt": "free"}, {"components": 3}, {"pages": True}])
+def test_options_of_other_commands_are_refused(option):
+    """A transfer has no options of placement without a person, learning or batch; they are not ignored."""
+    with pytest.raises(UnknownNameError, match=next(iter(option))):
+        mp.transfer_recording("freeform", **option)

@@ -213,7 +213,7 @@ def own(panda):
 def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
     """Ellipsoids to a median distance of 0.05; it is at rest at both ends. The folder can be read back."""
     time, profile, path = own
-    execution = follow_profile(panda, [profile], time, [path], place=False)
+    execution = follow_profile(panda, [profile], time, [path])
     motion = execution.arm.motion
     assert np.median(motion.distance) < 0.05
     assert np.percentile(motion.distance, 95) < 0.1
@@ -233,7 +233,7 @@ def test_the_robot_repeats_its_own_motion(panda, own, tmp_path):
 def test_tempo_and_placement(panda, own):
     """Half the speed takes twice the time; a distant path is placed, and the placed path is followed."""
     time, profile, path = own
-    slow = follow_profile(panda, [profile], time, [path + 2.0], speed_scale=0.5, planning_effort="quick")
+    slow = follow_profile(panda, [profile], time, [path + 2.0], place=True, speed_scale=0.5, planning_effort="quick")
     assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)
     np.testing.assert_array_equal(slow.arm.motion.demonstrated_time, time)
     np.testing.assert_allclose(slow.arm.motion.path, slow.arm.placement.path, atol=1e-12)

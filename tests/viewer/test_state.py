@@ -111,7 +111,7 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
 
 
 def test_a_recording_plays_in_a_loop():
-    """Seeking stays within the ends, and joints lie on straight lines."""
+    """DirectedCorrespondence stays within the ends, and joints lie on straight lines."""
     player = Playback(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]]))
     assert player.duration == 3.0
     player.advance(2.0)

@@ -64,7 +64,7 @@ def fit(
     ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.feasibility import knowing
+    from maniport.feasibility import with_feasible_set
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 
@@ -76,7 +76,7 @@ def fit(
     rotation = None if unknown_base_rotation else transfer.rotation
     adapter = method_of(transfer.method, **transfer.regularization, base_rotation=rotation, random_state=seed)
     if arm is not None:
-        adapter = knowing(adapter, arm, transfer.spec, random_state=seed)
+        adapter = with_feasible_set(adapter, arm, transfer.spec, random_state=seed)
     with console.progress() as progress:
         progress("Fit transfer", 0.0)
         adapter.fit(*domains)

@@ -74,7 +74,7 @@ def track(
     arm, paths = config.robot.load_arm(), None if positions is None else [positions]
     time = None if time is None else as_times(time, f"time of {config.profile!r}", fewest=2)
     with console.progress() as progress:
-        result = follow_profile(arm, [target], time, paths, config, place=config.placement.place, progress=progress)
+        result = follow_profile(arm, [target], time, paths, config, progress=progress)
         report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
     console.tell(report, output=str(output))
 

@@ -10,7 +10,7 @@ from maniport.evaluation.metrics import (
     rmse,
     smoothness,
 )
-from maniport.evaluation.selection import Choice, choose
+from maniport.evaluation.selection import Choice, select_method
 from maniport.evaluation.summary import Evaluation, Gaps, Row, Summary, Weakness
 
 __all__ = [
@@ -23,10 +23,10 @@ __all__ = [
     "Smoothness",
     "Summary",
     "Weakness",
-    "choose",
     "distance_preservation",
     "evaluate",
     "identity_test",
     "rmse",
+    "select_method",
     "smoothness",
 ]

@@ -15,7 +15,7 @@ from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.baselines import BASELINES, LOOKUP, baselines_for
 from maniport.evaluation.metrics import STILL, distance_preservation, identity_test, rmse, smoothness
 from maniport.evaluation.summary import Evaluation, Gaps, Row
-from maniport.feasibility import knowing
+from maniport.feasibility import with_feasible_set
 from maniport.motion import SeedBank, nearest_feasible
 from maniport.spd.affine_invariant import distance_unchecked
 from maniport.spd.regularization import Regularization
@@ -107,7 +107,7 @@ def evaluate(
     moves = np.max(distance_unchecked(original[:1], original)) > STILL
     for i, (row, baseline) in enumerate(methods.items()):
         step(i / len(methods))
-        method = adapter if row == own else knowing(baseline, robot, spec, bank)
+        method = adapter if row == own else with_feasible_set(baseline, robot, spec, bank)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             if method is not adapter:

@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError
 from maniport.evaluation.baselines import TRANSPORT
 from maniport.evaluation.comparison import evaluate
 from maniport.evaluation.summary import Evaluation, Row
-from maniport.feasibility import knowing
+from maniport.feasibility import with_feasible_set
 from maniport.motion import SeedBank
 from maniport.transfer import DomainAdapter, method_of
 from maniport.util.notebook import NotebookDisplay
@@ -44,7 +44,7 @@ class Choice(NotebookDisplay):
         return f"Choice({self.method!r}{', instead of ' + FIELD if self.failures else ''})"
 
 
-def choose(
+def select_method(
     teacher_domain: ArrayLike,
     student_domain: ArrayLike,
     profile: ArrayLike,
@@ -85,7 +85,7 @@ def choose(
     for domain, name in zip(domains, ("teacher_domain", "student_domain"), strict=True):
         as_positive_semidefinite(domain, name, spec.size)
     shared["random_state"] = random_state
-    adapter: Any = knowing(method_of(FIELD, **shared), robot, spec, bank)
+    adapter: Any = with_feasible_set(method_of(FIELD, **shared), robot, spec, bank)
     if spec.size > 3:  # a fit to 6×6 takes half a minute
         failures: tuple[str, ...] = ("it is fitted to ellipsoids of up to 3×3",)
     else:

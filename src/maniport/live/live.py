@@ -18,9 +18,9 @@ from maniport.live.person import Person
 from maniport.live.robot import CONTROL_STEP, Robot
 from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, MotionClock, largest
 from maniport.mocap import ArmFit, HumanMotion
-from maniport.motion import Cost, Limit, MotionLimits, Placement, PlanControl, Planner, plan_motion
+from maniport.motion import Cost, Limit, MotionLimits, Placement, Planner, PlanSettings, plan_motion
 from maniport.motion.costs.cost import as_costs
-from maniport.motion.plan.plan_control import QUICK, require_free
+from maniport.motion.plan.plan_settings import QUICK, require_free
 from maniport.pipeline import Config, TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
@@ -54,7 +54,7 @@ class Live:
     spec : EllipsoidSpec
         Ellipsoids of the adapter.
     motion_limits, collisions
-        As in `maniport.motion.PlanControl`.
+        As in `maniport.motion.PlanSettings`.
     start : array_like, shape (dof,), optional
         Configuration of the robot, at rest. Default: the first of a motion that is planned along that of `person`.
     reference : array_like, shape (n, dof), optional
@@ -118,7 +118,7 @@ class Live:
             LedArm(own, [self.points.index(name) for name in own.points], map_, base, placement, spec)
             for own, map_, base, placement in zip(persons, adapters, bases, paths, strict=True)
         ]
-        control = PlanControl(motion_limits=motion_limits, collisions=collisions).resolved(robot)
+        control = PlanSettings(motion_limits=motion_limits, collisions=collisions).resolved(robot)
         bounds = control.motion_limits
         assert isinstance(bounds, MotionLimits)
         self.robot, own_collisions = bounds.arm, control.collisions or None

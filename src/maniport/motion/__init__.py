@@ -14,8 +14,8 @@ from maniport.motion.motion_limits import LimitUse, MotionLimits
 from maniport.motion.objective import Objective
 from maniport.motion.placement.place_path import place_path
 from maniport.motion.placement.placement import Place, Placement
-from maniport.motion.plan.plan_control import PlanControl
 from maniport.motion.plan.plan_motion import plan_motion
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
@@ -52,7 +52,7 @@ __all__ = [
     "Objective",
     "Place",
     "Placement",
-    "PlanControl",
+    "PlanSettings",
     "Planner",
     "ReachabilityMap",
     "RelativePositionCost",

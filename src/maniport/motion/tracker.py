@@ -19,8 +19,8 @@ from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
-from maniport.motion.plan.plan_control import QUICK
 from maniport.motion.plan.plan_motion import plan_motion
+from maniport.motion.plan.plan_settings import QUICK
 from maniport.motion.plan.planner import Planner
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
@@ -48,7 +48,7 @@ class Control:
     position_cost : float
         Weight of position errors [1/m].
     orientation_axes, orientation_weight
-        As in `maniport.motion.PlanControl`.
+        As in `maniport.motion.PlanSettings`.
     costs : sequence of Cost
         Further costs, see `maniport.motion.Cost`.
     limits : sequence of Limit

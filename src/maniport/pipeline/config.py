@@ -62,20 +62,27 @@ class Config(Options):
     seed: int = option(0, "Random seed", minimum=0, common=True)
     verb: str = field(default="transfer", compare=False)
 
-    def changed(self, **options: Any) -> Self:
+    def changed(self, *, allowed: Collection[str] = (), **options: Any) -> Self:
         """Return the same with other values of options, by their names in any section.
+
+        Parameters
+        ----------
+        allowed : collection of str, optional
+            Sections whose options are used, in addition to those without a section. Default: all.
+        **options
 
         Raises
         ------
         UnknownNameError
-            When there is no option of a name.
+            When there is no option of a name, or its section is not allowed.
         InvalidInputError
             When a value is not allowed.
         """
         parts: dict[str, dict[str, Any]] = {}
+        names = [name for name, (section, _) in OPTIONS.items() if not (allowed and section) or section in allowed]
         for name, value in options.items():
-            if name not in OPTIONS:
-                raise unknown_name("option", name, OPTIONS)
+            if name not in names:
+                raise unknown_name("option", name, names)
             parts.setdefault(OPTIONS[name][0], {})[name] = value
         own = parts.pop("", {})
         return replace(self, **own, **{name: replace(getattr(self, name), **part) for name, part in parts.items()})

@@ -15,7 +15,7 @@ from maniport.util.input_limits import SETTINGS_BYTES, read_whole
 if TYPE_CHECKING:
     from maniport.arms import EllipsoidSpec
     from maniport.mocap import Recording
-    from maniport.motion import PlanControl
+    from maniport.motion import PlanSettings
 
 FREE, CONSTANT = "free", "constant"  # orientation of the end effector, or tilt of the base
 
@@ -245,19 +245,19 @@ class MotionOptions(Options):
         shared = ("rate", "orientation_axes", "orientation_weight", "costs")
         return {name: getattr(self, name) for name in shared} | dict(self.tracking or {})
 
-    def control(self, arm: Any) -> "PlanControl":
+    def control(self, arm: Any) -> "PlanSettings":
         """Return the settings of `maniport.motion.plan_motion` for an arm, checked."""
         from maniport.arms.collisions import Collisions
-        from maniport.motion import MotionLimits, PlanControl
+        from maniport.motion import MotionLimits, PlanSettings
 
         limits: Any = self.limits
         if not isinstance(limits, MotionLimits):
             limits = MotionLimits.of(arm, limits, self.joint_limit_margin)
         around = {name: getattr(self, name) for name in ("table", "obstacles", "srdf")}
         checked = any(value is not None for value in around.values())
-        names = {item.name for item in fields(PlanControl)} & {item.name for item in fields(self)}
+        names = {item.name for item in fields(PlanSettings)} & {item.name for item in fields(self)}
         box: Any = self.workspace
-        return PlanControl(
+        return PlanSettings(
             **{name: getattr(self, name) for name in names - {"workspace", "collisions"}},
             motion_limits=limits,
             workspace=[box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box,

@@ -17,9 +17,9 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
-from maniport.evaluation import choose
-from maniport.evaluation import evaluate as compared_with_baselines
-from maniport.feasibility import knowing
+from maniport.evaluation import evaluate as compare_with_baselines
+from maniport.evaluation import select_method
+from maniport.feasibility import with_feasible_set
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
@@ -126,13 +126,13 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
     seed, options = settings.config.seed, settings.config.transfer
     if settings.adapter is None:
         assert profile is not None
-        choice = choose(
+        choice = select_method(
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
             random_state=seed, progress=progress, base_rotation=options.rotation, **options.regularization,
         )  # fmt: skip
         return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
     progress("Fit transfer", 0.0)
-    adapter = knowing(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
+    adapter = with_feasible_set(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
     adapter.fit(teacher, student)
     if isinstance(adapter, LengthField) and (failures := adapter.report_.failures()):
         text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
@@ -198,7 +198,7 @@ def plan(
             damping=placed.damping, rotations=own, costs=options.costs, tips=tips, planner=planner,
             pointwise_bests=placed.pointwise_bests, random_state=generator,
             progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
-            **{option.name: getattr(control, option.name) for option in fields(control)},
+            **{option.name: getattr(control, option.name) for option in fields(control) if option.name != "workspace"},
         )  # fmt: skip
         motions.append(motion)
     free = motions[0] if len(motions) > 1 else None
@@ -269,7 +269,7 @@ def evaluate(
     for i, (name, arm, own, profile) in enumerate(zip(names, settings.arms, maps, human.profiles, strict=True)):
         evaluation = None if own.choice is None else own.choice.evaluation
         if evaluation is None and baselines:
-            evaluation = compared_with_baselines(
+            evaluation = compare_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], profile, robot=arm,
                 spec=settings.specs[i], bank=robot.bank(i, settings.spec), n_domain=0,
                 random_state=settings.config.seed, progress=settings.progress,

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import PERSONS, Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
-from maniport.motion import Control, PlanControl, Planner
+from maniport.motion import Control, Planner, PlanSettings
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
 from maniport.pipeline import stages
@@ -67,7 +67,8 @@ def transfer_recording(
     ManiportError
         When an option does not exist or an input cannot be used; options are checked before any long work.
     """
-    config = _with_source((config or Config()).changed(**options), recording)
+    config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
+    config = _with_source(config, recording)
     settings = settings_of(config, progress)
     with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round alike with any number of cores
         if not isinstance(recording, LearnedProfile):
@@ -99,7 +100,7 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     return Settings(config, robot, control, adapter, progress or no_progress)
 
 
-def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanControl:
+def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanSettings:
     """Look up limits and collisions, and check the options of the motion for the robot."""
     motion = config.motion
     if config.robot.tips == RELATIVE and len(as_group(robot)) == 1:
@@ -121,7 +122,7 @@ def _with_source(config: Config, recording: Recording | LearnedProfile | str | P
         return config
     if not isinstance(recording, Recording):
         return config.changed(recording=recording)
-    part = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
+    part: dict[str, Any] = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
     return config.changed(recording=str(recording.source), **part) if recording.source else config
 
 
@@ -143,7 +144,6 @@ def follow_profile(
     paths: Sequence[ArrayLike] | None = None,
     config: Config | None = None,
     *,
-    place: bool = True,
     damping: Damping | None = None,
     planner: Planner | None = None,
     progress: Progress | None = None,
@@ -161,9 +161,7 @@ def follow_profile(
     paths : sequence of array_like, shape (n, 3), optional
         Target positions of each end effector [m].
     config : Config, optional
-        Options of the ellipsoids and the motion, and the seed; others are not used.
-    place : bool
-        Whether the paths are placed relative to the robot first.
+        Options of the ellipsoids, the motion and the seed; ``place`` places the paths relative to the robot first.
     damping : float or Regularization, optional
         Regularization of the ellipsoids. Default: the damping of the options.
     planner : Planner, optional
@@ -178,7 +176,8 @@ def follow_profile(
     """
     if time is None:
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
-    config = replace((config or Config()).changed(**options), verb="track")
+    config = (config or Config()).changed(allowed=("robot", "transfer", "motion", "placement"), **options)
+    config, place = replace(config, verb="track"), config.placement.place
     orientation, spec = config.motion.orientation, config.transfer.spec
     if isinstance(orientation, str) and orientation != FREE:
         text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"

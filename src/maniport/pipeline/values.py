@@ -7,7 +7,7 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.evaluation import Choice
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.motion import Placement, PlanControl, Planner, RobotMotion, SeedBank
+from maniport.motion import Placement, Planner, PlanSettings, RobotMotion, SeedBank
 from maniport.pipeline.config import Config
 from maniport.transfer import DomainAdapter
 from maniport.util.progress import Progress, no_progress
@@ -23,7 +23,7 @@ class Settings:
 
     config: Config
     robot: Arm | ArmGroup
-    control: PlanControl | None  # resolved for the robot; None where it is not moved
+    control: PlanSettings | None  # resolved for the robot; None where it is not moved
     adapter: DomainAdapter | None = None  # unfitted; None where a method is selected
     progress: Progress = no_progress
 

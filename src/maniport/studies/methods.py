@@ -10,9 +10,9 @@ import numpy as np
 from maniport.arms import Arm, load_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning, NotInvertibleError
-from maniport.evaluation import Evaluation, choose, evaluate
+from maniport.evaluation import Evaluation, evaluate, select_method
 from maniport.evaluation.baselines import BASELINES, LOOKUP, TRANSPORT
-from maniport.feasibility import knowing
+from maniport.feasibility import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
@@ -88,9 +88,11 @@ def study(
             step = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
             if method == AUTO:
                 options: dict[str, Any] = {"robot": robot, "random_state": random_state, **shared}
-                adapter = choose(teacher, student, motion.profile, **options).adapter
+                adapter = select_method(teacher, student, motion.profile, **options).adapter
             else:
-                adapter = knowing(method_of(method, random_state=random_state, **shared), robot).fit(teacher, student)
+                adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot).fit(
+                    teacher, student
+                )
             evaluation = evaluate(
                 adapter,
                 teacher,

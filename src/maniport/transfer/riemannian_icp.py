@@ -14,7 +14,7 @@ from maniport.transfer.adapter_file import Attribute, Schema, as_indices
 from maniport.transfer.cloud_pair import CloudPair
 from maniport.transfer.icp.algorithm import ICP, best_registration
 from maniport.transfer.icp.correspondence import Correspondence, correspondence_of
-from maniport.transfer.icp.initialization import aligned_frames, rotations_of_pairs, voted
+from maniport.transfer.icp.initialization import aligned_frames, rotations_by_voting, rotations_of_pairs
 from maniport.transfer.identifiability import ADVICE, LARGEST_EXAMINED, identify
 from maniport.transfer.rigid_adapter import RigidAdapter
 from maniport.transfer.rotation_group import rotation_angle
@@ -191,7 +191,7 @@ class RiemannianICP(RigidAdapter):
             if recentered_pairs is not None:
                 rotations = rotations_of_pairs(*recentered_pairs, first, random)
             else:
-                rotations += voted(matched_t, matched_s) + aligned_frames(matched_t, matched_s, random)
+                rotations += rotations_by_voting(matched_t, matched_s) + aligned_frames(matched_t, matched_s, random)
         icp = ICP(matched_t, matched_s, correspondence_of(self.correspondence), search.tol, recentered_pairs)
         # Clouds of arms are nearly symmetric: between two draws of the Panda's own domain, a rotation with a cost 1.2 %
         # lower was off by 180°.

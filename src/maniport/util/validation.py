@@ -207,7 +207,7 @@ def as_number(value: Any, name: str, **bounds: Unpack[Bounds]) -> float:
 def as_numbers(
     value: ArrayLike, name: str, count: int | None = None, broadcast: bool = False, **bounds: Unpack[Bounds]
 ) -> Array:
-    """Convert to `count` numbers (or any) within `bounds`, shape (count,); with `broadcast`, one number stands for all."""
+    """Convert to `count` numbers (or any) within `bounds`, shape (count,); `broadcast` also accepts one number."""
     array = as_finite(value, name)
     single = "one number or " if broadcast else ""
     rule = f"{name} must be {single}{count or 'a sequence of'} numbers{_in_words(bounds)}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.arms import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
-from maniport.feasibility import knowing
+from maniport.feasibility import with_feasible_set
 from maniport.motion import SeedBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.validation import Array
@@ -58,7 +58,7 @@ class Maps:
         if name == LOADED and self._loaded is not None:
             note = "it keeps the base orientation of its fit"
             return LiveMap(base_rotation, self._loaded.compiled(), self._loaded.map_rotation_, (note,))
-        adapter = knowing(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
+        adapter = with_feasible_set(method_of(name, **self._options, base_rotation=base_rotation), *self._robot)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", ManiportWarning)
             adapter.fit(*self._domains)

@@ -24,7 +24,7 @@ from maniport.motion.placement.problem import (
     named,
 )
 from maniport.motion.placement.search import WEIGHT, best_placements
-from maniport.motion.plan.plan_control import FULL, as_effort, as_workspace
+from maniport.motion.plan.plan_settings import FULL, as_effort, as_workspace
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
 from maniport.motion.search.descent import pointwise_best
@@ -119,7 +119,7 @@ def place_path(  # type: ignore[misc]
     reachability_map : maniport.motion.ReachabilityMap, optional
         Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
     planning_effort : str
-        As in `maniport.motion.PlanControl`.
+        As in `maniport.motion.PlanSettings`.
     rank : int
         Which of the `candidates` to take, from 1.
     random_state : optional
@@ -184,7 +184,7 @@ def place_path(  # type: ignore[misc]
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
         error = np.asarray(optimum.position_error)
         placed.append(Placement(
-            **vars(named(best.place, optimum.distance)), path=points, profile=ellipsoids, spec=spec, centre=center,
+            **vars(named(best.place, optimum.distance)), path=points, profile=ellipsoids, spec=spec, center=center,
             mount=base_rotations(best.place[None])[0], turn=rotation, position_error=error, reachable=error <= 1e-3,
             joint_positions=optimum.joint_positions,
             candidates=tuple(named(other.place, other.distance[i]) for other in results),

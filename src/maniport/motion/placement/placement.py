@@ -52,7 +52,7 @@ class Place:
 class Placement(Place, NotebookDisplay):
     """A path in a robot's workspace, with the ellipsoids that turn with it; made by `place_path`.
 
-    p_robot = scale · rotation · turn · (p − centre) + offset, with rotation = mountᵀ · Rz(yaw).
+    p_robot = scale · rotation · turn · (p − center) + offset, with rotation = mountᵀ · Rz(yaw).
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Placement(Place, NotebookDisplay):
         Which ellipsoids.
     mount : ndarray, shape (3, 3)
         Rotation of the base in a world whose z axis is up; the identity where nothing leans.
-    centre : ndarray, shape (3,)
+    center : ndarray, shape (3,)
         Mean of the given path's waypoints [m].
     turn : ndarray, shape (3, 3)
         As given.
@@ -87,7 +87,7 @@ class Placement(Place, NotebookDisplay):
     profile: Array
     spec: EllipsoidSpec
     mount: Array
-    centre: Array
+    center: Array
     turn: Array
     position_error: Array
     reachable: NDArray[np.bool_]
@@ -105,7 +105,7 @@ class Placement(Place, NotebookDisplay):
         if positions.ndim < 1 or positions.shape[-1] != 3:
             raise InvalidInputError(f"points must have shape (..., 3); found {positions.shape}")
         rotation = self.rotation @ self.turn
-        return np.asarray(self.scale * (positions - self.centre) @ rotation.T + self.offset)
+        return np.asarray(self.scale * (positions - self.center) @ rotation.T + self.offset)
 
     def turned(self, profile: ArrayLike) -> Array:
         """Turn other ellipsoids of the same motion, shape (n, d, d), such as those of a denser path."""

@@ -20,8 +20,8 @@ import numpy as np
 from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.problem import HEADING, SCALE, SIZE, TILT, ArmPath, PlacementProblem
-from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, descend, optimize, time_weights
-from maniport.motion.plan.plan_control import Effort
+from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt, optimize, time_weights
+from maniport.motion.plan.plan_settings import Effort
 from maniport.motion.plan.roadmap import shortest_path
 from maniport.spd.kernels import compose
 from maniport.util.progress import Part, nobody, pieces
@@ -83,8 +83,10 @@ def _search(
         duration = time[-1] - time[0]
         weights = time_weights(time) / duration
     terms = TrajectoryTerms(0.06 / duration, 3e-4 / duration, weights, rel_tol=effort.rel_tol)  # means over time
-    rough = JointProblem(coarse, [replace(terms, rel_tol=ROUGH)] * len(coarse.arms))
-    exact = JointProblem(coarse, [replace(terms, collisions=arm.reachability_map.collisions) for arm in coarse.arms])
+    rough = PlacementTrajectoryCost(coarse, [replace(terms, rel_tol=ROUGH)] * len(coarse.arms))
+    exact = PlacementTrajectoryCost(
+        coarse, [replace(terms, collisions=arm.reachability_map.collisions) for arm in coarse.arms]
+    )
     progress(0.3)
     placements = []
     for place in places:
@@ -143,18 +145,18 @@ def _planned(
     return tuple(trajectories)
 
 
-class BorderedSlopes(NamedTuple):
+class BorderedDerivatives(NamedTuple):
     """Slopes of a trajectory, and those in the free numbers of its placement."""
 
     gradient: Array
     hessian: Array
     band: Array
-    h: Array  # (k,)
-    mixed: Array  # B, (n, dof, k)
-    square: Array  # C, (k, k)
+    place_gradient: Array  # (k,)
+    coupling: Array  # B, (n, dof, k)
+    place_hessian: Array  # C, (k, k)
 
 
-class JointProblem:
+class PlacementTrajectoryCost:
     """Cost of a placement and the trajectories there; `terms` are of each arm."""
 
     def __init__(self, problem: PlacementProblem, terms: Sequence[TrajectoryTerms]):
@@ -169,7 +171,7 @@ class JointProblem:
         """Descend in the placement and the trajectories; neither gets worse."""
         place, trajectories = state
         start = place, tuple(cost.within(q) for cost, q in zip(self.costs, trajectories, strict=True))
-        improved: State = descend(self, start, self.terms[0].rel_tol)
+        improved: State = levenberg_marquardt(self, start, self.terms[0].rel_tol)
         return improved
 
     def evaluated(self, state: State) -> PlannedPlacement:
@@ -178,7 +180,7 @@ class JointProblem:
         parts = zip(self.waypoints, state[1], strict=True)
         return PlannedPlacement(*state, cost, tuple(waypoints.targets.distance(q) for waypoints, q in parts))
 
-    def evaluate(self, state: State) -> tuple[float, list[BorderedSlopes]]:
+    def evaluate(self, state: State) -> tuple[float, list[BorderedDerivatives]]:
         """Cost, and slopes of each arm."""
         (place, trajectories), free = state, self.problem.free
         total, slopes = 0.0, []
@@ -188,7 +190,7 @@ class JointProblem:
             total, weights, dof = total + value, cost.weights, q.shape[1]
             border = waypoints.hessian[:, :, dof:][:, :, free]
             slopes.append(
-                BorderedSlopes(
+                BorderedDerivatives(
                     gradient,
                     blocks,
                     band,
@@ -199,29 +201,32 @@ class JointProblem:
             )
         return total, slopes
 
-    def trial(self, state: State, slopes: list[BorderedSlopes], damping: float) -> tuple[State, float]:
+    def trial(self, state: State, slopes: list[BorderedDerivatives], damping: float) -> tuple[State, float]:
         """State after a damped step, within the limits, and the expected decrease of the cost."""
         (place, trajectories), free = state, self.problem.free
-        h, square = np.sum([arm.h for arm in slopes], axis=0), np.sum([arm.square for arm in slopes], axis=0)
-        inner, pull, solutions, damped = square, h, [], []
+        place_gradient, place_hessian = (
+            np.sum([arm.place_gradient for arm in slopes], axis=0),
+            np.sum([arm.place_hessian for arm in slopes], axis=0),
+        )
+        inner, pull, solutions, damped = place_hessian, place_gradient, [], []
         for cost, q, arm in zip(self.costs, trajectories, slopes, strict=True):
             own = damping * (np.einsum("nii->ni", arm.hessian) + arm.band[0])
-            sides = np.concatenate([arm.gradient[..., None], arm.mixed], axis=2)
+            sides = np.concatenate([arm.gradient[..., None], arm.coupling], axis=2)
             solution = cost.solve(sides, arm.hessian, arm.band, cost.blocked(q, arm.gradient), own)
-            inner = inner - np.tensordot(arm.mixed, solution[..., 1:], ((0, 1), (0, 1)))
-            pull = pull - np.tensordot(solution[..., 0], arm.mixed, 2)
+            inner = inner - np.tensordot(arm.coupling, solution[..., 1:], ((0, 1), (0, 1)))
+            pull = pull - np.tensordot(solution[..., 0], arm.coupling, 2)
             solutions.append(solution)
             damped.append(own)
         at, lower, upper = place[free], self.problem.lower[free], self.problem.upper[free]
-        weight = np.diag(square)
-        loose = ~(((at <= lower) & (h > 0.0)) | ((at >= upper) & (h < 0.0)) | (weight <= 0.0))
+        weight = np.diag(place_hessian)
+        loose = ~(((at <= lower) & (place_gradient > 0.0)) | ((at >= upper) & (place_gradient < 0.0)) | (weight <= 0.0))
         inner = inner + np.diag((damping + 1e-9) * weight)  # path and arm may turn together at no cost
         step = np.zeros(len(at))
         step[loose] = -np.linalg.solve(inner[np.ix_(loose, loose)], pull[loose])
         moved = place.copy()
         moved[free] = np.clip(at + step, lower, upper)
         moved = self.problem.within(moved[None])[0][0]
-        expected = float(step @ (damping * weight * step - h))
+        expected = float(step @ (damping * weight * step - place_gradient))
         trial = []
         for cost, q, solution, own, arm in zip(self.costs, trajectories, solutions, damped, slopes, strict=True):
             change = -(solution[..., 0] + solution[..., 1:] @ step)

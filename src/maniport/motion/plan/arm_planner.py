@@ -22,7 +22,7 @@ from maniport.motion.plan.optimizer import (
     optimize_to_tolerance,
     time_weights,
 )
-from maniport.motion.plan.plan_control import PlanControl
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.roadmap import JOINT_MOTION_WEIGHT, Roadmap, shortest_path, stages_of, turned_to_rotations
 from maniport.motion.plan.time_parameterization import retime
@@ -41,7 +41,7 @@ SPEED_SHARE = 0.9  # Share of the limits of velocity and acceleration that the o
 FAR = 3.0  # Position errors of so many times the tolerance of the 95th percentile are large
 
 
-def planning_time_scale(settings: PlanControl) -> float:
+def planning_time_scale(settings: PlanSettings) -> float:
     """Return how many times the demonstrated time a trajectory is planned for."""
     return max(1.0 / settings.speed_scale, PLANNING_TIME_SCALE)
 
@@ -54,7 +54,7 @@ class Coarse(NamedTuple):
     joint_motion_weight: float  # of the graph search
 
     @classmethod
-    def of(cls, problem: MotionProblem, settings: PlanControl) -> "Coarse":
+    def of(cls, problem: MotionProblem, settings: PlanSettings) -> "Coarse":
         """Return times, smoothness, limits and collisions."""
         time = planning_time_scale(settings) * (problem.time - problem.time[0])
         share = SMOOTHNESS * float(np.sqrt((time[-1] - time[0]) / PLANNING_TIME_SCALE))
@@ -87,7 +87,7 @@ class ArmPlanner:
         return cls(limits, reachability_map, SeedBank.build(limits.arm, random_state=random, spec=spec), collisions)
 
     def solve(
-        self, problem: MotionProblem, settings: PlanControl, random: np.random.Generator, progress: Part = nobody
+        self, problem: MotionProblem, settings: PlanSettings, random: np.random.Generator, progress: Part = nobody
     ) -> tuple[Array, Trajectory]:
         """Plan a motion; return the configurations at the waypoints (n, dof), and the timed motion."""
         time, terms, joint_motion_weight = Coarse.of(problem, settings)
@@ -129,7 +129,7 @@ class ArmPlanner:
 
 
 def time_parameterized(
-    problem: MotionProblem, q: Array, settings: PlanControl, tolerance: float
+    problem: MotionProblem, q: Array, settings: PlanSettings, tolerance: float
 ) -> tuple[Array, Trajectory]:
     """Time a trajectory, optimize it with the smoothness that its time demands, and time it again.
 

@@ -48,7 +48,7 @@ class TrajectoryTerms:
 def optimize(targets: PathCost, time: Array, q: Array, terms: TrajectoryTerms, position_weight: float) -> Array:
     """Descend from joint positions q (n, dof); they end within the limits."""
     cost = TrajectoryCost(targets.arm, targets.weighing(position_weight), time, terms)
-    return np.asarray(descend(cost, cost.within(q), terms.rel_tol))
+    return np.asarray(levenberg_marquardt(cost, cost.within(q), terms.rel_tol))
 
 
 def optimize_to_tolerance(
@@ -77,7 +77,7 @@ def time_weights(time: Array) -> Array:
     return np.asarray(np.append(halves, 0.0) + np.append(0.0, halves))
 
 
-def descend(problem: Any, state: Any, rel_tol: float, max_iter: int = 60) -> Any:
+def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int = 60) -> Any:
     """Descend until a step lowers the cost by less than its share `rel_tol`.
 
     ``problem.evaluate(state)`` returns cost and slopes; ``problem.trial(state, slopes, damping)`` the state after a

@@ -15,7 +15,7 @@ from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import EXACT_WEIGHT, Damping
 from maniport.motion.plan.arm_planner import planning_time_scale
-from maniport.motion.plan.plan_control import PlanControl
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.time_parameterization import with_approach
 from maniport.motion.problem import MotionProblem
@@ -81,14 +81,16 @@ def plan_motion(
         The pointwise optimum, as from `place_path`. Default: searched (0.6 s for an arm).
     random_state : None, int or numpy.random.Generator
     **control
-        Options of `maniport.motion.PlanControl`; limits, collisions and the home configuration are for all joints.
+        Options of `maniport.motion.PlanSettings`; limits, collisions and the home configuration are for all joints.
 
     Raises
     ------
     InvalidInputError, NotSPDError
         When an argument has a wrong shape or value, or an ellipsoid is asymmetric or indefinite.
     """
-    settings = PlanControl(**control)
+    settings = PlanSettings(**control)
+    if settings.workspace is not None:
+        raise InvalidInputError("workspace is for place_path; plan_motion does not move the paths")
     if not isinstance(arms, Arm | ArmGroup):
         raise InvalidInputError(f"arms must be an Arm or an ArmGroup; found {type(arms).__name__}")
     if planner is not None:

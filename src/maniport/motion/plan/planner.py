@@ -22,7 +22,7 @@ from maniport.motion.plan.optimizer import (
     optimize,
     optimize_to_tolerance,
 )
-from maniport.motion.plan.plan_control import PlanControl
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.roadmap import shortest_path, stages_of
 from maniport.motion.plan.time_parameterization import retime
 from maniport.motion.problem import MotionProblem
@@ -89,7 +89,7 @@ class Planner:
     def solve(
         self,
         problem: MotionProblem,
-        settings: PlanControl,
+        settings: PlanSettings,
         random_state: Any = 0,
         progress: Part = nobody,
         separate: Sequence[Targets] | None = None,
@@ -99,7 +99,7 @@ class Planner:
         Parameters
         ----------
         problem : MotionProblem
-        settings : PlanControl
+        settings : PlanSettings
         random_state : None, int or numpy.random.Generator
         progress : callable
             Called with the fraction done.
@@ -123,7 +123,7 @@ class Planner:
         return (timed, False) if count == 1 else self._joined(problem, parts, settings, random)
 
     def _joined(
-        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanControl, random: np.random.Generator
+        self, problem: MotionProblem, parts: Sequence[Array], settings: PlanSettings, random: np.random.Generator
     ) -> tuple[Trajectory, bool]:
         """Join the motions of all arms, shapes (n, dof of the arm); optimize them together where they interact.
 

@@ -25,7 +25,7 @@ LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must
 PathCost = Targets | MotionProblem  # with a row for each target
 
 
-def descend(
+def search_from_starts(
     target: PathCost,
     starts: Array,
     tol: float,
@@ -104,9 +104,9 @@ class PointwiseBest:
 def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = nobody) -> PointwiseBest:
     """Search from starts (n, k, dof), then from the results of the neighbors and from a motion (n, dof)."""
     first, then = pieces(progress, 4.0, 1.0)
-    q = descend(targets.weighing(SEARCH_WEIGHT), starts, 1e-6, 100, block=64, progress=first)
+    q = search_from_starts(targets.weighing(SEARCH_WEIGHT), starts, 1e-6, 100, block=64, progress=first)
     starts = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), motion], axis=1)
-    q = descend(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=then)
+    q = search_from_starts(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=then)
     return PointwiseBest(q, targets.distance(q), targets.tip_error(q))
 
 

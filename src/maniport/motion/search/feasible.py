@@ -11,7 +11,7 @@ from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
 from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
-from maniport.motion.search.descent import descend
+from maniport.motion.search.descent import search_from_starts
 from maniport.motion.search.seed_bank import SeedBank, as_positions
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
@@ -112,7 +112,7 @@ def nearest_feasible(
     bank = SeedBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "Search feasible ellipsoids")
     starts = bank.starts_for(targets, count)
-    q = descend(targets, starts, tolerance, steps, block=128, n_jobs=n_jobs, progress=step)
+    q = search_from_starts(targets, starts, tolerance, steps, block=128, n_jobs=n_jobs, progress=step)
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
@@ -270,7 +270,7 @@ class FeasibleSearch:
             similar = [] if neighbors is None else [before[neighbors]]
             starts = np.concatenate([before[:, None], *similar, self._bank.starts_for(targets, 1)], axis=1)
             steps = 8
-        arm, q = objective.arm, descend(targets, starts, 1e-6, steps, block=512, halving=2)
+        arm, q = objective.arm, search_from_starts(targets, starts, 1e-6, steps, block=512, halving=2)
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {arm.name!r} is singular at all starts for some points")
         self.joint_positions = q

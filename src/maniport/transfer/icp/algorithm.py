@@ -7,7 +7,7 @@
              R ← argmin Σ w_ij^k d²(S_j, R T_i Rᵀ) over SO(d)                     eq. 15        `icp.rotation`
     step 4   f(T) = S̄^½ R (T̄^-½ T T̄^-½)^s Rᵀ S̄^½                                  eqs. 16, 17   `rigid_adapter.RigidMap`
 
-Except for the nearest neighbor, no objective falls in every iteration of step 3, so that the best iterate is returned.
+The scores of step 3 have no common objective with the rotation step, so that the best iterate is returned.
 The paper follows one start; `best_registration` follows several.
 """
 

@@ -20,9 +20,7 @@ from maniport.transfer.icp.score import EllipsoidFeatures, ScoreMatcher
 from maniport.util.optional import optimal_transport
 from maniport.util.validation import Array, as_choice, as_number
 
-LIMIT = 2000
-"""Largest number of ellipsoids on a side that are matched as a whole: about 1 s under each rotation, growing with the
-third power."""
+LIMIT = 2000  # Most ellipsoids of a cloud for an assignment: 1 s for each rotation, growing with the third power
 
 DIRECTIONS = ("smaller", "teacher", "student", "both")
 
@@ -72,7 +70,7 @@ class Correspondence(ABC):
 
 
 @dataclass(frozen=True)
-class Seeking(Correspondence):
+class DirectedCorrespondence(Correspondence):
     """Base of the correspondences that match each ellipsoid on its own; see `GeodesicCorrespondence`."""
 
     direction: str = "smaller"
@@ -108,7 +106,7 @@ def trimmed_count(count: int, trim: float) -> int:
 
 
 @dataclass(frozen=True)
-class GeodesicCorrespondence(Seeking):
+class GeodesicCorrespondence(DirectedCorrespondence):
     """Match every ellipsoid with the one at the smallest affine-invariant distance, found exactly.
 
     All matches weigh the same. Equal matches lower the cost in every iteration: matching and rotation have one
@@ -137,7 +135,7 @@ class GeodesicCorrespondence(Seeking):
 
 
 @dataclass(frozen=True)
-class EllipsoidCorrespondence(Seeking):
+class EllipsoidCorrespondence(DirectedCorrespondence):
     """Match every ellipsoid with the one of the largest score (Reithmeir et al. 2022, eq. 18).
 
     The score ``w = |v₁·v₁'| + |v_n·v_n'| + exp(−|p − p'|) + exp(−|vol − vol'|)``, between 0 and 4, compares the
@@ -157,6 +155,7 @@ class EllipsoidCorrespondence(Seeking):
     """
 
     exponent: float = 3.0
+    log_shapes: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -164,8 +163,7 @@ class EllipsoidCorrespondence(Seeking):
 
     def one_way(self, teacher: Array, student: Array) -> Matching:
         """Match by score."""
-        ratios = isinstance(self, LogEllipsoidCorrespondence)
-        features = EllipsoidFeatures.of(teacher, ratios), EllipsoidFeatures.of(student, ratios)
+        features = (EllipsoidFeatures.of(points, self.log_shapes) for points in (teacher, student))
         return partial(self._match, ScoreMatcher(*features))
 
     def _match(self, matcher: ScoreMatcher, rotation: Array) -> Matches:
@@ -187,6 +185,8 @@ class LogEllipsoidCorrespondence(EllipsoidCorrespondence):
     direction, trim, exponent
         See `EllipsoidCorrespondence`.
     """
+
+    log_shapes: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)

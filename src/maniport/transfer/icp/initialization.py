@@ -29,14 +29,16 @@ def aligned_frames(
     return rotations
 
 
-def voted(teacher: Array, student: Array, voters: int = 128, candidates: int = 3, elected: int = 4) -> list[Array]:
+def rotations_by_voting(
+    teacher: Array, student: Array, voters: int = 128, candidates: int = 3, elected: int = 4
+) -> list[Array]:
     """Rotations that many pairs of ellipsoids with nearly equal eigenvalues agree on, most votes first.
 
     Up to `voters` ellipsoids of the smaller cloud each propose the rotations onto their most similar `candidates`.
     Without them 4 of 8 rotations are recovered instead of 8 where two clouds of 100 ellipsoids share half.
     """
     if len(teacher) > len(student):
-        return [rotation.T for rotation in voted(student, teacher, voters, candidates, elected)]
+        return [rotation.T for rotation in rotations_by_voting(student, teacher, voters, candidates, elected)]
     d = teacher.shape[-1]
     signs = np.array([np.diag(turn) for turn in signed_permutations(d) if np.diag(turn).all()])
     count = min(voters, len(teacher), 4096 // (len(signs) * candidates))

@@ -45,7 +45,7 @@ def as_effort(value: str) -> Effort:
 
 
 @dataclass(frozen=True)
-class PlanControl:
+class PlanSettings:
     """Settings of `plan_motion`.
 
     Attributes
@@ -72,7 +72,7 @@ class PlanControl:
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
     planning_effort : {"full", "quick"}
-        Search budget, see `maniport.motion.plan.plan_control.Effort`.
+        Search budget, see `maniport.motion.plan.plan_settings.Effort`.
 
     Raises
     ------
@@ -101,7 +101,7 @@ class PlanControl:
         axis_weights(self.orientation_axes, self.orientation_weight)
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
-    def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanControl":
+    def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanSettings":
         """Look up limits and collisions of the arms, or take those of a planner; check the home configuration.
 
         Raises
