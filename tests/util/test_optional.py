@@ -11,7 +11,7 @@ import pytest
 from maniport.errors import MissingPackageError
 from maniport.util import optional
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "maniport"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink", "pot": "ot"}

@@ -29,12 +29,22 @@ LM_DAMPING = 3.0  # Keeps an arm calm where the target ellipsoid is out of reach
 
 @dataclass(frozen=True, eq=False)
 class ControlState:
-    """State of an arm between two control steps."""
+    """State of an arm between two control steps.
 
-    q: Array  # (dof,) [rad or m]
-    velocity: Array  # (dof,), of the step before
-    dt: float | None = None  # duration of the step before [s]; None before the first step
-    solved: bool = True  # False where the step before had no collision-free solution and the arm braked
+    Attributes
+    ----------
+    q, velocity : ndarray, shape (dof,)
+        Joint positions [rad or m], and velocities of the last step [1/s].
+    dt : float, optional
+        Duration of the last step [s]; None before the first step.
+    solved : bool
+        False if the last step had no collision-free solution and the arm braked.
+    """
+
+    q: Array
+    velocity: Array
+    dt: float | None = None
+    solved: bool = True
 
     @classmethod
     def at_rest(cls, q: Array) -> "ControlState":
@@ -44,12 +54,24 @@ class ControlState:
 
 @dataclass(frozen=True, eq=False)
 class ControlProblem:
-    """What a control step minimizes."""
+    """Costs of one control step.
 
-    targets: tuple[Targets, ...]  # of each arm, one row
-    previous_positions: tuple[Array | None, ...]  # (3,), target positions of the step before [m]
-    posture: PostureCost  # a configuration to stay near
-    time: float = 0.0  # for further costs [s]
+    Attributes
+    ----------
+    targets : tuple of Targets
+        Targets of each arm, one row.
+    previous_positions : tuple of ndarray, shape (3,), or None
+        Target positions of each arm in the last step [m].
+    posture : PostureCost
+        Reference configuration.
+    time : float
+        Time of further costs [s].
+    """
+
+    targets: tuple[Targets, ...]
+    previous_positions: tuple[Array | None, ...]
+    posture: PostureCost
+    time: float = 0.0
 
 
 class Controller:
