@@ -71,8 +71,13 @@ def main(folder, *options):
         "position error [mm]: {:.0f} (median), {:.0f} (95 %), {:.0f} (max)".format(*np.quantile(errors, [0.5, 0.95, 1]))
     )
     print(f"computing time of a step: {1e3 * np.median(seconds):.1f} ms (median)")
-    np.savez(folder / "live.npz", time=[state.time for state in states], state=[state.state for state in states],
-             joint_positions=[state.joint_positions for state in states], distance=[s.distance for s in states])
+    np.savez(
+        folder / "live.npz",
+        time=[state.time for state in states],
+        state=[state.state for state in states],
+        joint_positions=[state.joint_positions for state in states],
+        distance=[s.distance for s in states],
+    )
     print(f"joints in {folder}")
 
 

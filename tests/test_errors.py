@@ -34,7 +34,7 @@ def test_errors_are_builtin_errors_and_survive_pickling():
 def test_unknown_names_are_answered_with_those_there_are():
     """At most twenty are listed."""
     error = unknown_name("frame", "hend", ["base", "hand"], "in 'arm.urdf'")
-    assert str(error) == "unknown frame 'hend' in 'arm.urdf'; there are, nearest first: 'hand', 'base'"
+    assert str(error) == "unknown frame 'hend' in 'arm.urdf'; available, nearest first: 'hand', 'base'"
     message = str(unknown_name("joint", "j", [f"joint{i}" for i in range(30)]))
     assert message.endswith(", and 10 more")
     assert message.count("'joint") == 20

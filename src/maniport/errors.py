@@ -128,7 +128,7 @@ def unknown_name(what: str, name: object, available: Iterable[str], where: str =
     names = nearest_first(name, available)
     listed = ", ".join(repr(n) for n in names[:20]) + (f", and {len(names) - 20} more" if len(names) > 20 else "")
     place = f" {where}" if where else ""
-    return UnknownNameError(f"unknown {what} {name!r}{place}; there are, nearest first: {listed or 'none'}")
+    return UnknownNameError(f"unknown {what} {name!r}{place}; available, nearest first: {listed or 'none'}")
 
 
 def as_text(path: str) -> str:

@@ -95,7 +95,7 @@ def test_a_single_arm_is_a_group_of_one():
 
 
 @pytest.mark.parametrize(("robot", "options", "said"), [
-    ("panda", {}, "is no pair: name the tips with frames="),
+    ("panda", {}, "must have two arms; found one arm: name both end effectors with frames="),
     ("panda", {"frames": ("panda_link8", "panda_hand")}, "must end two limbs; found both on one chain"),
     (("panda", "panda"), {}, "stand in one place; place them with bases="),
     ("panda", {"bases": BASES, "frames": ["panda_link8"]}, "frames must be a sequence of 2, one for each arm"),

@@ -275,7 +275,7 @@ def test_units_of_the_command_line_are_converted(track):
         (("--table", 0.3), "table: the plane at z = 0.3 m goes through the robot's base"),
         (("--joint-limit-margin", 50), "--joint-limit-margin [%] must be a number in [0, 40]; found 50"),
         (("--position-tolerance", 0), "--position-tolerance [mm] must be a number above 0; found 0"),
-        (("--export", "ros"), "unknown export 'ros'; there are, nearest first: 'ros2'"),
+        (("--export", "ros"), "unknown export 'ros'; available, nearest first: 'ros2'"),
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
         (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes must be 'pointing'"),

@@ -69,7 +69,7 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
         assert as_numbers(report)["warnings"] == [{"key": key, "text": report.warnings[0]}]
         if key == "targets-missed":  # the sentence has the same count as the warning
             assert f"{n - 2} of {n} waypoints reached" in report.summary.title
-            assert f"2 of {n} waypoints are missed (2 ellipsoid missed)" in report.warnings[0]
+            assert f"2 of {n} waypoints are missed (2 ellipsoid distance too large)" in report.warnings[0]
 
 
 def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch):

@@ -106,7 +106,7 @@ def test_exact_map_is_recovered(kind, direction, random_map):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (lambda: {"correspondence": "nearest"}, "unknown correspondence 'nearest'; there are, nearest first: 'geodes"),
+        (lambda: {"correspondence": "nearest"}, "unknown correspondence 'nearest'; available, nearest first: 'geodes"),
         (lambda: {"correspondence": None}, "correspondence must be one of 'ellipsoid', .* or a Correspondence; found"),
         (lambda: {"correspondence": GeodesicCorrespondence}, "or a Correspondence; found <class"),
         (lambda: {"correspondence": GeodesicCorrespondence(direction="forth")}, "unknown direction 'forth'"),

@@ -137,7 +137,7 @@ def test_singular_products_are_positive_semidefinite():
         (lambda: as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
         (lambda: as_times([0, 1e-300]), "at least 1e-09 apart"),
         (lambda: as_metres([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
-        (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; there are, nearest first: 'a', 'b'"),
+        (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; available, nearest first: 'a', 'b'"),
         (lambda: as_flag("yes", "turn"), "turn must be True or False; found 'yes'"),
         (lambda: as_generator(-1), "random_state (unless None or a numpy Generator) must be a whole number"),
         (lambda: require_shape(np.zeros((0, 3)), "a", ("n", 3)), "a must have shape (n, 3); found shape (0, 3)"),

@@ -62,7 +62,7 @@ def completed(executor: Executor, work: Work, tasks: Iterable[T], period: float 
                 if not alone:
                     retried.append(task)
                     continue
-                outcome = ManiportError("the process was killed, most often because memory was short")
+                outcome = ManiportError("worker process killed, probably out of memory")
             except CancelledError:
                 raise ManiportError("the cluster was lost; run again to continue") from None
             except Exception as error:  # noqa: BLE001  one failure does not stop the rest
@@ -120,8 +120,8 @@ def _dask(address: str, patience: float = 60.0) -> Iterator[Executor]:
         try:
             there = client.submit(worker_version, pure=False).result(timeout=patience)
         except Exception as error:  # noqa: BLE001  whatever keeps a worker from it, it would keep it from all tasks
-            why = f"within {patience:g} s" if isinstance(error, distributed().TimeoutError) else f"well: {error}"
-            raise ManiportError(f"no worker of the Dask scheduler at {address!r} answers {why}") from None
+            reason = f"no answer within {patience:g} s" if isinstance(error, distributed().TimeoutError) else str(error)
+            raise ManiportError(f"workers of the Dask scheduler at {address!r} failed: {reason}") from None
         if there != __version__:
             raise ManiportError(f"workers of {address!r} have maniport {there}; here it is {__version__}")
         yield dask_executor(client, patience)
@@ -154,7 +154,7 @@ def _client(address: str, timeout: float = 10.0) -> Any:
     try:
         return connected.result(2 * timeout)
     except (OSError, ValueError, TypeError) as error:  # `TimeoutError` is an `OSError`
-        raise ManiportError(f"no Dask scheduler answers at {address!r}: {str(error) or 'it is silent'}") from None
+        raise ManiportError(f"cannot connect to the Dask scheduler at {address!r}: {str(error) or 'timeout'}") from None
 
 
 def worker_version() -> str:

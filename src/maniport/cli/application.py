@@ -174,7 +174,7 @@ def _annotation(option: Option, usual: Config) -> Any:
     help = option.help + (f": {', '.join(option.choices)}" if option.choices and metavar == "NAME" else "")
     if default not in (None, ()) and not isinstance(default, bool):
         help += f" (default {option.text(default)})"
-    plain = option.kind in (bool, int, float) and not option.choices
+    plain = option.kind in (bool, int) and not option.choices
     several = option.repeated or (option.element is str and option.kind in (tuple, Mapping))
     kind = option.kind if plain else list[str] if several else str
     settings = typer.Option(

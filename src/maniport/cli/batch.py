@@ -48,7 +48,7 @@ def batch(
     count = f"{pairs - len(result.failed)} of {pairs} pairs are done, {len(result.failed)} failed"
     lines = [f"  {row['recording']} → {', '.join(row['robots'])}: {row['reason']}" for row in failed]
     values = {"pairs": pairs, "done_before": result.kept, "failed": failed, "seconds": result.seconds}
-    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"open {output / PAGE}"])
+    text = "\n".join([f"{count}{':' if lines else '.'}", *lines, f"Overview {output / PAGE}"])
     console.finish({**values, "output": str(output)}, text)
     if failed:
         raise typer.Exit(1)

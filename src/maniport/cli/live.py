@@ -33,7 +33,7 @@ def _transport(help: str, *flags: str) -> Any:
 def live(
     config: Config,
     console: Console,
-    recording: Annotated[Path, typer.Argument(help="A motion of the same person with the same points.")],
+    recording: Annotated[Path, typer.Argument(help="Recording of the same person and points")],
     udp: Annotated[int | None, _transport("UDP port for frames instead of standard input; 0: a free one.")] = None,
     host: Annotated[str, _transport("Address of that port; other addresses open it to the network.")] = LOOPBACK,
     send: Annotated[int | None, _transport("UDP port for answers; default: the sender's.")] = None,
@@ -65,7 +65,7 @@ def live(
         result = transfer_recording(motion, config, progress=progress)
         follower = Live.of(result, progress=progress)
     if udp is not None and not is_loopback(host):
-        console.warn("the port is open to other machines: whoever can reach it moves the robot")
+        console.warn("the port accepts frames from other machines, which can move the robot")
     stop, signal = socket.socketpair()
     gc.collect()
     gc.freeze()  # objects that exist now stay, and need not be scanned while frames wait

@@ -91,4 +91,10 @@ def _targets(config: Config, profile: Path | None, path: Path | None) -> tuple[C
         raise InvalidInputError("a file of target ellipsoids is needed, as an argument or in --config")
     target, time = load_ellipsoids(config.profile)
     positions, path_time = (None, None) if config.path is None else load_path(config.path)
+    times = [values for values in (time, path_time) if values is not None]
+    if len(times) == 2 and not (len(times[0]) == len(times[1]) and abs(times[0] - times[1]).max() < 1e-6):
+        raise InvalidInputError(
+            f"{config.path}: its times must be those of {config.profile}, {times[0][0]:g} to {times[0][-1]:g} s; "
+            f"found {times[1][0]:g} to {times[1][-1]:g} s"
+        )
     return config, target, positions, path_time if time is None else time

@@ -43,7 +43,9 @@ def transfer(
     if recording is not None:
         config = config.changed(recording=recording)
     if len(config.recording) != 1:
-        raise InvalidInputError(f"recording must be one file, as an argument or in --config; found {config.recording}")
+        raise InvalidInputError(
+            f"recording: exactly one file is required, as an argument or in --config; found {len(config.recording)}"
+        )
     transfer_to_folder(config, console, output, overwrite)
 
 

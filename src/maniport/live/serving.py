@@ -39,10 +39,10 @@ class Summary:
     """Position errors while the person is followed [m], of the last frames, and their times [s]."""
 
     def __str__(self) -> str:
-        text = f"{self.answered} frames answered, {self.skipped} skipped since newer ones waited, "
-        text += f"{self.refused} refused"
+        text = f"{self.answered} frames answered, {self.skipped} skipped (newer frames available), "
+        text += f"{self.refused} invalid"
         if self.lost:
-            text += f", {self.lost} answers lost since nobody read them"
+            text += f", {self.lost} answers not delivered"
         if not self.answered:
             return text
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])

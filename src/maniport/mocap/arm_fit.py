@@ -106,12 +106,11 @@ class ArmFit(NotebookDisplay):
 
     @property
     def summary(self) -> str:
-        """Arm, frames, median residuals and unobservable joints in one line."""
-        residuals = ", ".join(
-            f"{name} {np.median(column):.2f}°" for name, column in zip(self.segments, self.residual.T, strict=True)
-        )
+        """Arm, frames, range of the segments' median residuals, and unobservable joints in one line."""
+        medians = np.median(self.residual, axis=0)
         unobservable = f"; unobservable: {', '.join(self.unobservable)}" if self.unobservable else ""
-        return f"{self.arm.side} arm, {len(self)} frames, median residuals {residuals}{unobservable}"
+        residuals = f"median residual {medians.min():.1f}–{medians.max():.1f}°"
+        return f"{self.arm.side} arm, {len(self)} frames, {residuals}{unobservable}"
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ def assign_roles(recording: Recording, markers: Mapping[str, Any] | None = None,
         has_other = set(missing) & set(ARM) and set(ARM) <= find_roles(recording.observed, other)[1].keys()
         raise RecordingError(
             f"missing{f' in {recording.source!r}' if recording.source else ''}: {needed}."
-            f"{f' There is a {other} arm: ' + argument('side', other) + ' takes it.' if has_other else ''} "
+            f"{f' The {other} arm is available: use ' + argument('side', other) + '.' if has_other else ''} "
             f"Points of the recording, nearest first: {listed or 'none'}. "
             f"Assign points to roles with {argument('markers', example_markers(missing))}"
         )
@@ -135,8 +135,8 @@ def find_side(
     other = SIDES[moving == RIGHT]
     alike = moving == RIGHT and paths[RIGHT] <= similar * paths[LEFT]
     reason = (
-        f"{'both move alike' if alike else 'it moves more'}: relative to the trunk its wrist moves "
-        f"{paths[moving]:.2f} m, the {other} one {paths[other]:.2f} m; {argument('side', other)} takes that"
+        f"{'both arms move similarly' if alike else 'larger motion'}: wrist path relative to the trunk "
+        f"{paths[moving]:.2f} m, {other} wrist {paths[other]:.2f} m; {argument('side', other)} selects the {other} arm"
     )
     return moving, reason, roles[moving]
 

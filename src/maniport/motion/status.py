@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from maniport.util.validation import Array
 
 FOLLOWED, NEARLY_FOLLOWED = "followed", "nearly followed"
-ELLIPSOID, PATH = "ellipsoid missed", "position missed"
+ELLIPSOID, PATH = "ellipsoid distance too large", "position error too large"
 JOINT_LIMIT, VELOCITY_LIMIT = "joint limit", "velocity limit"
-HELD = "QP failed: held last safe configuration"
+HELD = "QP failed; last safe configuration held"
 STATUSES = (FOLLOWED, NEARLY_FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)
 """All statuses, from good to bad.
 

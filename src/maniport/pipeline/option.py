@@ -56,7 +56,7 @@ class Option:
         if isinstance(value, os.PathLike):
             value = os.fspath(value)
         if self.choices and (isinstance(value, str) or self.kind is str) and not self.unchecked:
-            return as_choice(value, self.name, self.choices)
+            return as_choice(value, label.split(" [")[0], self.choices)
         if self.kind is tuple and self.element is str:
             parts = (value,) if isinstance(value, str) or not isinstance(value, Sequence) else value
             return tuple(os.fspath(part) if isinstance(part, os.PathLike) else part for part in parts)

@@ -37,7 +37,7 @@ class HumanOptions(Options):
     person: str = option(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
     side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
-    smooth: str | float = option(AUTO, "Low-pass filter of points: words, or cutoff", "Hz", (AUTO, "off"), above=0.0)
+    smooth: str | float = option(AUTO, "Low-pass filter: auto, off, or cutoff", "Hz", (AUTO, "off"), above=0.0)
     jumps: str = option(defaults.KEEP, "Treatment of joint jumps", choices=(defaults.KEEP, "smooth", "split"))
 
     @property
@@ -88,7 +88,7 @@ class RobotOptions(Options):
         repeated=True, unchecked=True,
     )  # fmt: skip
     tips: str = option(
-        "placed", "Two arms: placed on the hands' paths, or relative positions", choices=("placed", "relative")
+        "placed", "Positions of several arms: placed paths, or relative positions", choices=("placed", "relative")
     )
     mesh_folders: tuple[str, ...] = option(
         (), "Folder of further meshes; repeatable", metavar="FOLDER", repeated=True, is_file=True
@@ -193,14 +193,20 @@ class MotionOptions(Options):
 
     move: bool = option(True, "Plan a trajectory", common=True)
     position_tolerance: float = option(
-        defaults.POSITION_TOLERANCE, "Position tolerance, 95 %", "mm", above=0.0, common=True
+        defaults.POSITION_TOLERANCE,
+        "Position tolerance, 95th percentile",
+        "mm",
+        above=0.0,
+        common=True,
     )
-    speed_scale: float = option(1.0, "Largest relative speed", above=0.0, common=True)
+    speed_scale: float = option(1.0, "Maximum speed relative to the demonstration", above=0.0, common=True)
     orientation: str | tuple[float, ...] = option(
-        FREE, "free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
+        FREE, "Orientation: free, demonstrated, constant, or z axis X,Y,Z", choices=(FREE, "demonstrated", CONSTANT),
         metavar="WORD|X,Y,Z", count=3, common=True,
     )  # fmt: skip
-    orientation_axes: str = option("pointing", "Constrained axes: z or all", choices=("pointing", "whole"))
+    orientation_axes: str = option(
+        "pointing", "Constrained axes: z (pointing) or all (whole)", choices=("pointing", "whole")
+    )
     orientation_weight: float = option(10.0, "Weight of the orientation error", "1/rad", above=0.0)
     planning_effort: str = option(defaults.EFFORT, "Planning effort", choices=("full", "quick"), common=True)
     rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
@@ -218,8 +224,8 @@ class MotionOptions(Options):
     collisions: bool = option(True, "Collision checking", unchecked=True)
     table: float | None = option(None, "Height of a table in the base frame", "m", common=True)
     obstacles: str | None = option(None, "YAML or JSON file of boxes", is_file=True, unchecked=True)
-    srdf: str | None = option(None, "SRDF: link pairs not to check", is_file=True)
-    export: tuple[str, ...] = option((), "ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
+    srdf: str | None = option(None, "SRDF file of link pairs that are not checked", is_file=True)
+    export: tuple[str, ...] = option((), "Formats: ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
     costs: tuple[Any, ...] = option((), "Further costs of the motion", unchecked=True, typed=False)
     tracking: Mapping[str, Any] | None = option(
         None, "Options of a controller that follows the plan", unchecked=True, typed=False

@@ -148,15 +148,15 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
     else:
         arm = myoarm()
         joints = listed([arm.joint_names[joint] for joint in unobservable_joints(arm, roles)])
-        undetermined = f", but {joints} are undetermined and stay near neutral" if joints else ""
+        undetermined = f"; unobservable joints stay near neutral: {joints}" if joints else ""
         title = "Additional roles"
-        lines = [f"The {side} arm can be fitted as it is{undetermined}.",
+        lines = [f"The {side} arm has all required points{undetermined}.",
                  f"Points for {listed(wanted)} would add information, if the recording has them."]  # fmt: skip
     template = example_markers(wanted)
     lines += [
-        "Write names of points instead of the words in capitals into a file markers.json:",
+        "Replace the capitalized words with point names and save as markers.json:",
         f"`{json.dumps(template)}`",
-        f"and give it: `maniport transfer {command} --markers markers.json"
+        f"Then run `maniport transfer {command} --markers markers.json"
         f"{' --side left' if side == 'left' else ''} -o results`",
     ]
     return Section(title, tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))

@@ -19,7 +19,6 @@ from maniport.report.recording import FIT, RECORDING, person_section, recording_
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.transfer import adapter_section, evaluation_section, label
 from maniport.report.values import (
-    GREEN,
     INFO,
     RED,
     Metric,
@@ -213,17 +212,17 @@ def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tupl
     if status == RED:
         limits = (metrics["limits"] for metrics in motions.values() if "limits" in metrics)
         exceeded = any(METRICS["limits"].level(item.value) > METRICS["limits"].warn_above for item in limits)
-        return ("Do not run it: give it more time.", slower) if exceeded else ("Do not run it.", "")
+        return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
     for arm, metrics in zip(result.arms, motions.values(), strict=True):
         motion, error = arm.motion, metrics.get("position_error")
         assert motion is not None
         if error is not None and error.grade == list(METRICS["position_error"].grades)[-1]:
             if arm.placement is None:
-                return "Let the path be placed where the robot reaches it.", _track(result, "placed", "--place")
+                return "Place the path in the workspace.", _track(result, "placed", "--place")
             if motion.position_tolerance > POSITION_TOLERANCE:
                 command = _track(result, "nearer", position_tolerance=POSITION_TOLERANCE)
-                return "The position error uses the tolerance: reduce it.", command
-            return "The robot is too slow for its path: give it more time.", slower
+                return "Reduce the position tolerance.", command
+            return "The path exceeds the robot's speed: reduce the speed scale.", slower
         if metrics["distance"].value["median"] <= NEAR_DISTANCE:
             continue
         parts = arm.mean_distance
@@ -240,8 +239,7 @@ def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tupl
             return text, command if result.config is not None and len(result.config.recording) == 1 else ""
         command = "" if result.config is None else f"maniport view --config {{folder}}/{CONFIG}"
         return "The targets are infeasible: try other methods and base rotations.", command
-    run_it = "Run it" if status == GREEN else "Check the warnings before you run it"
-    return f"{run_it}: joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others.", ""
+    return "joints.csv has the motion; --export writes it for ROS 2, MuJoCo and others.", ""
 
 
 def _track(result: Result, suffix: str, *words: str, path: bool = True, **options: float) -> str:

@@ -190,5 +190,5 @@ def _comparison(summary: Summary) -> Metric:
         text, better = f"{name} is better than all baselines: {compared}", True
     if better:
         return notes([text])[0]
-    advice = f" Take {summary.recommended}." if summary.recommended and own != summary.best_value else ""
+    advice = f" Use {summary.recommended}." if summary.recommended and own != summary.best_value else ""
     return warning("not-better", text + advice)

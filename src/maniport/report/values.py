@@ -12,7 +12,7 @@ INFO, NOTE, WARNING, ERROR = SEVERITIES = ("info", "note", "warning", "error")
 GREEN, AMBER, RED = "green", "amber", "red"
 STATUS = {INFO: GREEN, NOTE: GREEN, WARNING: AMBER, ERROR: RED}
 """Status of a result by the worst severity of its metrics."""
-MEANING = {GREEN: "no warnings", AMBER: "see the warnings before it runs", RED: "do not run it"}
+MEANING = {GREEN: "no warnings", AMBER: "check the warnings before execution", RED: "do not execute"}
 
 
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}

@@ -109,10 +109,10 @@ def _ends(robot: Robot, tips: Sequence[str | None]) -> list[str | None]:
     limbs = robot_limbs(robot)[0]
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     if len(longest) < 2:
-        only = f"whose longest limb, to {longest[0].tip!r}, has no other like it" if longest else "which has one arm"
+        only = f"one longest limb, to {longest[0].tip!r}" if longest else "one arm"
         raise InvalidInputError(
-            f"the robot {os.fspath(robot)!r}, {only}, is no pair: name the tips with {argument('frames')}, or "
-            f"place two robots with {placing_options()}"
+            f"robot {os.fspath(robot)!r} must have two arms; found {only}: name both end effectors with "
+            f"{argument('frames')}, or place two robots with {placing_options()}"
         )
     sides = (LEFT, RIGHT)[: len(tips)] if len(tips) <= 2 else ()
     try:
@@ -120,8 +120,8 @@ def _ends(robot: Robot, tips: Sequence[str | None]) -> list[str | None]:
     except (UnknownNameError, ValueError):
         ends = ", ".join(repr(limb.tip) for limb in longest)
         raise InvalidInputError(
-            f"the robot {os.fspath(robot)!r} has limbs that are not called left and right: name the tips with "
-            f"{argument('frames')}; they end at {ends}"
+            f"the robot {os.fspath(robot)!r} has limbs without left and right in their names: name both end "
+            f"effectors with {argument('frames')}; they end at {ends}"
         ) from None
 
 

@@ -97,7 +97,7 @@ def shipped_recording(name: str) -> Path:
         When there is none of that name.
     """
     if name not in SHIPPED:
-        raise unknown_name("shipped recording", name, SHIPPED)
+        raise unknown_name("bundled recording", name, SHIPPED)
     return Path(__file__).parents[1] / "data" / SHIPPED[name]
 
 
@@ -105,7 +105,7 @@ def _format_of(file: Path) -> str:
     """Return the key of `READERS` for a file: by its content, else by its ending."""
     if os.path.isdir(file) and any(file.glob("*.json")):
         return ".json"
-    suffix, hint = file.suffix.lower(), f"; shipped are {', '.join(map(repr, SHIPPED))}"
+    suffix, hint = file.suffix.lower(), f"; bundled recordings: {', '.join(map(repr, SHIPPED))}"
     kind = None
     # False of names that no file has; formats of the user go by their ending
     if os.path.exists(file) and isinstance(READERS.get(suffix, ""), str):

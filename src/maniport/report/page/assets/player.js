@@ -80,7 +80,7 @@ class Player {
     const { low, high } = this.bounds(view), middle = times(add(low, high), 0.5);
     const stage = new Stage(canvas, this.camera, middle, 1, low[2], view.rotation);
     stage.reach = Math.hypot(...minus(high, low)) / 2;
-    if (!stage.gl) frame.replaceChildren(make("p", {}, ["This browser draws nothing in space (WebGL 2 is missing or switched off). All curves and numbers are there."]));
+    if (!stage.gl) frame.replaceChildren(make("p", {}, ["3D view unavailable (WebGL 2 required). Curves and metrics are below."]));
     this.camera.follow(canvas);
     return { stage, view, axes };
   }
