@@ -260,7 +260,7 @@ def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
     with distributed.LocalCluster(**options) as cluster:
         small([recordings], tmp_path / "dataset", dask=cluster.scheduler_address)
     assert tree(tmp_path / "dataset") == tree(whole.folder)
-    with pytest.raises(ManiportError, match="no Dask scheduler"):
+    with pytest.raises(ManiportError, match="cannot connect to the Dask scheduler"):
         small([recordings], tmp_path / "other", dask="127.0.0.1:1")
 
 

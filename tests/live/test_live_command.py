@@ -56,7 +56,7 @@ def test_every_line_is_answered(run, recorded, small_result):
     assert np.all((q >= arm.lower - 1e-9) & (q <= arm.upper + 1e-9))
     assert [answer["frame"] for answer in rest if answer["frame"] is not None] == time[1:].tolist()
     assert rest[-1]["state"] == "holding"
-    assert f"{len(time)} frames answered, 0 skipped since newer ones waited, 1 refused" in err
+    assert f"{len(time)} frames answered, 0 skipped (newer frames available), 1 invalid" in err
     assert "99.9 %" in err
     code, (_, answer, *_), err = run(path, lines=lines)
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)

@@ -143,4 +143,4 @@ def test_of_two_arms_the_one_that_moves_more_is_used(left, side, noise):
     """The wrist with the longer path relative to the trunk decides; up to 10 % the right arm is used."""
     chosen, reason, _ = find_side(two_arms(left, noise))
     assert chosen == side
-    assert ("both move alike" if 0.9 < left < 1.1 else "it moves more") in reason
+    assert ("both arms move similarly" if 0.9 < left < 1.1 else "larger motion") in reason

@@ -55,7 +55,7 @@ def test_additional_roles_are_those_of_the_fitted_arm(side):
     recording = read_recording("both-arms").crop(2, 3)
     few = recording.select([name for name in recording.names if not name.endswith(("FIN", "OHAND", "IHAND"))])
     page = as_markdown(recording_report(few, side=side))
-    assert f"The {side} arm can be fitted as it is" in page
+    assert f"The {side} arm has all required points" in page
     assert ("--side left" in page.splitlines()[-1]) == (side == "left")
 
 

@@ -39,7 +39,7 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
     """Green without warnings; each assumption, omitted check and missed target is amber; red prohibits the motion."""
     report = report_of(complete)
     assert (report.warning_keys, report.status, as_numbers(report)["status"]) == ((), "green", "green")
-    assert report.summary.advice.startswith("Run it")
+    assert report.summary.advice.startswith("joints.csv has the motion")
     assert report.summary.title.startswith("Position tracked; ellipsoids tracked")
     assert not report.summary.command
     motion, n = complete.arm.motion, len(complete.time)
@@ -62,14 +62,14 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
     ):
         report = report_of(changed(complete, **changes))
         assert (report.warning_keys, report.status) == ((key,), status)
-        assert report.summary.advice.startswith("Do not run it") == (status == "red")
-        assert "Run it" not in report.summary.advice
+        assert report.summary.advice.startswith("Do not execute") == (status == "red")
+        assert report.summary.advice
         assert ("--speed-scale 0.5" in report.summary.command) == (key == "limits-exceeded")
         assert key.replace("-", " ") in as_markdown(report).split("## Warnings")[0]
         assert as_numbers(report)["warnings"] == [{"key": key, "text": report.warnings[0]}]
         if key == "targets-missed":  # the sentence has the same count as the warning
             assert f"{n - 2} of {n} waypoints reached" in report.summary.title
-            assert f"2 of {n} waypoints are missed (2 ellipsoid distance too large)" in report.warnings[0]
+            assert f"2 of {n} waypoints are missed (ellipsoid: 2)" in report.warnings[0]
 
 
 def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch):

@@ -131,7 +131,7 @@ def test_singular_products_are_positive_semidefinite():
         (lambda: as_number(0.0, "x", above=0), "x must be a number above 0; found 0.0"),
         (lambda: as_number(1, "x", minimum=0, below=1), "x must be a number in [0, 1); found 1"),
         (lambda: as_numbers([1, 0, 2], "x", 3, above=0), "x must be 3 numbers above 0; found 0 at index 1"),
-        (lambda: as_numbers(-1, "x", 3, one=True, minimum=0), "x must be one number or 3 numbers of at least 0; f"),
+        (lambda: as_numbers(-1, "x", 3, broadcast=True, minimum=0), "x must be one number or 3 numbers of at least 0;"),
         (lambda: as_times([0, 2, 1, 3]), "time must increase strictly; found 1 s at index 2 after 2 s"),
         (lambda: as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
         (lambda: as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
@@ -155,7 +155,7 @@ def test_valid_values_pass():
     """NumPy integers count, integers are numbers, and a generator is used as it is."""
     assert as_count(np.int64(3), "n") == 3
     assert as_number(2, "x", above=1, below=3) == 2.0
-    assert_array_equal(as_numbers(2, "x", 3, one=True, above=0), [2.0, 2.0, 2.0])
+    assert_array_equal(as_numbers(2, "x", 3, broadcast=True, above=0), [2.0, 2.0, 2.0])
     assert_array_equal(as_times([0, 1, 3], count=3), [0.0, 1.0, 3.0])
     generator = np.random.default_rng(0)
     assert as_generator(generator) is generator

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from maniport.util.validation import Array
 
 FOLLOWED, NEARLY_FOLLOWED = "followed", "nearly followed"
-ELLIPSOID, PATH = "ellipsoid distance too large", "position error too large"
+ELLIPSOID, PATH = "ellipsoid missed", "position missed"
 JOINT_LIMIT, VELOCITY_LIMIT = "joint limit", "velocity limit"
 HELD = "QP failed; last safe configuration held"
 STATUSES = (FOLLOWED, NEARLY_FOLLOWED, ELLIPSOID, PATH, JOINT_LIMIT, VELOCITY_LIMIT, HELD)

@@ -49,9 +49,9 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     count = Counter(motion.status)
     reasons = {status: number for status, number in count.items() if status not in REACHED}
     missed, total = sum(reasons.values()), len(motion.status)
-    why = f" ({listed(f'{number} {status}' for status, number in reasons.items())})" if reasons else ""
+    numbers = listed(f"{status.removesuffix(' missed')}: {number}" for status, number in reasons.items())
     metrics += measure("waypoints", count=total, missed=missed, status=dict(count), _reached=total - missed,
-                       _reasons=why)  # fmt: skip
+                       _reasons=f" ({numbers})" if reasons else "")  # fmt: skip
     best = motion.pointwise_best
     if best is not None and np.median(best) > 0.01:  # of smaller distances the ratio has no meaning
         metrics += measure("pointwise_ratio", motion.pointwise_ratio)
