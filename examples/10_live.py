@@ -58,7 +58,7 @@ def main(folder, *options):
     print(f"points of a frame: {', '.join(live.points)}")
     page = None
     if "--view" in options:
-        from maniport.viewer.server import Onlooker
+        from maniport.viewer.server import Onlooker  # needs viser
 
         page = Onlooker(person.arm, robot)
         input(f"open {page.url} and press Enter")
@@ -67,17 +67,10 @@ def main(folder, *options):
         times, d = zip(*((state.time, state.distance) for state in group), strict=True)
         print(f"{times[0]:5.2f} to {times[-1]:5.2f} s: {name:10} d {np.median(d):.2f} (median)")
     errors = [1e3 * state.position_error for state in states if state.position_error is not None]
-    print(
-        "position error [mm]: {:.0f} (median), {:.0f} (95 %), {:.0f} (max)".format(*np.quantile(errors, [0.5, 0.95, 1]))
-    )
+    print("position error [mm], median, 95 %, max: {:.0f}, {:.0f}, {:.0f}".format(*np.quantile(errors, [0.5, 0.95, 1])))
     print(f"computing time of a step: {1e3 * np.median(seconds):.1f} ms (median)")
-    np.savez(
-        folder / "live.npz",
-        time=[state.time for state in states],
-        state=[state.state for state in states],
-        joint_positions=[state.joint_positions for state in states],
-        distance=[s.distance for s in states],
-    )
+    names = "time", "joint_positions", "state", "distance"
+    np.savez(folder / "live.npz", **{name: [getattr(state, name) for state in states] for name in names})
     print(f"joints in {folder}")
 
 

@@ -175,7 +175,7 @@ def test_exports_are_of_a_motion(still, tmp_path):
         ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
         ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
         ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
-        ({"tips": "absolute"}, InvalidInputError, "unknown --tips 'absolute'"),
+        ({"tips": "absolute"}, InvalidInputError, "unknown tips 'absolute'"),
         ({"tips": "relative", "workspace": [(0, 1)] * 3, "move": True}, InvalidInputError, "workspace bounds paths"),
         (
             {"orientation": (0, 0, -1), "orientation_axes": "whole"},

@@ -191,12 +191,12 @@ def test_pairs_are_those_that_no_joint_joins():
 
 
 def test_an_arm_without_surface_says_so(tmp_path):
-    """Nothing is known to collide, which the object tells; a mesh that is missing is named."""
+    """Without geometry nothing is checked, which the object reports; missing meshes are named."""
     bare = Collisions.of(load_arm("myoarm"), table=0.0)
     q = bare.arm.sample(4, 0)
     assert not bare.checked
     assert "no shapes" in bare.reason
-    assert "not known" in repr(bare)
+    assert "not checked" in repr(bare)
     assert not bare.collides(q).any()
     assert np.all(bare.clearance(q) == np.inf)
     assert len(bare.gradient(q, 1.0)[0]) == 0

@@ -39,7 +39,7 @@ class Command:
         for which in range(2):
             with mock.patch.object(sys, "argv", self.arguments(which)), suppress(SystemExit):
                 cli.main()
-            self.checked[self._digest()] = which
+            self.known[self._digest()] = which
 
     def run(self, which: int) -> None:
         """Run one of them as from a shell."""
@@ -52,7 +52,7 @@ class Command:
 
     def state(self) -> int | str:
         """Return whose result is in place, whole."""
-        return self.checked.get(self._digest(), HALF) if self.target.exists() else MISSING
+        return self.known.get(self._digest(), HALF) if self.target.exists() else MISSING
 
     def _digest(self, clock: str = r"(Time to fit(?:: |</dt><dd><b>))[0-9.]+ m?s") -> str:
         """Digest all files but for computing times, which differ between equal runs."""

@@ -184,11 +184,11 @@ def test_slopes_are_those_of_the_cost(kind):
     (arm,) = problem.arms
     both = PlacementTrajectoryCost(replace(problem, arms=(arm, replace(arm, path=arm.path[::-1]))), [TERMS, TERMS])
     _, slopes = both.evaluate((PLACE, (q, q)))
-    h, square = sum(own.h for own in slopes), sum(own.square for own in slopes)
+    place_gradient, place_hessian = sum(own.place_gradient for own in slopes), sum(own.place_hessian for own in slopes)
     for k, change in enumerate(step * np.eye(len(PLACE))):
         ends = [both.evaluate((PLACE + side * change, (q, q))) for side in (1.0, -1.0)]
-        assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(h[k], rel=1e-5, abs=1e-4)
-    assert np.linalg.eigvalsh(square).min() > -1e-9 * np.trace(square)
+        assert (ends[0][0] - ends[1][0]) / (4.0 * step) == pytest.approx(place_gradient[k], rel=1e-5, abs=1e-4)
+    assert np.linalg.eigvalsh(place_hessian).min() > -1e-9 * np.trace(place_hessian)
 
 
 @pytest.mark.parametrize("fixed", [{}, {"tilt": "free"}, {"scale": 0.9, "offset": (None, 0.1, None)}])

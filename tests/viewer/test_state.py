@@ -177,7 +177,7 @@ def test_a_shared_torso_is_in_one_place():
 @pytest.mark.parametrize(
     ("options", "word"),
     [
-        ({"side": "both", "robot": "panda"}, "tip"),
+        ({"side": "both", "robot": "panda"}, "two arms"),
         ({"side": "both", "robot": load_arm("panda")}, "maniport.load_arms"),
         ({"side": "left"}, "two arms"),
         ({"side": "both", "adapter": "mine.npz"}, "adapter"),
