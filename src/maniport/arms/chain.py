@@ -104,6 +104,10 @@ class Chain:
     coupling: Array  # (joints, dof): joint positions per coordinate
     offset: Array  # (joints,): their positions at zero coordinates [rad] or [m]
     velocity_limits: Array | None = None  # (dof,) [rad/s] or [m/s]; infinite where unknown
+    effort_limits: Array | None = None  # (dof,) [N m] or [N]; infinite where unknown
+    # spatial inertia (joints + 1, 6, 6) of all that is fixed to the link after each joint (0: the base), linear rows
+    # first, about the origin of the link's frame; None where the description has no masses
+    inertia: Array | None = None
     shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
     others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
     base: str | None = None  # reference frame of all results if not the first frame of the file
