@@ -107,7 +107,7 @@ def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple[Hull, ...]:
 def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple[Hull, ...]:
     """Hulls of a part, in several pieces if their hulls are smaller than that of the whole; one encloses `tip`."""
     mesh = part.mesh
-    points, triangles = reduced(mesh, 300) if len(mesh[1]) > 300 else mesh  # cuts are chosen on a coarse mesh
+    points, triangles = reduced(mesh, 300, for_display=False)  # cuts are chosen on a coarse mesh
     pieces = [_Piece.of(points[triangles], ())]
     worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
     whole: list[_Piece] = []

@@ -1,8 +1,10 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -129,12 +131,16 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
 
 
-def reduced(mesh: Mesh, most: int) -> Mesh:
-    """Reduce a mesh to at most `most` triangles, by quadric error (Garland and Heckbert, SIGGRAPH 1997)."""
-    try:
-        from fast_simplification import simplify
-    except ImportError:
-        simplify = None
+def reduced(mesh: Mesh, most: int, *, for_display: bool = True) -> Mesh:
+    """Reduce a mesh to at most `most` triangles by merging close points.
+
+    `for_display`, by quadric error as well (Garland and Heckbert, SIGGRAPH 1997) where `fast-simplification` is
+    installed; other results must not depend on that.
+    """
+    simplify: Any = None
+    if for_display:
+        with suppress(ImportError):
+            from fast_simplification import simplify
     a, b, c = (mesh[0][column] for column in mesh[1].T)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     edge = np.sqrt(area / max(most, 1))
