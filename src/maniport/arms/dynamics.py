@@ -7,7 +7,9 @@ With the axis s_k of joint k as a spatial motion vector and the composite inerti
 
 and a joint k takes all outward of it along, so that with the cross product × of motion vectors
 
-    ∂H_ij/∂q_k = 0 for k ≤ i ≤ j,  −(s_k × s_i)ᵀ I_j s_j for i < k ≤ j,  −(s_k × s_i)ᵀ I_k s_j − (s_k × s_j)ᵀ I_k s_i else
+    ∂H_ij/∂q_k = 0 for k ≤ i ≤ j,
+               = −(s_k × s_i)ᵀ I_j s_j for i < k ≤ j,
+               = −(s_k × s_i)ᵀ I_k s_j − (s_k × s_j)ᵀ I_k s_i for i ≤ j < k,
     ∂g_k/∂q_j  = ∂g_j/∂q_k = −s_kᵀ I_k (s_j × (−γ; 0)) for j ≤ k.
 """
 
