@@ -117,6 +117,7 @@ def _with_coordinates(chain: Chain, kept: Array) -> Chain:
         lower=chain.lower[kept],
         upper=chain.upper[kept],
         velocity_limits=None if chain.velocity_limits is None else chain.velocity_limits[kept],
+        effort_limits=None if chain.effort_limits is None else chain.effort_limits[kept],
     )
 
 
