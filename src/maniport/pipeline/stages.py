@@ -105,7 +105,7 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     limits = settings.control.motion_limits
     assert isinstance(limits, MotionLimits)
     settings.progress("Sample robot", 0.0)
-    planner = Planner.of(limits, settings.spec.velocity, settings.control.collisions, generator)
+    planner = Planner.of(limits, settings.spec.bounded, settings.control.collisions, generator)
     text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
     settings.progress("Sample robot", 1.0, text)
     return planner
