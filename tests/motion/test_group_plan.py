@@ -80,7 +80,7 @@ def beside():
 def separate(apart):
     """A motion of both where they do not meet."""
     arms, planner = apart
-    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner, planning_effort="quick")
+    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner)
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
@@ -91,7 +91,6 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     for i, motion in enumerate(separate.arms):
         alone = plan_motion(
             arms.arms[i], asked["profiles"][i], time=TIME, paths=asked["paths"][i], planner=single(planner, i),
-            planning_effort="quick",
         ).arms[0]  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
@@ -119,7 +118,7 @@ def test_arms_that_would_meet_are_kept_apart(beside):
     asked = task(arms, swung(), swung(0.3))
     shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
     asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
-    found = plan_motion(arms, **asked, planner=planner, position_tolerance=0.02, planning_effort="quick")
+    found = plan_motion(arms, **asked, planner=planner, position_tolerance=0.02)
     assert found.coupled  # only where the arms come near one another
     assert found.clearance.checked
     assert found.clearance.share == 0.0
@@ -132,7 +131,7 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     arms, planner = beside
     asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
-    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", hand_targets=targets)
+    placed, found = (plan_motion(arms, **asked, planner=planner, hand_targets=targets)
                      for targets in ("placed", "relative"))  # fmt: skip
     assert_allclose(found.relative[:, 0], asked["paths"][1] - asked["paths"][0])
     tips = arms.forward(found.trajectory.joint_positions)[:, :, :3, 3]
@@ -204,7 +203,7 @@ def test_three_arms_keep_clear_of_one_another():
     arms = mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
     asked = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
     asked["paths"] = [path - 0.12 * path.mean(axis=0) * [1, 1, 0] for path in asked["paths"]]
-    found = plan_motion(arms, **asked, planner=planner_of(arms, True), position_tolerance=0.02, planning_effort="quick")
+    found = plan_motion(arms, **asked, planner=planner_of(arms, True), position_tolerance=0.02)
     assert found.trajectory.control_positions.shape[1] == 21
     assert found.clearance.checked
     assert found.clearance.share == 0.0
@@ -243,7 +242,7 @@ def test_a_cost_of_the_user_changes_the_motion(apart, count):
     errors = []
     for weight in (0.01, 10.0):
         cost = Elbow(joint, weight)
-        found = plan_motion(arms, **asked, costs=[cost], planner=planner, planning_effort="quick")
+        found = plan_motion(arms, **asked, costs=[cost], planner=planner)
         errors.append(np.abs(found.trajectory.joint_positions[:, joint] - cost.wanted(TIME)).mean())
     assert errors[1] < 0.5 * errors[0]
     assert found.coupled == (count > 1)

@@ -58,7 +58,7 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion):
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
     given = {"time": 2.0 * TIME, "path": path, "damping": 0.01}
-    planned = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner, "planning_effort": "quick"}
+    planned = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner}
     free = plan_motion(panda, profile, **planned).arms[0]
     assert free.orientation_error is None
     kept = plan_motion(panda, profile, rotations=rotations, **planned).arms[0]

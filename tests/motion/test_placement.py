@@ -41,7 +41,7 @@ def motion(panda):
 def common(panda, bank):
     """Options of all searches: little effort and a small reachability map suffice."""
     reachability_map = ReachabilityMap(panda, VELOCITY, 20_000)
-    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map, "planning_effort": "quick"}
+    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map}
 
 
 def shifted(arm, shift):
