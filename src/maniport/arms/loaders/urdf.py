@@ -76,9 +76,9 @@ class Urdf(RobotXML):
             level = [child for link in level for child in children[link]]
         if reached < len(links):
             return "has links in a cycle"
-        for link in self.root.findall("link"):
-            for inertial in link.findall("inertial"):
-                if fault := self._inertia_fault(link, inertial):
+        for body in self.root.findall("link"):
+            for inertial in body.findall("inertial"):
+                if fault := self._inertia_fault(body, inertial):
                     return fault
         # recursive native readers cannot process deeper chains
         return f"has {depth} links in a row; at most {NESTING} are read" if depth > NESTING else ""
