@@ -166,7 +166,7 @@ def test_the_site_is_the_end_effector(tmp_path, end, expected):
     path.write_text(ARM_TO.format(end))
     arm = load_arm(path)
     assert (arm.frame, arm.joint_names) == (expected, ("a", "b", "c"))
-    assert robot_limbs(str(path))[1].tip == expected
+    assert robot_limbs(str(path))[1].frame == expected
     assert farthest(mujoco, mujoco.MjModel.from_xml_path(str(path)), arm) < 1e-9
 
 
