@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import Arm, load_arm
 from maniport.arms.chain import PRISMATIC
@@ -64,6 +64,15 @@ def test_dynamics_are_those_of_the_whole_robot(robot, frame):
         assert_allclose(gravity, pin.computeGeneralizedGravity(model, data, whole)[columns], atol=1e-9)
         upper = np.triu(pin.crba(model, data, whole))
         assert_allclose(inertia, (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], atol=1e-9)
+
+
+@NEEDS_ROBOTS
+def test_the_embedded_panda_weighs_what_its_urdf_does():
+    """Torque limits and inertia are those of the URDF, without the hand where the chain ends before it."""
+    ours, urdf, flange = load_arm("panda"), load_arm("example-robot-data/panda"), load_arm("panda", frame="panda_link8")
+    assert_array_equal(ours.effort_limits, urdf.effort_limits)
+    assert_allclose(ours.chain.inertia[1:], urdf.chain.inertia[1:], atol=1e-12)
+    assert_allclose(ours.chain.inertia[-1, 0, 0] - flange.chain.inertia[-1, 0, 0], 0.76)
 
 
 BOX = '<inertial pos="0.1 0.02 0" quat="1 0.2 0 0.1" mass="{}" diaginertia="0.03 0.02 0.04"/>'
