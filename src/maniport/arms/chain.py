@@ -92,7 +92,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Chain:
-    """Joints from base to tip, the frames on them and the coordinates that move them."""
+    """Joints from base to end effector, the frames on them and the coordinates that move them."""
 
     name: str
     joints: tuple[Joint, ...]
@@ -227,7 +227,7 @@ def read_embedded(name: str) -> Chain:
             f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
             for f in data["frames"]
         },
-        frame=data["tip"],
+        frame=data["frame"],
         coordinates=tuple(coordinates),
         lower=lower,
         upper=upper,

@@ -227,7 +227,7 @@ class Targets:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
         return self.ellipsoid_cost.distance(q)
 
-    def tip_error(self, q: Array) -> Array | None:
+    def position_error(self, q: Array) -> Array | None:
         """Position error [m], shape (n,); None without target positions."""
         if self.positions is None:
             return None

@@ -87,7 +87,7 @@ class RobotOptions(Options):
         (), "Base of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
         repeated=True, unchecked=True,
     )  # fmt: skip
-    tips: str = option(
+    hand_targets: str = option(
         "placed", "Positions of several arms: placed paths, or relative positions", choices=("placed", "relative")
     )
     mesh_folders: tuple[str, ...] = option(
