@@ -99,13 +99,13 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
         "frames": [
             {"name": name, "joint": places[body][0], "xyz": clean(places[body][1])} for name, body in FRAMES.items()
         ],
-        "tip": "hand",
+        "frame": "hand",
     }
 
 
-def path_to(model: mujoco.MjModel, tip: str) -> list[int]:
-    """Bodies after the root down to the tip."""
-    body, bodies = model.body(tip).id, []
+def path_to(model: mujoco.MjModel, end: str) -> list[int]:
+    """Bodies after the root down to the end."""
+    body, bodies = model.body(end).id, []
     while body != model.body(ROOT).id:
         bodies.append(body)
         body = int(model.body_parentid[body])

@@ -45,6 +45,7 @@ def test_urdf_joints_become_coordinates(urdf):
     np.testing.assert_allclose(arm.lower, [-np.pi, -1, 0.1, -np.pi])
     np.testing.assert_allclose(arm.upper, [np.pi, 1.5, 0.6, np.pi])
     np.testing.assert_array_equal(arm.velocity_limits, [np.inf, 2, 0.5, np.inf])
+    np.testing.assert_array_equal(arm.chain.effort_limits, [np.inf, 1, 1, 1])
 
 
 def test_mjcf_equals_mujoco(mjcf):

@@ -48,7 +48,6 @@ def record():
 
 @pytest.fixture(params=["myoarm", "rhuman"])
 def arm(request):
-    """Both human arms, with a person's lengths."""
     return getattr(arms, request.param)(upper_arm=0.31, forearm=0.26, hand=0.06)
 
 

@@ -14,13 +14,11 @@ from maniport.mocap.roles import assign_roles
 
 @pytest.fixture
 def swinging(slow_motion, record):
-    """Ten seconds of a whole arm at 30 Hz that swings beside a trunk, without a fault."""
     arm = arms.rhuman(0.3, 0.27, 0.06)
     return record(arm, *slow_motion(arm, n=300, seconds=10.0, curved=True))
 
 
 def changed(recording, name, frames, value):
-    """The recording with other positions of one point in some frames."""
     positions = recording.positions.copy()
     positions[frames, recording.names.index(name)] = value
     return replace(recording, positions=positions)
@@ -28,7 +26,6 @@ def changed(recording, name, frames, value):
 
 @pytest.mark.parametrize("name", ["ladder", "freeform"])
 def test_recordings_without_faults_stay_as_they_are(name):
-    """None of the repairs makes a new recording."""
     recording = read_recording(name)
     assert without_zeros(recording) is recording
     assert unswapped(recording, recording.names) is recording
@@ -38,7 +35,6 @@ def test_recordings_without_faults_stay_as_they_are(name):
 
 
 def test_late_frames_are_sorted_and_repeated_ones_dropped():
-    """Frames in disorder come back in order, each time once, with their positions, and notes report both."""
     time, positions = np.arange(40) / 30, np.arange(40.0)[:, None]
     order = np.arange(40)
     order[[10, 12]] = order[[12, 10]]
@@ -58,7 +54,6 @@ def test_late_frames_are_sorted_and_repeated_ones_dropped():
     ],
 )
 def test_two_recordings_in_one_and_coarse_times_are_rejected(time, words):
-    """Times that cannot be sorted without loss are an error with their index."""
     with pytest.raises(InvalidInputError, match=words):
         in_order(time, np.zeros((len(time), 1)))
 

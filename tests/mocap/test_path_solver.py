@@ -19,13 +19,11 @@ def problem(frames, width, smoothing):
 
 
 def residual_of(matrices, targets, rows=slice(None)):
-    """Residual and derivatives of some frames."""
     return lambda q: (np.einsum("nri,ni->nr", matrices[rows], q) - targets[rows], matrices[rows].copy())
 
 
 @pytest.mark.parametrize("width", [100.0, 0.2])
 def test_independent_frames_agree_with_scipy(width):
-    """Free and bounded, every frame has the optimum of SciPy's bounded linear least squares."""
     matrices, targets, (start, lower, upper, *_) = problem(7, width, 0.0)
     q, cost = solve_each(lambda q, rows: residual_of(matrices, targets, rows)(q), start, lower, upper, iterations=60)
     for t in range(7):

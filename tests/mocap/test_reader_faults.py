@@ -18,12 +18,10 @@ FRAME = '<frame type="normal"><position>{}</position><position>9</position></fra
 
 
 def npy(header, content=b""):
-    """An NPY file with this header."""
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + content
 
 
 def c3d_with(used):
-    """A C3D file that declares this number of points."""
     writer = Writer()
     content = writer.content()
     at = content.index(b"USED") + 8
@@ -70,7 +68,6 @@ FAULTS = [
 
 @pytest.mark.parametrize(("name", "content", "words"), FAULTS)
 def test_faulty_files_are_rejected(tmp_path, monkeypatch, name, content, words):
-    """The error names the file and the fault, within two seconds."""
     monkeypatch.setattr(mvnx, "ELEMENTS", 50)
     monkeypatch.setattr(npz, "PLACES", 100)
     file = tmp_path / name
@@ -84,7 +81,6 @@ def test_faulty_files_are_rejected(tmp_path, monkeypatch, name, content, words):
 
 
 def test_a_bug_in_a_reader_of_the_user_shows(tmp_path, monkeypatch):
-    """The error of the reader is the cause of the FileFormatError."""
     (tmp_path / "a.own").write_text("1")
     for error in (TypeError("int + str"), ValueError("no")):
 
@@ -115,7 +111,6 @@ def test_a_bug_in_a_reader_of_the_user_shows(tmp_path, monkeypatch):
     ],
 )
 def test_damaged_bvh_is_rejected(tmp_path, made, damage, words):
-    """Truncated and garbled files raise an error that names the file and the fault."""
     file = write_bvh(tmp_path / "small.bvh", SKELETONS["LAFAN1"], made)
     file.write_text(damage(file.read_text()))
     with pytest.raises(FileFormatError, match=words) as caught:
@@ -126,7 +121,6 @@ def test_damaged_bvh_is_rejected(tmp_path, made, damage, words):
 
 @pytest.mark.parametrize("size", [1, 512, 1500, 40000, 83743])
 def test_truncated_c3d_is_rejected(tmp_path, size):
-    """Wherever a file is cut off, the error names it."""
     file = tmp_path / "cut.c3d"
     file.write_bytes(shipped_recording("freeform").read_bytes()[:size])
     with pytest.raises(FileFormatError, match=r"cut\.c3d: .*(cut off|damaged)"):
@@ -143,7 +137,6 @@ def test_truncated_c3d_is_rejected(tmp_path, size):
     ],
 )
 def test_exports_without_positions_are_rejected(tmp_path, markers, write, name, change, words):
-    """The error names the program and the contents that are needed."""
     file = write(tmp_path / name, markers)
     file.write_text(file.read_text().replace(*change))
     with pytest.raises(FileFormatError, match=words):
@@ -165,7 +158,6 @@ def test_exports_without_positions_are_rejected(tmp_path, markers, write, name, 
     ],
 )
 def test_faulty_arrays_are_rejected(markers, tmp_path, change, words):
-    """Missing arrays and wrong shapes are errors; an unknown unit or axis is recognized instead."""
     names, file = np.array(markers.names), tmp_path / "x.npz"
     good = {"names": names, "positions": markers.positions, "time": markers.time, "up": "z", "unit": "m"}
     np.savez(file, **{key: value for key, value in (good | change).items() if value is not None})
@@ -190,7 +182,6 @@ def test_points_out_of_reach(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".bvh", ".c3d"])
 def test_empty_missing_and_folder(tmp_path, suffix):
-    """An empty file, no file and a folder have different errors, and similar names are suggested."""
     (tmp_path / f"empty{suffix}").touch()
     (tmp_path / f"folder{suffix}").mkdir()
     for name, words in (

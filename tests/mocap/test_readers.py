@@ -43,29 +43,22 @@ Y_UP = np.eye(3)[[1, 2, 0]]
 
 @pytest.fixture(scope="module")
 def plain(made):
-    """Joint angles from the points themselves, without a file."""
     return fit_arm(made.recording({**JOINTS, **TRUNK})).joint_angles
 
 
 @pytest.fixture(scope="module")
 def smpl(made):
-    """Positions of a body of 22 joints, in the order of SMPL, meters."""
     parts = mirrored(POINTS["SMPL-X"]) | {"left_knee": "knee_l", "right_knee": "knee_r", "left_ankle": "foot_l",
              "right_ankle": "foot_r", "left_foot": "toe_l", "right_foot": "toe_r"}  # fmt: skip
     return made.recording({name: parts[name] for name in ORDERS["skeletons"]["SMPL body"]})
 
 
 def angles(recording):
-    """Joint angles by shoulder, elbow, wrist and trunk alone."""
     return fit_arm(recording, markers={"hand": None, "elbow_axis": None, "wrist_axis": None}).joint_angles
 
 
 def noted(recording, *words):
-    """Whether one note has all the words."""
     return any(all(word in note for word in words) for note in recording.notes)
-
-
-# ---- tables of points ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -84,7 +77,6 @@ def noted(recording, *words):
     ],
 )
 def test_tables_of_points_come_back(tmp_path, markers, write, name, unit, up):
-    """Points, missing ones, times, unit and vertical axis are those that were written, to a micrometer."""
     recording = read_recording(write(tmp_path / name, markers))
     names = tuple(name.rpartition(":")[2] for name in recording.names)
     assert (names, recording.up) == (markers.names, up)
@@ -95,7 +87,6 @@ def test_tables_of_points_come_back(tmp_path, markers, write, name, unit, up):
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16-be"])
 def test_text_of_windows_is_read(tmp_path, made, markers, encoding):
-    """A byte order mark and UTF-16 change nothing in any text format."""
     write_bvh(tmp_path / "a.bvh", SKELETONS["LAFAN1"], made)
     write_trc(tmp_path / "a.trc", markers)
     write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL)
@@ -111,7 +102,6 @@ def test_text_of_windows_is_read(tmp_path, made, markers, encoding):
 
 @pytest.mark.parametrize(("separator", "comma"), [(",", "."), (";", "."), (";", ","), ("\t", ",")])
 def test_separators_and_decimal_commas(tmp_path, markers, separator, comma):
-    """Tables as spreadsheets save them in many languages; a TRC without tabs causes a warning."""
     trc, csv = write_trc(tmp_path / "a.trc", markers, "mm", 0.001), write_csv(tmp_path / "a.csv", markers)
     for file, old in ((trc, "\t"), (csv, ",")):
         before = read_recording(file)
@@ -135,12 +125,8 @@ def test_placeholders_of_missing_numbers(tmp_path, markers):
         read_recording(file)
 
 
-# ---- skeletons and joint angles -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", SKELETONS)
 def test_every_skeleton_gives_the_points_and_angles_of_the_motion(tmp_path, made, plain, name):
-    """Names, bone axes, rotation order, unit and vertical axis of BVH files are recognized."""
     skeleton = SKELETONS[name]
     recording = read_recording(write_bvh(tmp_path / "a.bvh", skeleton, made))
     assert recording.up == skeleton.up
@@ -152,7 +138,6 @@ def test_every_skeleton_gives_the_points_and_angles_of_the_motion(tmp_path, made
 
 @pytest.mark.parametrize("unit", ["m", "cm", "mm", "inch", "CMU"])
 def test_units_are_recognized(tmp_path, made, unit):
-    """The same skeleton in any unit gives the same meters, and a note names the unit."""
     skeleton = replace(SKELETONS["LAFAN1"], unit=UNITS[unit])
     recording = read_recording(write_bvh(tmp_path / "a.bvh", skeleton, made))
     assert_allclose(recording.point("RightHand"), made.parts["wrist_r"] @ Y_UP.T, atol=2e-5)
@@ -160,7 +145,6 @@ def test_units_are_recognized(tmp_path, made, unit):
 
 
 def test_a_rest_pose_at_the_start_is_omitted(tmp_path, made):
-    """A first frame of a BVH file from which the whole body jumps away is dropped, with a note."""
     file = write_bvh(tmp_path / "a.bvh", SKELETONS["LAFAN1"], made)
     lines = file.read_text().splitlines()
     row = lines.index("MOTION") + 3
@@ -172,7 +156,6 @@ def test_a_rest_pose_at_the_start_is_omitted(tmp_path, made):
 
 
 def test_mvnx_gives_the_origins_of_segments(tmp_path, made, plain):
-    """The origins are the joints; the identity frame is not part of the motion."""
     recording = made.recording(mirrored(POINTS["MVNX"]))
     again = read_recording(write_mvnx(tmp_path / "a.mvnx", recording))
     assert_allclose(again.positions, recording.positions, atol=1e-6)
@@ -182,7 +165,6 @@ def test_mvnx_gives_the_origins_of_segments(tmp_path, made, plain):
 
 @pytest.mark.parametrize("degrees", [True, False])
 def test_joint_angles_of_saul_come_back(tmp_path, made, degrees):
-    """Angles in the coordinates of Saul et al. come back to a tenth of a degree."""
     fit = fit_arm(read_recording(write_mot(tmp_path / "a.mot", made.time, made.joint_angles, SAUL, degrees)))
     assert fit.observable.all()
     assert_allclose(np.degrees(fit.joint_angles), np.degrees(made.joint_angles), atol=0.1)
@@ -202,11 +184,7 @@ def test_joint_angles_of_rajagopal_in_known_configurations(tmp_path):
     assert_allclose(recording.point("left_hand"), recording.point("right_hand") * [1.0, -1.0, 1.0], atol=1e-12)
 
 
-# ---- arrays -------------------------------------------------------------------------------------------------------
-
-
 def test_an_array_with_names_beside_it(tmp_path, markers):
-    """An array alone needs names and a rate."""
     file = tmp_path / "clip.npy"
     np.save(file, markers.positions)
     with pytest.raises(FileFormatError, match=r"without names.*'clip.names.txt'"):
@@ -231,15 +209,11 @@ def test_a_skeleton_is_recognized_by_its_arms(tmp_path, smpl):
 
 
 def test_poses_of_smpl_give_the_same_angles_without_the_body_model(tmp_path, made, plain):
-    """Bone directions follow from the rotations; lengths are not the person's, and a note reports it."""
     np.savez(tmp_path / "a.npz", **amass(made))
     again = read_recording(tmp_path / "a.npz")
     assert noted(again, "without the body model")
     assert (again.measured, again.rate) == (False, pytest.approx(50))
     assert_allclose(angles(again), plain, atol=1e-4)
-
-
-# ---- keypoints ----------------------------------------------------------------------------------------------------
 
 
 def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):
@@ -272,7 +246,6 @@ def test_keypoints_of_mediapipe_in_every_layout(tmp_path, made):
 
 
 def test_a_folder_of_openpose(tmp_path, made):
-    """A file for each frame, in the order of their names; keypoints of the image are rejected."""
     recording = made.recording(mirrored(POINTS["OpenPose"]))
     names = ORDERS["by_count"][25]
     index = [recording.names.index(name) if name in recording.names else None for name in names]
@@ -304,13 +277,9 @@ def test_the_order_of_seventeen_keypoints_is_recognized(tmp_path, made, order):
     assert noted(again, "several people in 40 frames")
 
 
-# ---- C3D ----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("processor", [84, DEC, MIPS])
 @pytest.mark.parametrize(("integer", "analog"), [(False, 0), (False, 3), (True, 0), (True, 3)])
 def test_every_kind_of_c3d_is_read(tmp_path, processor, integer, analog):
-    """Points of each processor, as integers and as floats, with and without analog channels, are those of ezc3d."""
     writer, file = Writer(processor, integer, analog), tmp_path / "a.c3d"
     file.write_bytes(writer.content())
     recording = read_recording(file)
@@ -324,7 +293,6 @@ def test_every_kind_of_c3d_is_read(tmp_path, processor, integer, analog):
 
 
 def test_long_c3d_files_state_their_length_elsewhere(tmp_path):
-    """Where two bytes do not hold the number of frames, TRIAL does."""
     writer, file = Writer(), tmp_path / "a.c3d"
     more = writer.group(3, "TRIAL") + writer.parameter(3, "ACTUAL_START_FIELD", 2, (2,), writer.short(1, 0))
     more += writer.parameter(3, "ACTUAL_END_FIELD", 2, (2,), writer.short(7, 0))
@@ -365,11 +333,7 @@ def test_shifted_parameters_end_at_once(tmp_path):
     tracemalloc.stop()
 
 
-# ---- the format of a file -----------------------------------------------------------------------------------------
-
-
 def test_a_misnamed_file_is_read_by_its_content(tmp_path, made, smpl):
-    """The content decides, whatever the ending."""
     names = mirrored(POINTS["MVNX"])
     np.savez(tmp_path / "a.npz", joints=smpl.positions, fps=50)
     write_bvh(tmp_path / "a.bvh", SKELETONS["LAFAN1"], made)
@@ -382,7 +346,6 @@ def test_a_misnamed_file_is_read_by_its_content(tmp_path, made, smpl):
 
 
 def test_shipped_recordings():
-    """All are read by name, and an unknown name lists them."""
     for name, frames, rate in (("ladder", 1128, 30), ("freeform", 367, 40), ("both-arms", 367, 40)):
         recording = read_recording(name)
         assert (len(recording), recording.rate, recording.up) == (frames, pytest.approx(rate, rel=1e-4), "y")

@@ -8,7 +8,6 @@ from maniport.mocap import Recording
 
 
 def wave(n=101, rate=100.0, missing=()):
-    """One point on a circle, missing in some frames, and one that stands still."""
     time = np.arange(n) / rate
     circle = np.stack([np.cos(2 * time), np.sin(2 * time), np.zeros(n)], axis=-1)
     for start, stop in missing:
@@ -27,7 +26,6 @@ def test_short_gaps_are_interpolated_and_long_ones_stay():
 
 
 def test_a_crop_beyond_the_end_causes_a_warning():
-    """Up to the end of the last frame there is none."""
     end = float(wave().time[-1])
     assert wave().crop(stop=end + 0.01).quality_warnings == ()
     assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).quality_warnings[0]
@@ -35,7 +33,6 @@ def test_a_crop_beyond_the_end_causes_a_warning():
 
 @given(st.floats(5.0, 400.0))
 def test_resampling_keeps_time_and_values(rate):
-    """At any rate a linear motion stays what it is, and the time stays within the recording."""
     time = np.arange(51) / 50
     recording = Recording(("p",), (time[:, None] * [1.0, 2.0, 3.0])[:, None], time)
     again = recording.resample(rate)
@@ -58,7 +55,6 @@ def test_resampling_keeps_time_and_values(rate):
     ],
 )
 def test_wrong_values_are_rejected(change, message):
-    """The error names the argument."""
     good = {"names": ("a", "b"), "positions": np.zeros((3, 2, 3)), "time": [0.0, 1.0, 2.0]}
     with pytest.raises(InvalidInputError, match=message):
         Recording(**(good | change))

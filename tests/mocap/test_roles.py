@@ -25,7 +25,6 @@ def named(*names):
 @pytest.mark.parametrize("side", ["right", "left"])
 @pytest.mark.parametrize("marker_set", [name for name in SETS if name != "ISB without side"])
 def test_every_marker_set_is_recognized(made, marker_set, side):
-    """The joints of either arm, the markers of its axes and the trunk frame are those of the motion."""
     recording = made.recording(mirrored(SETS[marker_set]))
     roles = assign_roles(recording, side=side)
     assert not {"hand_r"} & set(SETS[marker_set].values()) or ("hand" in roles) == (marker_set not in WITHOUT_HAND)
@@ -54,7 +53,6 @@ def test_similar_names_are_not_used(names):
 
 
 def test_missing_roles_are_listed_with_the_points_of_the_recording():
-    """The error names every missing role, its usual points and the points of the recording, nearest first."""
     with pytest.raises(RecordingError) as caught:
         assign_roles(named("RightArm", "Tail", "RightFoarm", "RightHnd", "Neck", "Spine", "LeftArm"))
     message = str(caught.value)
@@ -86,14 +84,12 @@ def test_markers_of_the_user_have_priority():
     ],
 )
 def test_wrong_markers_are_rejected(markers, error, words):
-    """Roles and points that do not exist, are always missing or have the wrong shape are errors."""
     with pytest.raises(error, match=words):
         assign_roles(read_recording("freeform"), markers)
 
 
 @pytest.mark.parametrize("second", ["trunk_front", "trunk_left"])
 def test_trunk_frame_is_a_rotation(second):
-    """Columns are orthonormal and right-handed; z follows the spine, x the front, y the left side."""
     points = {"low": [0, 0, 0], "high": [0, 0.1, 1], "back": [-1, 0, 0], "front": [1, 0, 0.3], "right": [0, -1, 0],
               "left": [0.2, 1, 0]}  # fmt: skip
     recording = Recording(tuple(points), np.array([list(points.values())], dtype=float), [0.0])

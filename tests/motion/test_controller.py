@@ -119,7 +119,7 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     [
         EllipsoidSpec("force"),
         EllipsoidSpec(part="rotation"),
-        EllipsoidSpec(part="full", joint_weights="velocity-limits"),
+        EllipsoidSpec(part="full", joint_weights="joint-limits"),
     ],
 )
 def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):

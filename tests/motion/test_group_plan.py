@@ -132,8 +132,8 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     arms, planner = beside
     asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
-    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", tips=tips)
-                     for tips in ("placed", "relative"))  # fmt: skip
+    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", hand_targets=targets)
+                     for targets in ("placed", "relative"))  # fmt: skip
     assert_allclose(found.relative[:, 0], asked["paths"][1] - asked["paths"][0])
     tips = arms.forward(found.trajectory.joint_positions)[:, :, :3, 3]
     assert_allclose(
@@ -183,11 +183,13 @@ def test_slopes_in_the_joints_of_both(crane):
     both = MotionProblem(time, tuple(each), MotionLimits.of(crane)).weighing(20.0)
     alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))
     assert_allclose(both.evaluate(q)[0] ** 2, alone)
-    assert both.tip_error(q).shape == (4, 2)
+    assert both.position_error(q).shape == (4, 2)
     cost = RelativePositionCost(crane, (0, 1), time, each[1].positions - each[0].positions)
     free = tuple(replace(own, positions=None) for own in each)
     between = replace(both, targets=free, costs=(cost,)).weighing(20.0)
-    assert_allclose(between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.tip_error(q)[:, 0]) ** 2)
+    assert_allclose(
+        between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.position_error(q)[:, 0]) ** 2
+    )
     for one in (both, between):
         _, gradient, hessian = one.evaluate(q)
         steps = 1e-6 * np.eye(crane.dof)
@@ -282,16 +284,18 @@ def test_wrong_arguments_are_named(apart, panda):
         ({"profiles": [profile]}, "profiles must be a sequence of 2"),
         ({"paths": [path, other[:-1]]}, "path"),
         ({"paths": [path, None]}, "paths must be of all arms or of none"),
-        ({"tips": "absolute"}, "unknown tips 'absolute'"),
-        ({"paths": None, "tips": "relative"}, "tips='relative'"),
+        ({"hand_targets": "absolute"}, "unknown hand_targets 'absolute'"),
+        ({"paths": None, "hand_targets": "relative"}, "hand_targets='relative'"),
         ({"home": np.zeros(7)}, r"home must have shape \(\.\.\., 14\)"),
     ):
         with pytest.raises(InvalidInputError, match=message):
             plan_motion(arms, **options | change)
     with pytest.raises(InvalidInputError, match="arms must be an Arm"):
         plan_motion("panda", **options)
-    with pytest.raises(InvalidInputError, match="tips='relative'"):
-        plan_motion(panda, profile, paths=path, time=TIME, tips="relative")
+    with pytest.raises(InvalidInputError, match="hand_targets='relative'"):
+        plan_motion(panda, profile, paths=path, time=TIME, hand_targets="relative")
     other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
-    with pytest.raises(InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': tip"):
+    with pytest.raises(
+        InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': end effector"
+    ):
         plan_motion(other, **options)

@@ -78,7 +78,7 @@ def test_nodes_have_their_tips_in_place(panda, shoulder, name):
     owner = np.repeat(np.arange(len(targets)), counts)
     assert arm.within_limits(nodes.q).all()
     assert_allclose(nodes.cost, targets[owner].cost(nodes.q))
-    away = targets[owner].tip_error(nodes.q)
+    away = targets[owner].position_error(nodes.q)
     assert np.median(away) <= IN_PLACE
     in_place = np.bincount(owner[away <= IN_PLACE], minlength=len(targets))
     assert ((in_place == counts) | (in_place < 16)).all()  # what is out of place stands in for what is missing
@@ -102,7 +102,7 @@ def test_out_of_reach_the_nearest_are_nodes(panda):
     far = Objective.of(panda).targets(np.eye(3)[None], np.array([[3.0, 0.0, 0.3]]))
     nodes = ReachabilityMap(panda, VELOCITY, 5000).nodes(far, 40, np.random.default_rng(0))
     assert len(nodes.q) == 16
-    assert far.tip_error(nodes.q).max() < 2.5
+    assert far.position_error(nodes.q).max() < 2.5
 
 
 def test_a_place_that_the_first_joint_cannot_turn_to_still_has_nodes():

@@ -19,7 +19,7 @@ DAMPING = Regularization.absolute(EPSILON)
 
 def test_samples_of_a_bank_are_retrieved(panda, bank):
     """The first result for the ellipsoid and hand position of a sample is that sample, but for the last joint."""
-    nearest = bank.query(bank.ellipsoids[:50], bank.tip_positions[:50], k=3)
+    nearest = bank.query(bank.ellipsoids[:50], bank.positions[:50], k=3)
     assert nearest.shape == (50, 3, 7)
     assert_array_equal(nearest[:, 0, :6], bank.joint_positions[:50, :6])
     assert_array_equal(panda.manipulability(bank.joint_positions), bank.ellipsoids)

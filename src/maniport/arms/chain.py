@@ -92,7 +92,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Chain:
-    """Joints from base to tip, the frames on them and the coordinates that move them."""
+    """Joints from base to end effector, the frames on them and the coordinates that move them."""
 
     name: str
     joints: tuple[Joint, ...]
@@ -108,6 +108,7 @@ class Chain:
     # spatial inertia (joints + 1, 6, 6) of all that is fixed to the link after each joint (0: the base), linear rows
     # first, about the origin of the link's frame; None where the description has no masses
     inertia: Array | None = None
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)  # acceleration of free fall in the base frame [m/s²]
     shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
     others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
     base: str | None = None  # reference frame of all results if not the first frame of the file
@@ -226,7 +227,7 @@ def read_embedded(name: str) -> Chain:
             f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
             for f in data["frames"]
         },
-        frame=data["tip"],
+        frame=data["frame"],
         coordinates=tuple(coordinates),
         lower=lower,
         upper=upper,

@@ -88,7 +88,7 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, larg
         human.fits[0].time,
         tuple(np.asarray(np.linalg.inv(profile)) if force else profile for profile in profiles),
         human.hands,
-        settings.spec.velocity,
+        settings.spec.bounded,
         strongest if strongest.epsilon > 0.0 and not force else DAMPING,
         turn,
     )

@@ -112,10 +112,10 @@ def collision_warnings(result: Collisions | Clearance, unchecked: Sequence[str] 
 
 def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
     """Describe the file of a robot: the chosen chain, if there is one, and the other end effectors."""
-    others = [limb for limb in limbs if arm is None or limb.tip != arm.frame]
-    rows = tuple((limb.tip, str(len(limb.joints)), " … ".join(dict.fromkeys((limb.joints[0], limb.joints[-1]))),
+    others = [limb for limb in limbs if arm is None or limb.frame != arm.frame]
+    rows = tuple((limb.frame, str(len(limb.joints)), " … ".join(dict.fromkeys((limb.joints[0], limb.joints[-1]))),
                   limb.fork or "") for limb in others)  # fmt: skip
-    value = {limb.tip: {"joints": list(limb.joints), "fork": limb.fork} for limb in others}
+    value = {limb.frame: {"joints": list(limb.joints), "fork": limb.fork} for limb in others}
     table = Table(("--frame", "joints", "from … to", "--base"), rows, key="ends", value=value)
     title, text = "Other ends" if arm else "Ends", "Fingers are omitted. With --base the chain begins at a branch."
     ends = [Section(title, (), (table,), text=text)] if others else []

@@ -158,10 +158,10 @@ def read_arm(
     limb = None
     if file.side is not None:
         limb = one_side(RobotModel(_source(file.path)).limbs().all(), file.side, text)
-        frame = limb.tip if frame is None else frame
+        frame = limb.frame if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
-            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the tip with "
+            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the end effector with "
             f"{argument('frame')}"
         )
     chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
@@ -171,7 +171,7 @@ def read_arm(
     if limb is None:
         return chain
     if any(ours != theirs for ours, theirs in zip((joint.name for joint in chain.joints), limb.joints, strict=False)):
-        raise InvalidInputError(f"the frame {frame!r} is not on {text!r}, whose tip is {limb.tip!r}")
+        raise InvalidInputError(f"the frame {frame!r} is not on {text!r}; its end effector is {limb.frame!r}")
     return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
 
 

@@ -93,6 +93,10 @@ class RobotXML:
         """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
         return None
 
+    def effort_limit(self, name: str) -> float | None:
+        """Return the largest torque [N m] or force [N] of a joint if Pinocchio's is wrong, else None."""
+        return None
+
 
 def read_shapes(
     kind: type[RobotXML], path: Path, links: Collection[str], mesh_folders: Sequence[Path] = ()

@@ -29,6 +29,7 @@ class RobotModel:
             raise FileFormatError(f"{source.path}: Pinocchio cannot read this {source.name}: {error}") from None
         self.bounds: dict[str, tuple[float, float]] = {}
         self.speeds: dict[str, float] = {}
+        self.efforts: dict[str, float] = {}
         self.unlimited: list[str] = []
         self.closed: dict[str, tuple[float, float]] = {}  # limits that exclude all positions
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}  # empty for several degrees of freedom
@@ -88,7 +89,7 @@ class RobotModel:
                 parent = str(model.frames[above].name) if above else None
                 on_chain[name] = Frame(count, rest @ model.frames[i].placement.homogeneous, parent)
         limits = np.array([self.bounds[name] for name in coordinates]).reshape(-1, 2)
-        speeds = np.array([self.speeds[name] for name in coordinates])
+        speeds, efforts = (np.array([of[name] for name in coordinates]) for of in (self.speeds, self.efforts))
         return Chain(
             name=model.name or path.stem,
             joints=tuple(joints),
@@ -100,6 +101,7 @@ class RobotModel:
             coupling=coupling,
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+            effort_limits=efforts if np.any(np.isfinite(efforts)) else None,
             unlimited=tuple(self.unlimited),
             shapes=partial(read_shapes, type(self.source), path.absolute()),
             others=self._bodies_off_chain(mounts, coordinates),
@@ -127,7 +129,7 @@ class RobotModel:
         return parts
 
     def _single(self, joint: pin.JointModel, name: str, placement: Array) -> Joint | None:
-        """Return a joint with one axis, its limits and speed noted; None for other joints."""
+        """Return a joint with one axis, its limits noted; None for other joints."""
         if joint.nv != 1:
             return None
         data = joint.createData()
@@ -148,9 +150,10 @@ class RobotModel:
         if not (-huge < bounds[0] < bounds[1] < huge):
             self.unlimited.append(name)
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
-        speed = float(self.model.velocityLimit[joint.idx_v])
-        self.bounds[name] = bounds
-        self.speeds[name] = speed if 0 < speed < 1e6 else np.inf
+        effort = self.source.effort_limit(name)
+        effort = float(self.model.upperEffortLimit[joint.idx_v]) if effort is None else effort
+        self.bounds[name], speed = bounds, float(self.model.velocityLimit[joint.idx_v])
+        self.speeds[name], self.efforts[name] = (limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
             direction = axis / np.linalg.norm(axis)
         return Joint(name, kind, direction, placement)
