@@ -146,14 +146,6 @@ def test_speed_scale_is_the_largest_speed(panda, planner):
     assert fast.limit_use.shares[1:].max() > 0.95
 
 
-def test_same_seed_same_bytes(panda, planner, targets):
-    """Two runs from the same seed are equal bit for bit."""
-    options = rows_of(targets, slice(5)) | {"planner": planner, "random_state": 3}
-    first, again = (plan_motion(panda, **options).arms[0] for _ in range(2))
-    assert_array_equal(first.control_positions, again.control_positions)
-    assert_array_equal(first.pointwise_best, again.pointwise_best)
-
-
 def test_without_a_path_ellipsoids_alone_are_followed(panda, planner, targets, planned):
     """There is no position error, and the distance is no larger than with the end effector on its path."""
     alone = require_laws(plan_motion(panda, targets["profile"], time=TIME, planner=planner))
