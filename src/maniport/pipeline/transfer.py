@@ -104,7 +104,7 @@ def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanSettings:
     """Look up limits and collisions, and check the options of the motion for the robot."""
     motion = config.motion
     if config.robot.hand_targets == RELATIVE and len(as_group(robot)) == 1:
-        raise InvalidInputError(f"{argument('tips', RELATIVE)} needs several arms; found {robot.name}")
+        raise InvalidInputError(f"{argument('hand_targets', RELATIVE)} needs several arms; found {robot.name}")
     if config.robot.hand_targets == RELATIVE and motion.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with hand_targets='relative'")
     if motion.tracking is not None:
