@@ -205,8 +205,8 @@ class LengthField(DomainAdapter):
         inverse = Inverse.of(self._field())
         if inverse.near_singular > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
-                f"the map has no inverse: its derivative is nearly singular at {inverse.near_singular:.0%} of centers "
-                f"(limit {MAX_NEAR_SINGULAR:.0%})"
+                "the map has no inverse: its derivative is nearly singular at "
+                f"{100 * inverse.near_singular:.0f} % of centers (limit {100 * MAX_NEAR_SINGULAR:.0f} %)"
             )
         back = inverse(points)
         lost = np.flatnonzero(np.isnan(back[:, 0, 0]))
