@@ -1,4 +1,4 @@
-"""Gravity torques and joint-space inertia beside Pinocchio, of chains that are changed too, and payloads."""
+"""Gravity torques and joint-space inertia against Pinocchio, payloads, and ellipsoids that depend on them."""
 
 from dataclasses import replace
 
