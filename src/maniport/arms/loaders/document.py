@@ -94,6 +94,10 @@ class RobotXML:
         """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
         return None
 
+    def rest_position(self, name: str) -> float:
+        """Return the position of a joint in the pose that Pinocchio reads as zero [rad] or [m]."""
+        return 0.0
+
     def effort_limit(self, name: str) -> float | None:
         """Return the largest torque [N m] or force [N] of a joint if Pinocchio's is wrong, else None."""
         return None

@@ -157,7 +157,8 @@ class RobotModel:
         self.speeds[name], self.efforts[name] = (limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
             direction = axis / np.linalg.norm(axis)
-        return Joint(name, kind, direction, placement)
+        part = Joint(name, kind, direction, placement)
+        return replace(part, placement=placement @ part.motion(-self.source.rest_position(name)))
 
     def _resolve(self, name: str, coordinates: Collection[str]) -> tuple[str | None, float, float]:
         """Coordinate that moves a joint, factor and position at zero."""
