@@ -118,13 +118,6 @@ def test_partner_has_the_largest_score(ratios, d, condition, random_spd, random_
     assert_allclose(every[np.arange(40), index], every.max(axis=1), rtol=1e-6)
 
 
-def test_equal_eigenvalues_do_not_decide():
-    """The direction of a round ellipsoid's axis is undefined and adds nothing."""
-    disc, needle = np.diag([1.0, 1.0, 4.0]), np.diag([1.0, 2.0, 4.0])
-    features = EllipsoidFeatures.of(np.stack([disc, needle, np.eye(3)]))
-    assert_allclose(np.linalg.norm(features.directions, axis=2), [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]])
-
-
 def test_weights_are_powers_of_the_score(random_spd):
     """Matches weigh w^k; an exponent of zero gives equal weights."""
     rng = np.random.default_rng(1)
