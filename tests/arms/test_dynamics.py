@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, load_arm, load_arms
 from maniport.arms.arm_group import CooperativeArm
 from maniport.arms.chain import PRISMATIC
+from maniport.arms.dynamics import point_mass
 from maniport.arms.restriction import mirrored, standing
 from maniport.errors import InvalidInputError
 
@@ -181,3 +182,8 @@ def test_missing_limits_and_masses_are_named():
         weights = "joint-limits" if kind == "force" else None
         with pytest.raises(InvalidInputError, match=message):
             arm.manipulability(np.zeros(arm.dof), kind, joint_weights=weights)
+    inertia = np.array([point_mass(1.0, np.array([0.0, 0.0, 0.1]))] * 8)  # without extent about the last axis
+    with pytest.raises(InvalidInputError, match="has none that panda_joint7 accelerates"):
+        Arm(replace(load_arm("panda", frame="panda_link7").chain, inertia=inertia)).manipulability(
+            np.ones(7), "acceleration"
+        )

@@ -158,7 +158,8 @@ class ArmGroup(JointSpace):
         if not isinstance(spec, EllipsoidSpec) or spec.joint_weights is None or isinstance(spec.joint_weights, str):
             return tuple(arm.checked_spec(spec) for arm in self.arms)
         weights = np.array(self.checked_spec(spec).joint_weights)
-        return tuple(replace(spec, joint_weights=weights[columns]) for columns in self.columns)
+        own = (replace(spec, joint_weights=weights[columns]) for columns in self.columns)
+        return tuple(arm.checked_spec(part) for arm, part in zip(self.arms, own, strict=True))
 
     @cached_property
     def relative(self) -> "CooperativeArm":

@@ -50,6 +50,8 @@ class Dynamics:
         rows = [len(q) if wanted else 0 for wanted in (gravity, gravity and changes, inertia, inertia and changes)]
         terms = DynamicsTerms(*(np.empty((n, *[count] * size)) for n, size in zip(rows, (1, 2, 2, 3), strict=True)))
         fill_dynamics(*of.link_poses(q), of.axes, of.slides, *self._bodies, self._up, *terms)
+        if of.trivial:
+            return terms
         c = of.coupling
         return DynamicsTerms(
             of.coupled(terms.gravity),

@@ -43,7 +43,7 @@ def fill_dynamics(  # type: ignore[no-untyped-def]
             )
             if k + 1 < joints:
                 composite[k] += composite[k + 1]
-            for j in range(k + 1):
+            for j in range(0 if len(inertia_changes) > 0 else k, k + 1):
                 _apply_inertia(composite[k], s[j], momenta[k, j])
                 _cross(s[k, 3:], s[j, 3:], crosses[k, j, 3:])
                 _cross(s[k, 3:], s[j, :3], crosses[k, j, :3])

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -202,6 +202,25 @@ class Manipulable(JointSpace):
         weighting = self._weighting(np.asarray(q, dtype=np.float64).reshape(-1, self.dof), spec)
         return poses, weighting.shaped(poses.shape[:-2]).rows(jacobians, spec)[1]
 
+    def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """Require a specification for whose ellipsoids the joints have numbers, limits and masses."""
+        if super().checked_spec(spec).kind == "acceleration" and self._inertia_fault:
+            raise InvalidInputError(
+                f"kind 'acceleration' needs masses, and the description of {self.name!r} {self._inertia_fault}; choose "
+                "'velocity' or 'force'"
+            )
+        return spec
+
+    @cached_property
+    def _inertia_fault(self) -> str:
+        """Why the joint-space inertia cannot be inverted; empty where it can."""
+        terms = self._dynamics_terms(self.sample(1, 0), gravity=False, inertia=True, changes=False)
+        if terms is None:
+            return "has none"
+        values, vectors = np.linalg.eigh(terms.inertia[0])
+        free = values[0] <= 1e-12 * values[-1]
+        return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
+
     def _weighting(self, q: Array, spec: EllipsoidSpec, changes: bool = False) -> Weighting:
         """Weights of the joints at configurations (n, dof), and derivatives where `changes` is set."""
         weights = self.checked_spec(spec).joint_weights
@@ -223,11 +242,7 @@ class Manipulable(JointSpace):
                 slopes *= scale[..., None] if accelerated else -(scale[..., None] ** -3)
         if not accelerated:
             return Weighting(None if scale is None else 1.0 / scale, slopes)
-        if terms is None:
-            raise InvalidInputError(
-                f"kind 'acceleration' needs masses, and the description of {self.name!r} has none; choose "
-                "'velocity' or 'force'"
-            )
+        assert terms is not None  # checked above
         return Weighting(scale, slopes, terms.inertia, terms.inertia_changes if changes else None)
 
     @abstractmethod

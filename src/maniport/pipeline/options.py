@@ -147,7 +147,7 @@ class TransferOptions(Options):
         defaults.METHOD, "Transfer method", common=True, unchecked=True,
         choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
     )  # fmt: skip
-    kind: str = option("velocity", "Kind of ellipsoid", choices=("velocity", "force"))
+    kind: str = option("velocity", "Kind of ellipsoid", choices=("velocity", "force", "acceleration"))
     part: str = option("translation", "Part of the motion", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = option(
         None, "Joint weights: joint-limits, or numbers", unchecked=True, choices=("joint-limits",)

@@ -19,7 +19,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import Follower, RobotXML
+from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, inertia_fault
 from maniport.arms.loaders.mjcf_tree import WORLD, one_tree, with_includes
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
@@ -28,7 +28,6 @@ from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
 
 ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
-LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
 class Mjcf(RobotXML):
@@ -181,7 +180,26 @@ class Mjcf(RobotXML):
                     return f"<{element.tag}> needs {rule}; found {text[:80]!r}"
                 if name == "quat" and np.linalg.norm(numbers) < 1e-9:
                     return f"<{element.tag}> has quat {text[:80]!r}, which is no rotation"
-        return ""
+        faults = (self._inertia_fault(body) for body in self.root.findall("worldbody//body"))
+        return next(filter(None, faults), "")
+
+    def _inertia_fault(self, body: ElementTree.Element) -> str:
+        inertial = body.find("inertial")
+        if inertial is None:
+            return ""
+        moments = inertial.get("fullinertia") or inertial.get("diaginertia", "0 0 0") + " 0 0 0"
+        return inertia_fault(body.get("name", ""), float(inertial.get("mass", "0")), list(map(float, moments.split())))
+
+    def unweighed(self) -> set[str]:
+        """Return the bodies whose masses are those of their shapes, which are not computed."""
+        ignored = any(compiler.get("inertiafromgeom") == "true" for compiler in self.root.findall("compiler"))
+        return {
+            body.get("name", "") for body in self.root.findall("worldbody//body")
+            if (ignored or body.find("inertial") is None) and any(map(self._has_mass, body.findall("geom")))
+        }  # fmt: skip
+
+    def _has_mass(self, geom: ElementTree.Element) -> bool:
+        return all(self._numbers(geom, name, "1")[0] > 0 for name in ("mass", "density"))
 
     def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
         """Yield the shapes of bodies: those without contacts if a body has such, else all."""

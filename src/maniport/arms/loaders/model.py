@@ -102,6 +102,7 @@ class RobotModel:
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
             effort_limits=efforts if np.any(np.isfinite(efforts)) else None,
+            inertia=self._inertia(mounts, len(joints)),
             unlimited=tuple(self.unlimited),
             shapes=partial(read_shapes, type(self.source), path.absolute()),
             others=self._bodies_off_chain(mounts, coordinates),
@@ -175,6 +176,24 @@ class RobotModel:
         rest = float(np.clip(0.0, *self.bounds[name]))  # a joint off the chain is locked
         return None, 0.0, factor * rest + offset
 
+    def _inertia(self, mounts: Mapping[int, tuple[int, Array]], count: int) -> Array | None:
+        """Spatial inertia of what the base and each joint carry, other joints at rest; None without all masses."""
+        inertia, names = np.zeros((count + 1, 6, 6)), self.source.unweighed()
+        unweighed = {f.parentJoint for f in self.model.frames if f.type == pin.FrameType.BODY and f.name in names}
+        for j, own in enumerate(self.model.inertias):
+            carrier, path, rest = self._carrier(j, mounts)
+            if carrier and j in unweighed:
+                return None
+            inertia[carrier] += pin.SE3(rest @ self._poses(path, ())[0]).act(own).matrix()
+        return inertia if np.any(inertia[1:]) else None
+
+    def _carrier(self, j: int, mounts: Mapping[int, tuple[int, Array]]) -> tuple[int, list[int], Array]:
+        """Return the number of chain joints that move a joint, the joints between, and the pose where these begin."""
+        support = list(self.model.supports[j])
+        path = [k for k in support if k not in mounts]
+        count, rest = mounts[support[len(support) - len(path) - 1]]
+        return count, path, rest
+
     def _bodies_off_chain(self, mounts: Mapping[int, tuple[int, Array]], coordinates: Sequence[str]) -> dict[str, Body]:
         """Bodies off a chain, with their poses relative to the joints of the chain."""
         fingers, bodies = self.limbs().fingers(), {}
@@ -182,10 +201,8 @@ class RobotModel:
         frames = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
         names = {frame.parentJoint: frame.name for frame in reversed(frames)}
         for frame in frames:
-            support = list(self.model.supports[frame.parentJoint])
-            path = [j for j in support if j not in mounts]
+            count, path, rest = self._carrier(frame.parentJoint, mounts)
             if path:
-                count, rest = mounts[support[len(support) - len(path) - 1]]
                 poses = rest @ self._poses(path, moving) @ frame.placement.homogeneous
                 finger = next((j for j in path if any(part.name in fingers for part in self.parts[j])), None)
                 group = frame.name if finger is None else names.get(finger, frame.name)
