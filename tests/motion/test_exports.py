@@ -100,7 +100,10 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
     there, lift = np.isfinite(column["distance"]), larger.damping.epsilon * np.eye(3)
     expected = spd.distance(target[there].reshape(-1, 3, 3) + lift, achieved[there].reshape(-1, 3, 3) + lift)
     assert_allclose(column["distance"][there], expected, atol=1e-9)
-    for name, values, tolerance in (("distance", larger.distance, 0.02), ("position_error", larger.position_error, 2e-3)):
+    for name, values, tolerance in (
+        ("distance", larger.distance, 0.02),
+        ("position_error", larger.position_error, 2e-3),
+    ):
         waypoints = np.interp(larger.time, larger.control_time[there], column[name][there])
         assert_allclose(waypoints, values, atol=tolerance)
 

@@ -69,18 +69,24 @@ def test_inverse_undoes_the_map(d, fitted, random_spd):
     assert spd.distance(adapter.inverse_transform(adapter.transform(points)), points).max() < 1e-9
 
 
-def test_folds_are_told_at_the_query(domains):
-    """A field that pulls all ellipsoids to one shape folds: singular values say so, and the inverse is refused."""
-    shape = np.diag([1.0, 2.0, 4.0])
-    adapter = mp.LengthField(
-        projector=lambda p: shape * (1.0 + 1e-9 * p[:, :1, :1]), n_centers=100, width=0.3, ridge=1e-9
-    ).fit(*domains[3])
-    points = domains[3][0]
+def test_folds_are_found_and_reported(domains):
+    """A field that pulls all ellipsoids to one shape folds: the report says so, and the inverse is refused."""
+
+    def one_shape(points):
+        return np.diag([1.0, 2.0, 4.0]) * (1.0 + 1e-9 * points[:, :1, :1])
+
+    adapter = mp.LengthField(projector=one_shape, n_centers=100, width=0.3, ridge=1e-9).fit(*domains[3])
+    points, field = domains[3][0], adapter._field()
     assert adapter.report_.near_singular > 0.1
     assert not adapter.report_.invertible
     with pytest.raises(NotInvertibleError, match="nearly singular"):
         adapter.inverse_transform(adapter.transform(points[:2]))
-    assert Inverse.of(adapter._field()).near_singular > MAX_NEAR_SINGULAR
+    assert Inverse.of(field).near_singular > MAX_NEAR_SINGULAR
+    report, slopes = reported(field, Samples(field, points, one_shape, 0.0), 0), field.slopes(*field.base(points))
+    assert report.reversing == np.mean(np.linalg.det(slopes) < 0.0) > 0.0
+    along = spd.to_vector(np.einsum("nik,njk->nkij", *[field.base(points)[1]] * 2))
+    contrary = np.einsum("nki,nij,nkj->nk", along, slopes, along).min(axis=1) <= 0.0
+    assert report.nonmonotone == np.mean(contrary) > 0.0
 
 
 @sizes
