@@ -177,7 +177,7 @@ def test_ellipsoids_hold_the_limits_of_each_joint():
 
 def test_missing_limits_and_masses_are_named():
     """The message names the joints."""
-    arm = load_arm("rhuman")
+    arm = Arm.from_dh("four", [[0, 0.2, 0.1, 1.5], [0, 0, 0.4, 0], [0, 0, 0.3, -1.5], [0, 0.1, 0.2, 0]])
     for kind, message in (("force", "has no effort limits above 0 for"), ("acceleration", "needs masses")):
         weights = "joint-limits" if kind == "force" else None
         with pytest.raises(InvalidInputError, match=message):

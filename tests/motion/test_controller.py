@@ -9,6 +9,7 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.motion import SeedBank, controller, track
 from maniport.motion.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
+from maniport.report import report_of
 from maniport.util.files import load_ellipsoids
 
 TIME = np.linspace(0.0, 2.0, 41)
@@ -79,6 +80,7 @@ def test_joint_and_velocity_limits_are_named(panda, turn, speed, status, hits):
     result = track(panda, profile, time=TIME, path=path, start=joints[0], velocity_limits=speed).arms[0]
     assert result.status[-1] == status
     assert getattr(result, hits)["panda_joint1"] > 0
+    assert ("too-fast" in report_of(result).warning_keys) == (status == VELOCITY_LIMIT)
     assert keeps_limits(result, panda, speed)
 
 
