@@ -286,3 +286,4 @@ def test_arms_keep_clear_of_one_another(pandas):
     for model in (None, collisions):
         motion = track(pandas, **targets(pandas, left, right), rate=25.0, lm_damping=10.0, collisions=model)
         assert collisions.collides(motion.trajectory.control_positions).any() == (model is None)
+    assert motion.clearance.share == 0.0
