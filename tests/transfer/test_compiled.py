@@ -6,7 +6,6 @@ import tracemalloc
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from quick_transport import Transport
 
 from maniport import NearestNeighbor, ParallelTransport, load_adapter
 from maniport.errors import InvalidInputError, NotFittedError, NotSPDError
@@ -22,7 +21,7 @@ def clouds(random_spd):
 def test_compiled_map_equals_transform_and_allocates_nothing(clouds, remedy):
     """Into a new array, one of the caller's or its own; a thousand calls leave Python's memory as it was."""
     teacher, student = clouds
-    adapter, out = Transport(**remedy).fit(teacher, student), np.empty((3, 3))
+    adapter, out = ParallelTransport(**remedy).silent().fit(teacher, student), np.empty((3, 3))
     compiled, images = adapter.compiled(), adapter.transform(teacher)
     for point, image in zip(teacher, images, strict=True):
         assert_allclose(compiled(point), image, rtol=1e-9, atol=1e-12 * np.abs(image).max())
@@ -61,11 +60,11 @@ def changed_by(change, adapter, clouds, folder):
 def test_no_map_is_used_that_the_attributes_do_not_tell(change, clouds, tmp_path):
     """The map that is kept after a fit is that of the attributes, whatever becomes of them, and is not pickled."""
     teacher = clouds[0]
-    adapter = Transport(damping=0.01).fit(*clouds)
+    adapter = ParallelTransport(damping=0.01).silent().fit(*clouds)
     adapter.inverse_transform(adapter.transform(teacher))
     assert "_kept" not in pickle.loads(pickle.dumps(adapter)).__dict__
     adapter = changed_by(change, adapter, clouds, tmp_path)
-    fresh = Transport(damping=0.01)
+    fresh = ParallelTransport(damping=0.01).silent()
     fresh.__dict__ |= {name: value for name, value in vars(adapter).items() if name != "_kept"}
     for _ in range(2):
         assert_array_equal(adapter.transform(teacher), fresh.transform(teacher))
