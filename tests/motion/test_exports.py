@@ -43,9 +43,9 @@ def require_states(motion, seconds, states):
     assert rows[0] == 0
     assert rows[-1] == len(steps) - 1
     assert_array_equal(np.diff(rows)[:-1], 10)
-    wanted = motion.control_positions, motion.control_velocities, motion.control_accelerations
-    for values, found in zip(wanted, states, strict=True):
-        assert_allclose(found, values[rows], atol=1e-5)
+    expected = motion.control_positions, motion.control_velocities, motion.control_accelerations
+    for values, actual in zip(expected, states, strict=True):
+        assert_allclose(actual, values[rows], atol=1e-5)
 
 
 def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
@@ -65,12 +65,12 @@ def test_mcap_gets_messages(motion, tmp_path):
     reader = pytest.importorskip("mcap.reader")
     export_motion(tmp_path / "m.mcap", motion, "mcap")
     with open(tmp_path / "m.mcap", "rb") as stream:
-        found = list(reader.make_reader(stream).iter_messages())
-    assert {(schema.encoding, channel.topic) for schema, channel, _ in found} == {("jsonschema", "/joint_states")}
-    texts = [json.loads(message.data) for _, _, message in found]
+        actual = list(reader.make_reader(stream).iter_messages())
+    assert {(schema.encoding, channel.topic) for schema, channel, _ in actual} == {("jsonschema", "/joint_states")}
+    texts = [json.loads(message.data) for _, _, message in actual]
     assert tuple(texts[0]["name"]) == NAMES
     states = ([text[key] for text in texts] for key in ("position", "velocity", "acceleration"))
-    require_states(motion, [1e-9 * message.log_time for _, _, message in found], states)
+    require_states(motion, [1e-9 * message.log_time for _, _, message in actual], states)
 
 
 def test_parquet_has_columns_with_units(motion, tmp_path):

@@ -28,10 +28,10 @@ def test_the_hand_points_from_the_wrist_along_itself(name):
     """The z axis is the way from wrist to hand at any angles; hanging, y, out of the palm, is to the left."""
     person = load_arm(name)
     q = person.sample(5, 0)
-    found, points = hand_rotations(person, q), person.point_positions(q, ("wrist", "hand"))
+    rotations, points = hand_rotations(person, q), person.point_positions(q, ("wrist", "hand"))
     along = points[:, 1] - points[:, 0]
-    assert_allclose(found[:, :, 2], along / np.linalg.norm(along, axis=1, keepdims=True), atol=1e-9)
-    assert_allclose(found @ np.swapaxes(found, 1, 2), np.broadcast_to(np.eye(3), found.shape), atol=1e-9)
+    assert_allclose(rotations[:, :, 2], along / np.linalg.norm(along, axis=1, keepdims=True), atol=1e-9)
+    assert_allclose(rotations @ np.swapaxes(rotations, 1, 2), np.broadcast_to(np.eye(3), rotations.shape), atol=1e-9)
     assert hand_rotations(person, np.zeros(7))[1, 1] > 0.95
 
 

@@ -70,9 +70,9 @@ def test_trimming_leaves_out_planted_outliers(kind, direction, random_spd, rando
     student = truth @ teacher @ truth.T
     strange = rng.choice(50, 10, replace=False)
     student[strange] = 30.0 * random_spd(rng, 10, 3, 1e6)
-    found = chosen(kind, direction, trim=0.2).between(teacher, student)(truth)
-    assert_array_equal(found.teacher, found.student)
-    assert not set(found.student) & set(strange)
+    matches = chosen(kind, direction, trim=0.2).between(teacher, student)(truth)
+    assert_array_equal(matches.teacher, matches.student)
+    assert not set(matches.student) & set(strange)
     untrimmed = chosen(kind, direction).between(teacher, student)(truth)
     assert {*untrimmed.teacher, *untrimmed.student} & set(strange)
 
@@ -163,9 +163,9 @@ def test_geodesic_partner_is_the_nearest(d, condition, random_spd, random_rotati
     seek = CORRESPONDENCES["geodesic"]().between(teacher, student)
     for _ in range(3):
         rotation = random_rotation(rng, d)
-        found, every = seek(rotation), squared(teacher, student, rotation)
-        assert_allclose(every[found.teacher, found.student], every.min(axis=1), rtol=1e-6)
-        assert_allclose(found.weight, 1.0 / 25)
+        matches, every = seek(rotation), squared(teacher, student, rotation)
+        assert_allclose(every[matches.teacher, matches.student], every.min(axis=1), rtol=1e-6)
+        assert_allclose(matches.weight, 1.0 / 25)
 
 
 def test_geodesic_search_never_raises_its_cost(random_spd):
@@ -187,9 +187,9 @@ def test_sum_of_squared_distances_is_the_least(kind, random_spd, random_rotation
     rng = np.random.default_rng(1)
     teacher, student, rotation = random_spd(rng, 6, 3), random_spd(rng, 6, 3), random_rotation(rng, 3)
     every = squared(teacher, student, rotation)
-    found = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
+    matches = CORRESPONDENCES[kind]().between(teacher, student)(rotation)
     least = min(every[np.arange(6), list(order)].sum() for order in permutations(range(6)))
-    assert every[found.teacher, found.student].sum() == pytest.approx(least, rel=1e-9)
+    assert every[matches.teacher, matches.student].sum() == pytest.approx(least, rel=1e-9)
 
 
 @pytest.mark.parametrize(("n", "m"), [(12, 7), (15, 15)])
@@ -200,11 +200,11 @@ def test_trimmed_plan_is_partial_transport(n, m, random_spd):
     rng = np.random.default_rng(4)
     teacher, student = random_spd(rng, n, 3), random_spd(rng, m, 3)
     cost = squared(teacher, student, np.eye(3))
-    found = CORRESPONDENCES["transport"](trim=0.3).between(teacher, student)(np.eye(3))
+    matches = CORRESPONDENCES["transport"](trim=0.3).between(teacher, student)(np.eye(3))
     least = partial_wasserstein2(np.full(n, 1 / n), np.full(m, 1 / m), cost, m=0.7)
-    assert 0.7 * found.weight @ cost[found.teacher, found.student] == pytest.approx(least, rel=1e-9)
-    assert 0.7 * np.bincount(found.teacher, found.weight, n).max() <= 1.0 / n + 1e-12
-    assert 0.7 * np.bincount(found.student, found.weight, m).max() <= 1.0 / m + 1e-12
+    assert 0.7 * matches.weight @ cost[matches.teacher, matches.student] == pytest.approx(least, rel=1e-9)
+    assert 0.7 * np.bincount(matches.teacher, matches.weight, n).max() <= 1.0 / n + 1e-12
+    assert 0.7 * np.bincount(matches.student, matches.weight, m).max() <= 1.0 / m + 1e-12
 
 
 @assignments
@@ -254,5 +254,5 @@ def test_weights_are_powers_of_the_score(random_spd):
     teacher, student = random_spd(rng, 20, 3), random_spd(rng, 30, 3)
     best = scores(teacher, student).max(axis=1)
     for exponent in (0.0, 3.0):
-        found = EllipsoidCorrespondence(exponent=exponent).between(teacher, student)(np.eye(3))
-        assert_allclose(found.weight, best**exponent / np.sum(best**exponent), rtol=1e-6)
+        matches = EllipsoidCorrespondence(exponent=exponent).between(teacher, student)(np.eye(3))
+        assert_allclose(matches.weight, best**exponent / np.sum(best**exponent), rtol=1e-6)

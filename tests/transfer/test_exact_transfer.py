@@ -55,8 +55,8 @@ def test_start_is_respected(unequal, random_rotation):
     assert_allclose(adapter.start_rotation_, plain.rotation_)
     assert_allclose(adapter.set_params(search=Search(start="identity")).fit(*unequal).start_rotation_, np.eye(3))
     adapter.set_params(base_rotation=base_rotation, search=Search(start="parallel-transport", n_starts=4)).fit(*unequal)
-    wanted = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
-    assert_allclose(adapter.start_rotation_, wanted)
+    expected = transport_rotation(adapter.teacher_mean_, adapter.student_mean_)
+    assert_allclose(adapter.start_rotation_, expected)
 
 
 def test_most_singular_ellipsoids_are_matched_only(unequal):

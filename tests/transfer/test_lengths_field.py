@@ -104,8 +104,8 @@ def check_slopes(field, x):
         return spd.to_vector(field.logarithms(*np.linalg.eigh(spd.from_vector(vectors))))
 
     step = 1e-5 * np.eye(x.shape[1])
-    wanted = np.stack([(logarithms(x + e) - logarithms(x - e)) / 2e-5 for e in step], axis=-1)
-    assert_allclose(field.slopes(*np.linalg.eigh(spd.from_vector(x))), wanted, atol=1e-7)
+    expected = np.stack([(logarithms(x + e) - logarithms(x - e)) / 2e-5 for e in step], axis=-1)
+    assert_allclose(field.slopes(*np.linalg.eigh(spd.from_vector(x))), expected, atol=1e-7)
 
 
 @pytest.mark.parametrize("epsilon", [1e-6, 1.0, 1e4])

@@ -48,9 +48,9 @@ def test_common_congruence(adapter, d, seed, random_spd):
     rng = np.random.default_rng(seed)
     teacher, student, new = (random_spd(rng, n, d) for n in (20, 25, 5))
     c = np.eye(d) + 0.3 * rng.standard_normal((d, d))
-    wanted = turned(c, adapter.fit(teacher, student).transform(new))
+    expected = turned(c, adapter.fit(teacher, student).transform(new))
     adapter.fit(turned(c, teacher), turned(c, student))
-    assert relative_error(adapter.transform(turned(c, new)), wanted) < 1e-7
+    assert relative_error(adapter.transform(turned(c, new)), expected) < 1e-7
 
 
 # ---- what parallel transport does ---------------------------------------------------------------------------------
@@ -82,8 +82,8 @@ def test_closed_form_equals_the_paper_s_transport(d, seed, random_spd):
         spd.transport(points, start, end) for points in (teacher, new)
     )  # E X Eᵀ, of points as of tangents
     recentered = spd.whiten(moved_new, spd.mean(moved))
-    wanted = spd.unwhiten(spd.powm(recentered, adapter.dispersion_ratio_), spd.mean(student))
-    assert relative_error(adapter.transform(new), wanted) < 1e-8
+    expected = spd.unwhiten(spd.powm(recentered, adapter.dispersion_ratio_), spd.mean(student))
+    assert relative_error(adapter.transform(new), expected) < 1e-8
 
 
 @sizes
