@@ -19,6 +19,13 @@ from maniport.util.atomic_io import written_whole
 SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
+LEARNED = "learned"
+FIGURES = {
+    name: f"maniport.report.figures.results:{name}"
+    for name in ("arms", "ellipsoids", "curves", "motion", "diffusion_map", LEARNED)
+}
+"""Module and function of each figure of a result, which takes the data of the page; `maniport figures` adds them."""
+
 ENDINGS = (".png", ".svg")  # Formats of the files of a figure
 
 # Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs.
