@@ -46,7 +46,7 @@ def main(folder):
     print(f"force times velocity along each axis of the bent arm: {np.round(force[::-1] * velocity, 6)}")
 
     # Joints have different velocity limits. With these as weights, semi-axes are end-effector velocities in m/s.
-    weighted = mp.spd.lengths(arm.manipulability(BENT, joint_weights="velocity-limits"))
+    weighted = mp.spd.lengths(arm.manipulability(BENT, joint_weights="joint-limits"))
     print(f"weighted by the velocity limits: {weighted[2]:.2f}, {weighted[1]:.2f}, {weighted[0]:.2f} m/s")
 
     # All functions take any number of configurations: here 50 between the two, in joint space.

@@ -2,7 +2,7 @@
 
 A Panda with masses and torque limits replays the motion of example 06 with a joint controller, with and without
 velocity feed-forward. The program reports joint lag, position error, change of the ellipsoids and torques. It fails if
-the distance changes by 0.02 or more (95 %) or a motor reaches its limit. Not modeled: friction, motor inertia, fingers.
+the distance changes by 0.02 or more (95 %) or a motor reaches its limit. Not modeled: friction, motor inertia.
 Needs `pip install mujoco`. Usage: python 08_replay_in_mujoco.py [FOLDER]
 """
 
@@ -20,7 +20,6 @@ import maniport as mp
 from maniport.motion import ArmMotion, robot_model
 
 HERE = Path(__file__).parent
-TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # limits of franka_description [N m]
 STIFFNESS = np.array([600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0])  # libfranka's joint impedance example [N m/rad]
 DAMPING = np.array([50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0])  # of the same example [N m s/rad]
 
@@ -29,16 +28,17 @@ def physical_panda(arm):
     """Return a MuJoCo model of arm and hand with position servos; the motors compensate gravity."""
     kinematics, spec = robot_model(arm), mujoco.MjSpec()
     spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # explicit is unstable
-    hand = kinematics.frames[kinematics.getFrameId("panda_hand")].placement
-    links, body = np.loadtxt(HERE / "panda_inertia.csv", delimiter=","), spec.worldbody
-    for i, (pose, row) in enumerate(zip([*kinematics.jointPlacements[1:], hand], links, strict=True)):
+    links, body = arm.chain.inertia[1:], spec.worldbody  # spatial inertia of each link, the last with the hand
+    for i, (pose, link) in enumerate(zip(kinematics.jointPlacements[1:], links, strict=True)):
         x, y, z, w = pin.SE3ToXYZQUAT(pose)[3:]
         body = body.add_body(pos=pose.translation, quat=(w, x, y, z), gravcomp=1.0)
-        body.explicitinertial, body.mass, body.ipos, body.fullinertia = True, row[0], row[1:4], row[4:]
-        if i < arm.dof:  # all joints of the Panda rotate about z
-            body.add_joint(name=f"joint{i + 1}", actfrcrange=(-TORQUE[i], TORQUE[i]), actgravcomp=True)
-            servo = spec.add_actuator(target=f"joint{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-            servo.set_to_position(kp=STIFFNESS[i], kv=DAMPING[i])
+        body.explicitinertial, body.mass, body.ipos = True, link[0, 0], link[[5, 3, 4], [1, 2, 0]] / link[0, 0]
+        about_center = link[3:, 3:] + body.mass * np.linalg.matrix_power(pin.skew(body.ipos), 2)
+        body.fullinertia = about_center[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        torque = arm.effort_limits[i]
+        body.add_joint(name=f"joint{i + 1}", actfrcrange=(-torque, torque), actgravcomp=True)  # all rotate about z
+        servo = spec.add_actuator(target=f"joint{i + 1}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=STIFFNESS[i], kv=DAMPING[i])
     return spec.compile()
 
 
@@ -55,7 +55,7 @@ def replay(model, motion, feed_forward):
         achieved[i], data.ctrl = data.qpos, command[i]
         mujoco.mj_step(model, data)
         torque[i] = data.qfrc_actuator  # includes gravity compensation
-    return time, planned, achieved, torque / TORQUE
+    return time, planned, achieved, torque / model.jnt_actfrcrange[:, 1]
 
 
 def main(folder):

@@ -56,7 +56,7 @@ def main(folder):
     robot = mp.load_arm("panda")
     jacobian, limits = robot.jacobian(CONFIGURATION)[:3], robot.velocity_limits
     vertices, normals, distances, size = polytope(jacobian, limits)
-    ellipsoid = robot.manipulability(CONFIGURATION, joint_weights="velocity-limits")  # J W² Jᵀ, W the limits
+    ellipsoid = robot.manipulability(CONFIGURATION, joint_weights="joint-limits")  # J W² Jᵀ, W the limits
     print(f"polytope: {len(vertices)} vertices, {size:.1f} (m/s)³; ellipsoid: {volume(ellipsoid):.1f} (m/s)³")
 
     # Support of the ellipsoid over the distance of each face: between 1/√n and 1.

@@ -1,4 +1,4 @@
-"""Draw the picture of `docs/start/tip_and_mounting.md`: one target ellipsoid at a robot that is mounted in two ways.
+"""Draw the picture of `docs/start/end_effector.md`: one target ellipsoid at a robot that is mounted in two ways.
 
 python scripts/make_base_rotation_picture.py [PICTURE]
 """

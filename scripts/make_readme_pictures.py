@@ -39,7 +39,7 @@ def figures_of(folder: Path) -> dict[str, float]:
     motion = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["motion"]
     error, duration = motion["position_error_mm"], motion["duration_s"]
     figures = {f"distance_{name}": motion["distance"][key] for name, key in STATISTICS.items()}
-    figures |= {f"tip_{name}_mm": error[key] for name, key in STATISTICS.items()}
+    figures |= {f"position_error_{name}_mm": error[key] for name, key in STATISTICS.items()}
     figures |= {"duration_s": duration["robot"], "person_s": duration["person"]}
     return {name: float(f"{value:.3g}") for name, value in figures.items()}
 

@@ -83,7 +83,7 @@ def test_one_motion_moves_both(moved, arms):
 def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
     """Tips that keep the way between them alone are turned as is asked, and what both costs is told."""
     found = mp.transfer_recording(
-        recording, robot=arms, planning_effort="quick", tips="relative", orientation="constant", **GIVEN
+        recording, robot=arms, planning_effort="quick", hand_targets="relative", orientation="constant", **GIVEN
     )
     hands = np.linalg.norm(hands_of(found)[1] - hands_of(found)[0], axis=1)
     np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
@@ -175,8 +175,12 @@ def test_exports_are_of_a_motion(still, tmp_path):
         ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
         ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
         ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
-        ({"tips": "absolute"}, InvalidInputError, "unknown tips 'absolute'"),
-        ({"tips": "relative", "workspace": [(0, 1)] * 3, "move": True}, InvalidInputError, "workspace bounds paths"),
+        ({"hand_targets": "absolute"}, InvalidInputError, "unknown hand_targets 'absolute'"),
+        (
+            {"hand_targets": "relative", "workspace": [(0, 1)] * 3, "move": True},
+            InvalidInputError,
+            "workspace bounds paths",
+        ),
         (
             {"orientation": (0, 0, -1), "orientation_axes": "whole"},
             InvalidInputError,
@@ -206,11 +210,11 @@ BOTH = ("both-arms", "--side", "both")
         ((*BOTH, *PANDAS[:2]), "two"),
         ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
         ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
-        ((*BOTH, *PANDAS, "--tips", "absolute"), "unknown --tips 'absolute'"),
+        ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
         ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "is named twice"),
         (BOTH, "must have two arms"),
         ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
-        (("both-arms", "--tips", "relative"), "needs several arms"),
+        (("both-arms", "--hand-targets", "relative"), "needs several arms"),
     ],
 )
 def test_wrong_input_of_the_command_ends_with_one_sentence(monkeypatch, tmp_path, words, found):

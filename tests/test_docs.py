@@ -116,7 +116,7 @@ def test_figures_of_the_readme_are_those_that_were_measured():
     """Of the demo in docs/demo.json (`make_readme_pictures.py --check`), and of the ladder in docs/evaluation.md."""
     demo = json.loads((ROOT / "docs" / "demo.json").read_text(encoding="utf-8"))
     distance = [f"{demo[f'distance_{name}']:.2f}" for name in ("median", "95", "largest")]
-    error = [f"{demo[f'tip_{name}_mm']:.1f}" for name in ("median", "95", "largest")]
+    error = [f"{demo[f'position_error_{name}_mm']:.1f}" for name in ("median", "95", "largest")]
     duration, person = f"{demo['duration_s']:.1f} s", f"{demo['person_s']:.1f} s"
     assert cells("README.md", "Demo (freeform → Panda): ellipsoid")[1:] == [*distance, f"{duration} (person {person})"]
     assert cells("README.md", "Demo: position error")[1:4] == [f"{value} mm" for value in error]

@@ -30,7 +30,7 @@ from sizes import SMALL
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
-    *(f"start/{name}.md" for name in ("tip_and_mounting", "distances", "sending")),
+    *(f"start/{name}.md" for name in ("end_effector", "distances", "sending")),
     "../README.md", "batch.md", "both_arms.md", "learn.md", "live.md", "outputs.md", "python.md", "quickstart.md",
     "recordings.md", "robots.md",
 )  # fmt: skip

@@ -1,14 +1,12 @@
 """Arms and robot files that several tests use."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from crane import two_arms
 from maniport.arms import Arm, ArmGroup
-from maniport.arms.chain import Frame, Joint, Shape, pose
-from maniport.arms.meshes import box
 
 URDF = """<robot name="crane">
   <link name="base"/><link name="post"/><link name="boom"/><link name="trolley"/><link name="cable"/>
@@ -74,29 +72,7 @@ def planar():
     return Arm.from_dh("planar", np.array([[0.0, 0, 1, 0], [0, 0, 1, 0]]))
 
 
-def limb(side: str) -> Arm:
-    """One arm of the crane: four joints and a box on each, on a trunk that turns and rises and stands on a base."""
-    sign = 1.0 if side == "left" else -1.0
-    axes, places = np.eye(3)[[2, 2, 2, 1, 2, 1]], [(0, 0, 0.2), (0, 0, 0.3), (0.05, sign * 0.2, 0.1)]
-    places += [(0, sign * 0.1, 0), (0.25, 0, 0), (0.2, 0, 0.0)]
-    names = ("turn", "rise", *(f"{side}_{i}" for i in range(1, 5)))
-    joints = [
-        Joint(name, "prismatic" if name == "rise" else "revolute", axis, pose(place))
-        for name, axis, place in zip(names, axes, places, strict=True)
-    ]
-    frames = {"base": Frame(0, np.eye(4)), "trunk": Frame(2, np.eye(4))}
-    frames |= {f"{side}_link{i}": Frame(2 + i, np.eye(4)) for i in range(1, 5)}
-    sizes = {"base": (0.3, 0.3, 0.1), "trunk": (0.15, 0.2, 0.3)}
-
-    def shapes(links):
-        return [Shape(link, box(*sizes.get(link, (0.15, 0.06, 0.06)))) for link in links]
-
-    chain = Arm.from_dh("crane", np.zeros((6, 4)), [-2.0, 0, -2, -2, -2, -2], [2.0, 0.3, 2, 2, 2, 2]).chain
-    ends = {"frame": f"{side}_link4", "coordinates": names}
-    return Arm(replace(chain, joints=tuple(joints), frames=frames, shapes=shapes, **ends))
-
-
 @pytest.fixture(scope="session")
 def crane() -> ArmGroup:
     """Two arms with four joints each on a trunk that turns and rises."""
-    return ArmGroup(limb("left"), limb("right"), names=("left", "right"))
+    return two_arms()

@@ -59,8 +59,8 @@ def test_wrong_options_of_ellipsoids_are_named(panda, options, message):
 def test_unknown_velocity_limits_are_named(urdf):
     """Weights by velocity limits need them all: the joints without one are listed."""
     for arm, joints in (("myoarm", "elv_angle, .*flexion"), (urdf, "turn, spin")):
-        with pytest.raises(InvalidInputError, match=f"has no velocity limits for {joints}; give"):
-            load_arm(arm).manipulability(np.zeros(load_arm(arm).dof), joint_weights="velocity-limits")
+        with pytest.raises(InvalidInputError, match=f"has no velocity limits above 0 for {joints}; add"):
+            load_arm(arm).manipulability(np.zeros(load_arm(arm).dof), joint_weights="joint-limits")
 
 
 def test_singular_force_ellipsoid_is_refused(planar):
@@ -68,7 +68,7 @@ def test_singular_force_ellipsoid_is_refused(planar):
     with pytest.raises(NotSPDError, match=r"jacobian\[0\] is singular.*\(2 of 2\).*kind='velocity'"):
         planar.manipulability([[0.3, 0.5], [0.0, 0.0]], kind="force")
     with pytest.raises(NotSPDError, match=r"jacobian\[1\] is singular"):
-        manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), EllipsoidSpec("force"))
+        manipulability(np.stack([np.eye(6), np.diag([1.0, 0, 1, 1, 1, 1])]), "force")
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_derivatives_of_ellipsoids_are_finite_differences(manipulable, kind, par
     for weights in (None, np.linspace(0.5, 2, manipulable.dof)):
         spec = EllipsoidSpec(kind, part, weights)
         if kind == "force":
-            q = q[np.linalg.cond(manipulable.ellipsoids(q, spec.velocity)) < 100]
+            q = q[np.linalg.cond(manipulable.ellipsoids(q, spec.bounded)) < 100]
         assert len(q) > 5 or part == "full"
         m = {n: manipulable.ellipsoids(q[:, None] + n * shifts, spec) for n in (-20, -10, 10, 20)}
         expected = (8 * (m[10] - m[-10]) - (m[20] - m[-20])) / (120 * step)

@@ -21,7 +21,7 @@ from real_robots import NEEDS_ROBOTS
 NIGHTLY = bool(os.environ.get("MANIPORT_NIGHTLY"))
 ROBOTS = PACKAGES["example-robot-data"]
 NAMES = ("panda", *ROBOTS.names) if NIGHTLY else ("panda", "ur5")
-COUNT = 5000 if NIGHTLY else 100
+COUNT, SAMPLES = (5000, 100) if NIGHTLY else (60, 40)
 OVERLAPPING = 0.9  # meshes that meet in a larger share of the samples, and at rest, overlap by design
 DEPTH = 1e-3  # contacts that are less deep do not count [m]
 
@@ -35,7 +35,7 @@ def test_configurations_reported_free_are_free(name):
     if not collisions.checked:
         pytest.skip(f"{name} has no meshes")
     path = ROBOTS.installed()["panda"] if name == "panda" else find_robot(f"example-robot-data/{name}").path
-    exact = ExactMeshes(path, arm.joint_names, arm.sample(100, 1))
+    exact = ExactMeshes(path, arm.joint_names, arm.sample(SAMPLES, 1))
     unchecked = {frozenset(text.split(" against ")) for text in collisions.unchecked}
     q = arm.sample(COUNT, 7)
     free = q[~collisions.collides(q)]

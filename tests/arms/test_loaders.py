@@ -45,6 +45,7 @@ def test_urdf_joints_become_coordinates(urdf):
     np.testing.assert_allclose(arm.lower, [-np.pi, -1, 0.1, -np.pi])
     np.testing.assert_allclose(arm.upper, [np.pi, 1.5, 0.6, np.pi])
     np.testing.assert_array_equal(arm.velocity_limits, [np.inf, 2, 0.5, np.inf])
+    np.testing.assert_array_equal(arm.chain.effort_limits, [np.inf, 1, 1, 1])
 
 
 def test_mjcf_equals_mujoco(mjcf):
@@ -222,18 +223,13 @@ def test_implausible_segment_lengths_are_refused(build, length):
 
 
 @pytest.mark.parametrize(("axis", "place"), [("0 0 0", "0 0 1"), ("0 1e-320 0", "0 0 1"), ("0 1 0", "1e300 0 0")])
-def test_axes_of_no_length_and_places_out_of_the_world_are_refused(tmp_path, axis, place):
+def test_axes_of_no_length_and_places_out_of_the_world_are_refused(write, axis, place):
     """They would make nan of every ellipsoid, or infinities."""
     body = f'<body name="b" pos="{place}"><joint name="j" axis="{axis}" range="-1 1"/><geom size="0.1"/></body>'
-    texts = {
-        "r.urdf": jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'),
-        "r.xml": world(f'<body name="a">{body}</body>'),
-    }
-    for name, text in texts.items():
-        (tmp_path / name).write_text(text)
-        message = r"joint 'j' must (have an axis of finite length|be placed by)|<body> needs pos"
-        with pytest.raises(ValueError, match=message):
-            load_arm(tmp_path / name, frame="b")
+    urdf = write(jointed("revolute", f'<origin xyz="{place}"/><axis xyz="{axis}"/>{LIMIT}'))
+    for path in (urdf, write(world(f'<body name="a">{body}</body>'), "r.xml")):
+        with pytest.raises(ValueError, match=r"'j' must (have an axis of finite length|be placed by)|<body> needs pos"):
+            load_arm(path, frame="b")
 
 
 def test_formats_and_persons_from_outside_are_entries(tmp_path, monkeypatch):

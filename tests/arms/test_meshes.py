@@ -122,7 +122,6 @@ OUTSIDE = {
 def test_meshes_outside_are_refused_unless_allowed(tmp_path, case, suffix):
     """What a robot's file names outside its folders and packages is not read; the message says how to allow it."""
     folder = tmp_path / "a" / "b" / "c" / "kit" / "urdf"
-    (tmp_path / "far").mkdir()
     for place in (tmp_path / "far", tmp_path / "a" / "b" / "c", tmp_path):
         place.mkdir(parents=True, exist_ok=True)
         (place / "secret.stl").write_bytes(stl())

@@ -78,6 +78,39 @@ def test_included_files_are_as_if_written_in_their_place(write):
     assert [s.joint for s in split.surfaces()] == [s.joint for s in whole.surfaces()] == [0, 1, 2]
 
 
+JOINTS = '<joint name="i" class="strong"/>', '<joint name="j" actuatorfrcrange="-30 50"/>', '<joint name="k"/>'
+ACTUATORS = {
+    "": (10, 30, np.inf),
+    '<position joint="i" kp="9" forcerange="-4 5"/>': (4, 30, np.inf),
+    '<position joint="j" kp="9"/><motor joint="k" gear="3" ctrlrange="-7 6"/>': (10, 30, 18),
+    '<motor class="geared" joint="k"/><general joint="k" gainprm="4" gear="2" ctrlrange="-1 1"/>': (10, 30, 28),
+    '<motor joint="k" ctrlrange="-7 6" ctrllimited="false"/><motor joint="i" gear="0.1" forcerange="-9 9"/>': (
+        0.9,
+        30,
+        np.inf,
+    ),
+}
+
+
+@pytest.mark.parametrize("actuators", ACTUATORS)
+def test_torque_limits_are_those_of_joints_and_actuators(write, actuators):
+    """The weaker direction counts, and of a joint and the sum of its actuators the smaller limit."""
+    classes = (
+        '<default><default class="strong"><joint actuatorfrcrange="-11 10"/></default>'
+        '<default class="geared"><general gear="5"/><motor ctrlrange="-4 4"/></default></default>'
+    )
+    bodies = "".join(f'<body name="{k}">{joint}<geom size="0.1"/>' for k, joint in enumerate(JOINTS)) + 3 * "</body>"
+    text = f"{HEAD}{classes}<worldbody>{bodies}</worldbody><actuator>{actuators}</actuator></mujoco>"
+    limits = load_arm(write(robot=text)).chain.effort_limits
+    np.testing.assert_allclose(limits, ACTUATORS[actuators])
+    data, torques = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text)), []
+    for data.ctrl in (-1e3, 1e3):
+        mujoco.mj_forward(model, data)
+        torques.append(np.abs(data.qfrc_actuator))
+    driven = np.isfinite(limits) & (torques[0] > 0)
+    np.testing.assert_allclose(np.min(torques, axis=0)[driven], limits[driven])
+
+
 @pytest.mark.parametrize(
     ("include", "message"),
     [
@@ -133,7 +166,7 @@ def test_the_site_is_the_end_effector(tmp_path, end, expected):
     path.write_text(ARM_TO.format(end))
     arm = load_arm(path)
     assert (arm.frame, arm.joint_names) == (expected, ("a", "b", "c"))
-    assert robot_limbs(str(path))[1].tip == expected
+    assert robot_limbs(str(path))[1].frame == expected
     assert farthest(mujoco, mujoco.MjModel.from_xml_path(str(path)), arm) < 1e-9
 
 

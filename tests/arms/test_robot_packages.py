@@ -67,7 +67,7 @@ def test_two_arms_are_named_by_their_side():
     limbs, default = robot_limbs("g1")
     assert default is None
     assert robot_limbs("g1_left_arm")[1] == limbs[0]
-    tips = [limb.tip for limb in limbs]
+    tips = [limb.frame for limb in limbs]
     assert set(tips[:2]) == {"left_rubber_hand", "right_rubber_hand"}
     assert set(tips[2:]) == {"left_ankle_roll_link", "right_ankle_roll_link"}
 

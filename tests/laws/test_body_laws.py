@@ -103,8 +103,8 @@ def test_ellipsoids_agree_with_one_another(arm, seed, spec):
     """They are J W² Jᵀ, or its inverse; axes, derivatives and all at once tell the same."""
     q = arm.sample(3, seed)
     velocity = EllipsoidSpec("velocity", spec.part)
-    assert spec.velocity == velocity
-    assert arm.resolved(spec) == spec
+    assert spec.bounded == velocity
+    assert arm.checked_spec(spec) == spec
     rows = arm.jacobian(q)[:, spec.rows]
     matrices = rows @ np.swapaxes(rows, 1, 2)
     assert_allclose(arm.ellipsoids(q, velocity), matrices, atol=1e-12)

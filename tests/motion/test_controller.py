@@ -1,7 +1,5 @@
 """Arms follow target ellipsoids and paths step by step: accuracy, limits and errors."""
 
-import csv
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -11,7 +9,6 @@ from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError, ManiportError, NotSPDError, OutputError
 from maniport.motion import SeedBank, controller, track
 from maniport.motion.status import FOLLOWED, HELD, JOINT_LIMIT, PATH, VELOCITY_LIMIT
-from maniport.report import as_numbers, report_of
 from maniport.util.files import load_ellipsoids
 
 TIME = np.linspace(0.0, 2.0, 41)
@@ -119,7 +116,7 @@ def test_failure_of_the_solver_holds_the_arm(panda, motion, monkeypatch):
     [
         EllipsoidSpec("force"),
         EllipsoidSpec(part="rotation"),
-        EllipsoidSpec(part="full", joint_weights="velocity-limits"),
+        EllipsoidSpec(part="full", joint_weights="joint-limits"),
     ],
 )
 def test_other_parts_are_followed_at_uneven_times(panda, motion, spec):
@@ -141,23 +138,19 @@ def test_weights_and_linear_interpolation(panda, motion):
 
 
 def test_results_are_written_and_read_back(panda, own, tmp_path):
-    """CSV and npz files hold the joints that the result has, and the summary is ready for JSON."""
+    """CSV and npz files hold the joints that the result has, with velocities and accelerations."""
     own.save_joints_csv(tmp_path / "joints.csv")
-    with open(tmp_path / "joints.csv", newline="") as stream:
-        header, *rows = csv.reader(stream)
+    header = (tmp_path / "joints.csv").read_text().split("\n", 1)[0].split(",")
     assert header == ["time_s", *(f"panda_joint{i}_rad{per}" for per in ("", "/s", "/s2") for i in range(1, 8))]
     steps = own.control_time, own.control_positions, own.control_velocities, own.control_accelerations
-    assert_allclose(np.array(rows, dtype=float), np.column_stack(steps), atol=1e-6)
+    rows = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1)
+    assert_allclose(rows, np.column_stack(steps), atol=1e-6)
     own.save_joints(tmp_path / "joints.npz")
     with np.load(tmp_path / "joints.npz") as arrays:
-        assert tuple(arrays["joint_names"]) == panda.joint_names
-        assert tuple(arrays["status"]) == own.status
+        assert (tuple(arrays["joint_names"]), tuple(arrays["status"])) == (panda.joint_names, own.status)
         for name in ("joint_positions", "control_positions", "control_velocities"):
             assert_array_equal(arrays[name], getattr(own, name))
     assert_allclose(load_ellipsoids(tmp_path / "joints.npz")[0], own.achieved)
-    summary = as_numbers(report_of(own))["motion"]
-    assert summary["waypoints"]["status"] == {FOLLOWED: len(TIME)}
-    assert summary["position_error_mm"]["p95"] < 1
     with pytest.raises(OutputError):
         own.save_joints(tmp_path / "nowhere" / "joints.npz")
 

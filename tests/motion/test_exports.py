@@ -89,7 +89,7 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
         assert_array_equal(column[f"{name}_position"], motion.control_positions[:, k])
         assert_array_equal(column[f"{name}_acceleration"], asked.control_accelerations[:, k])
         assert units[f"{name}_velocity"] == "rad/s"
-    tips = np.stack([column[f"tip_{axis}"] for axis in "xyz"], axis=1)
+    tips = np.stack([column[f"end_effector_{axis}"] for axis in "xyz"], axis=1)
     assert_array_equal(tips, PLANAR.forward(motion.control_positions)[:, :3, 3])
     assert_array_equal(column["achieved_xy"], PLANAR.manipulability(motion.control_positions)[:, 0, 1])
     assert units["achieved_xy"] == units["target_xx"] == "(m/s per rad/s)²"
@@ -103,7 +103,7 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
     assert_allclose(column["distance"][there], wanted, atol=1e-9)
     at = np.interp(asked.time, asked.control_time[there], column["distance"][there])
     assert_allclose(at, asked.distance, atol=0.02)
-    off = np.interp(asked.time, asked.control_time[there], column["tip_error"][there])
+    off = np.interp(asked.time, asked.control_time[there], column["position_error"][there])
     assert_allclose(off, asked.position_error, atol=2e-3)
 
 

@@ -1,6 +1,5 @@
 """Motions of several arms: as each alone where they do not meet, free of collisions where they do."""
 
-import csv
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,7 @@ import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
+from crane import two_arms
 from maniport.arms.chain import pose
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
@@ -84,10 +84,19 @@ def separate(apart):
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
-    """Their postures are those of two single runs, but for what the common time makes of jerks."""
+    """They are two single runs, but for what the common time makes of jerks: one motion, at rest at either end."""
     arms, planner = apart
     asked = task(arms, swung(), swung(1.0))
     assert not separate.coupled
+    assert separate.limit_use.within
+    assert separate.trajectory.joint_names == arms.joint_names
+    assert_array_equal(separate.trajectory.control_velocities[[0, -1]], 0.0)
+    for name in ("control_positions", "joint_positions"):
+        together = np.hstack([getattr(motion, name) for motion in separate.arms])
+        assert_array_equal(together, getattr(separate.trajectory, name))
+    distance, best = (np.concatenate([getattr(arm, name) for arm in separate.arms])
+                      for name in ("distance", "pointwise_best"))  # fmt: skip
+    assert_allclose(separate.pointwise_ratio, np.linalg.norm(distance) / np.linalg.norm(best))
     for i, motion in enumerate(separate.arms):
         alone = plan_motion(
             arms.arms[i], asked["profiles"][i], time=TIME, paths=asked["paths"][i], planner=single(planner, i),
@@ -96,21 +105,6 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
         assert_allclose(motion.pointwise_best, alone.pointwise_best, atol=1e-6)
-
-
-def test_a_pair_is_one_motion(apart, separate):
-    """Left, right and both are the same samples on the same times, within all limits, at rest at either end."""
-    arms, _ = apart
-    assert separate.trajectory.joint_names == arms.joint_names
-    for motion, columns in zip(separate.arms, arms.columns, strict=True):
-        assert_array_equal(motion.control_positions, separate.trajectory.control_positions[:, columns])
-        assert_array_equal(motion.joint_positions, separate.trajectory.joint_positions[:, columns])
-        assert_array_equal(motion.time, separate.trajectory.time)
-    assert separate.limit_use.within
-    assert_array_equal(separate.trajectory.control_velocities[[0, -1]], 0.0)
-    distance, best = (np.concatenate([getattr(arm, name) for arm in separate.arms])
-                      for name in ("distance", "pointwise_best"))  # fmt: skip
-    assert_allclose(separate.pointwise_ratio, np.linalg.norm(distance) / np.linalg.norm(best))
 
 
 def test_arms_that_would_meet_are_kept_apart(beside):
@@ -132,8 +126,8 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     arms, planner = beside
     asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
-    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", tips=tips)
-                     for tips in ("placed", "relative"))  # fmt: skip
+    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", hand_targets=targets)
+                     for targets in ("placed", "relative"))  # fmt: skip
     assert_allclose(found.relative[:, 0], asked["paths"][1] - asked["paths"][0])
     tips = arms.forward(found.trajectory.joint_positions)[:, :, :3, 3]
     assert_allclose(
@@ -149,31 +143,9 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     assert found.limit_use.within
 
 
-def trunk(side):
-    """One of two arms with three joints each on a trunk that turns."""
-    sign = 1.0 if side == "left" else -1.0
-    joints = [
-        mp.arms.chain.Joint("turn", "revolute", np.eye(3)[2], pose((0, 0, 0.2))),
-        *(mp.arms.chain.Joint(f"{side}_{i}", "revolute", np.eye(3)[axis], pose(way)) for i, (axis, way) in enumerate(
-            [(2, (0.0, sign * 0.3, 0.0)), (1, (0.0, sign * 0.1, 0.0)), (2, (0.3, 0.0, 0.0)), (1, (0.2, 0.0, 0.05))]
-        )),
-    ]  # fmt: skip
-    chain = mp.Arm.from_dh("trunk", np.zeros((5, 4)), -1.5, 1.5).chain
-    frame = mp.arms.chain.Frame
-    return mp.Arm(replace(
-        chain, joints=tuple(joints), coordinates=tuple(joint.name for joint in joints), frame=f"{side}_tip",
-        frames={"base": frame(0, np.eye(4)), f"{side}_tip": frame(5, pose((0.2, 0.0, 0.0)))},
-    ))  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def crane():
-    """Two arms on one trunk."""
-    return mp.arms.ArmGroup(trunk("left"), trunk("right"), names=("left", "right"))
-
-
-def test_slopes_in_the_joints_of_both(crane):
-    """The gradient over all joints, the shared one among them, is that of finite differences; costs add up."""
+def test_slopes_in_the_joints_of_both():
+    """The gradient over all joints, the shared ones among them, is that of finite differences; costs add up."""
+    crane = two_arms()
     q = 0.5 * crane.sample(4, 0)
     each = [
         Objective.of(arm).targets(1.3 * arm.manipulability(arm.sample(4, 2)), arm.forward(arm.sample(4, 3))[:, :3, 3])
@@ -183,11 +155,13 @@ def test_slopes_in_the_joints_of_both(crane):
     both = MotionProblem(time, tuple(each), MotionLimits.of(crane)).weighing(20.0)
     alone = sum(one.weighing(20.0).cost(p) for one, p in zip(each, crane.split(q), strict=True))
     assert_allclose(both.evaluate(q)[0] ** 2, alone)
-    assert both.tip_error(q).shape == (4, 2)
+    assert both.position_error(q).shape == (4, 2)
     cost = RelativePositionCost(crane, (0, 1), time, each[1].positions - each[0].positions)
     free = tuple(replace(own, positions=None) for own in each)
     between = replace(both, targets=free, costs=(cost,)).weighing(20.0)
-    assert_allclose(between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.tip_error(q)[:, 0]) ** 2)
+    assert_allclose(
+        between.evaluate(q)[0] ** 2, between.distance(q) ** 2 + (20.0 * between.position_error(q)[:, 0]) ** 2
+    )
     for one in (both, between):
         _, gradient, hessian = one.evaluate(q)
         steps = 1e-6 * np.eye(crane.dof)
@@ -255,10 +229,8 @@ def test_files_name_the_joints_of_both(separate, apart, tmp_path):
     """CSV, NPZ, ROS 2 and MuJoCo hold all joints under the pair's names; what takes one arm says so."""
     arms, _ = apart
     separate.trajectory.save_joints_csv(tmp_path / "joints.csv")
-    with open(tmp_path / "joints.csv", encoding="utf-8", newline="") as stream:
-        rows = list(csv.reader(stream))
-    assert rows[0][1:15] == [f"{name}_rad" for name in arms.joint_names]
-    assert_allclose(np.array(rows[1:], float)[:, 1:15], separate.trajectory.control_positions, atol=1e-11)
+    header = (tmp_path / "joints.csv").read_text().split(",")
+    assert header[1:15] == [f"{name}_rad" for name in arms.joint_names]
     separate.save_joints(tmp_path / "joints.npz")
     with np.load(tmp_path / "joints.npz") as file:
         assert_array_equal(file["control_positions"], separate.trajectory.control_positions)
@@ -282,16 +254,18 @@ def test_wrong_arguments_are_named(apart, panda):
         ({"profiles": [profile]}, "profiles must be a sequence of 2"),
         ({"paths": [path, other[:-1]]}, "path"),
         ({"paths": [path, None]}, "paths must be of all arms or of none"),
-        ({"tips": "absolute"}, "unknown tips 'absolute'"),
-        ({"paths": None, "tips": "relative"}, "tips='relative'"),
+        ({"hand_targets": "absolute"}, "unknown hand_targets 'absolute'"),
+        ({"paths": None, "hand_targets": "relative"}, "hand_targets='relative'"),
         ({"home": np.zeros(7)}, r"home must have shape \(\.\.\., 14\)"),
     ):
         with pytest.raises(InvalidInputError, match=message):
             plan_motion(arms, **options | change)
     with pytest.raises(InvalidInputError, match="arms must be an Arm"):
         plan_motion("panda", **options)
-    with pytest.raises(InvalidInputError, match="tips='relative'"):
-        plan_motion(panda, profile, paths=path, time=TIME, tips="relative")
+    with pytest.raises(InvalidInputError, match="hand_targets='relative'"):
+        plan_motion(panda, profile, paths=path, time=TIME, hand_targets="relative")
     other = mp.load_arms("panda", frames=["panda_link8"] * 2, bases=[(0.0, 2.0, 0.0), (0.0, -2.0, 0.0)])
-    with pytest.raises(InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': tip"):
+    with pytest.raises(
+        InvalidInputError, match="the planner was made for 'panda'; it does not fit 'panda': end effector"
+    ):
         plan_motion(other, **options)

@@ -55,10 +55,6 @@ def test_a_file_goes_before_everything_else(panda, tmp_path):
     assert limits.upper[0] < panda.upper[0]
     assert limits.sources["velocity"] == f"{file} (default)"
     assert limits.sources["jerk"].startswith(f"{file} (panda_joint1); Franka")
-    same = MotionLimits.of(
-        panda, {"joints": {"panda_joint1": {"jerk": 1e3, "lower": -1}}, "default": {"velocity": 0.5}}
-    )
-    assert_array_equal(same.jerk, limits.jerk)
 
 
 @pytest.mark.parametrize(

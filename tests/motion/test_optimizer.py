@@ -131,5 +131,5 @@ def test_relaxation_brings_the_end_effector_nearer(reason):
         terms, weight = replace(terms, collisions=None, velocity=0.8 * speed), 30.0
     before = optimize(own, UNEVEN, q, terms, weight)
     after = relaxed(own, UNEVEN, before, terms, weight, 1e-4)
-    assert own.tip_error(after).max() < 0.5 * own.tip_error(before).max()
+    assert own.position_error(after).max() < 0.5 * own.position_error(before).max()
     assert (0.3 - after[:, 0]).min() > 1e-3

@@ -46,7 +46,7 @@ def test_nodes_are_turned_as_they_shall_be(planner, motion, keep):
     owner = np.repeat(np.arange(len(TIME)), np.diff(nodes.first))
     angles = targets[owner].orientation_cost.angles(nodes.q)
     assert all(angles[owner == i].min() < 0.1 for i in range(len(TIME)))
-    assert targets[owner].tip_error(nodes.q).max() < 1e-3
+    assert targets[owner].position_error(nodes.q).max() < 1e-3
     assert_allclose(nodes.cost, targets[owner].cost(nodes.q))
     middle = 0.5 * (planner.limits.lower + planner.limits.upper)[6]
     assert (np.ptp(nodes.q[:, 6]) > 1.0) == (keep == WHOLE)

@@ -68,15 +68,14 @@ def test_a_straight_line_takes_as_long_as_it_must():
     assert use.shares[1:3, 0].min() > 0.99
 
 
-@pytest.mark.parametrize(("jerk", "rate"), [(0.1, 200.0)])
-def test_little_jerk_takes_long_and_stays_on_the_path(jerk, rate):
+def test_little_jerk_takes_long_and_stays_on_the_path():
     """Less acceleration is used where full jerk reaches the limit late, so the moving average is short."""
-    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
+    limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": 0.1}}), np.linspace(0.0, 2.0, 41)
     q = waves(limits, time)
-    timed = retime(limits, time, q, rate=rate)
-    require_laws(limits, time, q, timed, rate)
-    assert np.abs(timed.joint_positions - q).max() <= 0.1 * jerk * 0.3**2 / 24
-    assert timed.control_time[-1] > 1.0 / np.sqrt(0.1 * jerk)
+    timed = retime(limits, time, q, rate=200.0)
+    require_laws(limits, time, q, timed, 200.0)
+    assert np.abs(timed.joint_positions - q).max() <= 0.01 * 0.3**2 / 24
+    assert timed.control_time[-1] > 10.0
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_all_renderings_have_the_same_sentences(result, changed):
     missed = changed(result, {"gap": arm.gap + 1.0}, status=("ellipsoid missed",) * n)
     report, console = report_of(replace(missed, warnings=("mind <the> step & the gap",))), Console()
     console._out.file = io.StringIO()
-    console.tell(report, output="some folder")
+    console.print_report(report, output="some folder")
     lines = console._out.file.getvalue().splitlines()
     terminal, title = " ".join(" ".join(lines).split()), report.summary.title
     page = as_page(report, {"motion": [animation_of(missed)]})

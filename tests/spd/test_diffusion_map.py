@@ -39,15 +39,6 @@ def test_transform_gives_fitted_points_their_coordinates():
     assert_allclose(chart.transform(points[7:8]), chart.coordinates[7:8], atol=1e-10)
 
 
-def test_far_clusters_are_separated():
-    """Two clusters that are far from each other have first coordinates of opposite sign."""
-    points = np.concatenate([cloud(30, spread=0.2), 50.0 * cloud(40, seed=1, spread=0.2)])
-    first = DiffusionMap(points).coordinates[:, 0]
-    assert np.ptp(np.sign(first[:30])) == np.ptp(np.sign(first[30:])) == 0
-    assert first[0] * first[-1] < 0
-    assert np.abs(first).min() > 3 * max(first[:30].std(), first[30:].std())
-
-
 def test_outliers_do_not_take_a_coordinate_for_themselves():
     """With two far points among 400, the others still fill a visible part of the map."""
     noise = np.random.default_rng(0).normal(size=(398, 3, 3))

@@ -1,4 +1,4 @@
-"""Ellipsoids: axes, lengths, volume, condition."""
+"""Ellipsoids: axes, lengths, volume, condition, and the directions of axes over time."""
 
 import numpy as np
 import pytest
@@ -22,6 +22,37 @@ def test_singular_ellipsoids_have_axes_of_length_zero():
         spd.condition(flat)
 
 
+@pytest.fixture
+def turning():
+    """Ellipsoids that turn about z twice, with their major axis in the plane, and their axes."""
+    angle = np.linspace(0, 4.0 * np.pi, 200)
+    c, s, o = np.cos(angle), np.sin(angle), np.zeros(200)
+    basis = np.moveaxis(np.array([[c, -s, o], [s, c, o], [o, o, o + 1]]), 2, 0)
+    return (basis * [9.0, 4.0, 1.0]) @ np.swapaxes(basis, 1, 2), basis
+
+
+def test_a_turning_axis_is_followed_without_jumps(turning):
+    """Over two full turns the vector goes round with the axis, although eigenvectors have no sign."""
+    points, basis = turning
+    vectors = axis_over_time(points, -1)
+    assert_allclose(vectors, basis[:, :, 0], atol=1e-12)
+    assert_allclose(np.abs(axis_over_time(points, 0)), np.broadcast_to([0.0, 0.0, 1.0], vectors.shape), atol=1e-12)
+
+
+def test_sign_agrees_again_after_a_place_without_direction(turning):
+    """What was flipped by a pause without direction, or by a leap of the axis, takes the other's sign again."""
+    points, basis = turning
+    like = axis_over_time(points, -1)
+    broken = points.copy()
+    broken[50:75] = np.eye(3)  # meanwhile the axis turns by a quarter
+    vectors = axis_over_time(broken, -1, like)
+    assert np.isnan(vectors[50:75]).all()
+    assert_allclose(vectors[:50], basis[:50, :, 0], atol=1e-12)
+    assert_allclose(vectors[75:], basis[75:, :, 0], atol=1e-12)
+    leaping = np.concatenate([points[:50], points[75:]])
+    assert_allclose(axis_over_time(leaping, -1, np.concatenate([like[:50], like[75:]]))[50:], like[75:], atol=1e-12)
+
+
 @pytest.mark.parametrize(("squares", "which"), [([1.0, 1.0, 4.0, 9.0], -1), ([1.0, 4.0, 9.0, 9.0], 0)])
 def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
     """Other axes may be equal: of two equal minor axes neither has a direction, but the major axis has, and so on."""
@@ -30,13 +61,13 @@ def test_an_axis_has_a_direction_where_the_next_differs(squares, which):
     assert np.isnan(axis_over_time(points, -1 - which)).all()
 
 
-@pytest.mark.parametrize(("degrees", "turned"), [(100.0, False), (119.0, False), (121.0, True)])
-def test_sign_changes_only_where_two_profiles_are_opposite(degrees, turned):
+@pytest.mark.parametrize(("degrees", "flipped"), [(100.0, False), (119.0, False), (121.0, True)])
+def test_sign_changes_only_where_two_profiles_are_opposite(degrees, flipped):
     """Once it agrees, an axis keeps its sign up to 120° from the other profile's."""
     angle, x = np.deg2rad(degrees), np.array([1.0, 0.0, 0.0])
     like = np.stack([x, np.array([np.cos(angle), np.sin(angle), 0.0])])
     points = np.stack([np.diag([9.0, 4.0, 1.0])] * 2)
-    assert_array_equal(axis_over_time(points, -1, like), [x, -x if turned else x])
+    assert_array_equal(axis_over_time(points, -1, like), [x, -x if flipped else x])
 
 
 @given(angle=st.one_of(st.floats(0.0, np.pi / 2), st.floats(1e-12, 1e-6)), sign=st.sampled_from([-1.0, 1.0]))

@@ -29,18 +29,6 @@ def test_decomposition_rebuilds_symmetric_matrices(d, seed, exponent, random_sym
 
 
 @pytest.mark.parametrize("d", [2, 3, 6])
-def test_small_eigenvalues_of_graded_matrices_keep_their_digits(d, random_spd):
-    """D A D with a diagonal D from 1e-6 to 1 has all eigenvalues to 1e-12, where an absolute error would lose them."""
-    a = random_spd(np.random.default_rng(4), (20,), d, condition=5.0)
-    grading = np.logspace(-6, 0, d)
-    graded = a * np.outer(grading, grading)
-    # the inverse is graded the other way round, and its largest eigenvalue is accurate for any backward stable method
-    inverse = np.linalg.inv(a) / np.outer(grading, grading)
-    expected = 1.0 / np.linalg.eigvalsh(0.5 * (inverse + np.swapaxes(inverse, -1, -2)))[:, -1]
-    assert_allclose(eigh(graded)[0][:, 0], expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("d", [2, 3, 6])
 @pytest.mark.parametrize("rank", [0, 1, 2])
 def test_rank_deficient_products_are_decomposed(d, rank, random_spd):
     """J Jᵀ of a rank-deficient J has as many eigenvalues of rounding size as it lacks ranks, none of them nan."""
@@ -72,10 +60,10 @@ def test_threads_change_no_bit(d, random_spd, monkeypatch):
 def test_concurrent_callers_do_not_disturb_each_other(random_spd):
     """Kernels may be called from several threads at once."""
     x = random_spd(np.random.default_rng(1), (500,), 3)
-    expected, found = spd.mean(x), {}
-    callers = [threading.Thread(target=lambda i=i: found.update({i: spd.mean(x)})) for i in range(4)]
+    expected, means = spd.mean(x), {}
+    callers = [threading.Thread(target=lambda i=i: means.update({i: spd.mean(x)})) for i in range(4)]
     for caller in callers:
         caller.start()
     for caller in callers:
         caller.join()
-    assert all(np.array_equal(found[i], expected) for i in range(4))
+    assert all(np.array_equal(means[i], expected) for i in range(4))

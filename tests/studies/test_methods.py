@@ -21,13 +21,13 @@ def small(monkeypatch):
 
 
 def test_a_line_for_every_method_and_a_table_for_every_motion(small):
-    """The line has the mean of the motions' gaps; other rows than those asked for are not there."""
-    told = compare_methods(("identity", "icp"), names=["H-Eval-2"])
-    values = methods_section(told).tables[0].value
+    """The line has the mean of the motions' gaps; other rows than the requested ones are not there."""
+    comparison = compare_methods(("identity", "icp"), names=["H-Eval-2"])
+    values = methods_section(comparison).tables[0].value
     assert list(values) == ["parallel-transport", "identity", "icp"]
-    gaps = told["H-Eval-2"].row("icp").feasibility_gap
+    gaps = comparison["H-Eval-2"].row("icp").feasibility_gap
     assert (values["icp"]["gap"], values["icp"]["gap_p95"]) == (gaps.mean, gaps.p95)
-    page = as_markdown(methods_report(told))
+    page = as_markdown(methods_report(comparison))
     assert page.count("| icp |") == 2
     assert page.count("\n## ") == 2
     assert page.count("Comparison of methods") == 1

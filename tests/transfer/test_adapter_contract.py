@@ -9,9 +9,9 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
 import maniport as mp
-from maniport.errors import IdentifiabilityWarning, NotFittedError
+from maniport.errors import IdentifiabilityWarning
 from maniport.testing import check_adapter
-from maniport.transfer import METHODS, method_of
+from maniport.transfer import METHODS, Search, method_of
 
 methods = pytest.mark.parametrize("name", METHODS)
 
@@ -19,7 +19,7 @@ methods = pytest.mark.parametrize("name", METHODS)
 @methods
 def test_every_method_keeps_the_contract(name):
     """All laws of the battery hold for every shipped method, in every size and with every regularization."""
-    check_adapter(method_of(name, random_state=0))
+    check_adapter(method_of(name, random_state=0, search=Search(n_starts=2)))
 
 
 @methods
@@ -34,23 +34,6 @@ def test_pipelines_and_grid_search_take_it(name, random_singular):
     assert np.all(search.cv_results_["mean_test_score"] < 0)
     step = Pipeline([("adapter", adapter)]).fit(teacher, student)
     assert_array_equal(step.transform(teacher), adapter.fit(teacher, student).transform(teacher))
-
-
-@pytest.mark.parametrize("name", ["parallel-transport", "icp", "nearest-neighbor"])
-def test_a_fit_that_fails_midway_leaves_the_adapter_as_it_was(name, random_spd):
-    """When a later fit fails at a parameter of its own, the adapter keeps its former map; one without any has none."""
-    rng = np.random.default_rng(0)
-    teacher, student = random_spd(rng, 12, 3), random_spd(rng, 15, 3)
-    wrong = {"n_samples": 0} if name == "nearest-neighbor" else {"dispersion": "none"}
-    adapter, fresh = method_of(name, random_state=0).fit(teacher, student), METHODS[name](**wrong)
-    before = adapter.transform(teacher)
-    with pytest.raises(ValueError, match=r"n_samples|dispersion"):
-        adapter.set_params(**wrong).fit(student, 3.0 * teacher)
-    assert_array_equal(adapter.transform(teacher), before)
-    with pytest.raises(ValueError, match=r"n_samples|dispersion"):
-        fresh.fit(teacher, student)
-    with pytest.raises(NotFittedError):
-        fresh.transform(teacher)
 
 
 class Deaf(mp.IdentityMap):

@@ -25,10 +25,10 @@ METHOD = "parallel-transport"
 BASES = np.array([[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]])
 
 
-def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, tip_follows=False):
+def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, follow_hand=False):
     """The frame of one arm after some time."""
     base_rotation = np.eye(3) if base_rotation is None else base_rotation
-    return state.frames(Command(joints, method, base_rotation, tip_follows), seconds)[0]
+    return state.frames(Command(joints, method, base_rotation, follow_hand), seconds)[0]
 
 
 def test_every_method_can_be_chosen(make_state):
@@ -68,14 +68,14 @@ def test_the_end_effector_follows_on_request(make_state, place):
     """Within 2 mm, once a placement is found."""
     state = make_state()
     state.sides[0].place = None
-    frame = advance(state, tip_follows=True)
-    assert frame.target.tip is None
+    frame = advance(state, follow_hand=True)
+    assert frame.target.position is None
     assert "placement" in frame.target.note
     state.sides[0].place = place
     for _ in range(60):
-        frame = advance(state, tip_follows=True)
+        frame = advance(state, follow_hand=True)
     assert frame.position_error < 2e-3
-    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target.tip) == pytest.approx(frame.position_error)
+    assert np.linalg.norm(frame.student_skeleton[-1] - frame.target.position) == pytest.approx(frame.position_error)
 
 
 def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, domains):
@@ -102,7 +102,7 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
         try:
             assert method == "length-field"
             maps.begin()
-            frame = advance(state, method, base_rotation=rotation, tip_follows=True)
+            frame = advance(state, method, base_rotation=rotation, follow_hand=True)
             assert "length-field is being fitted; the target is that of parallel-transport" in frame.target.note
         finally:
             gate.set()
@@ -151,7 +151,7 @@ def test_both_arms_move_as_each_alone(pandas):
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
     scales = [side.place.scale for side in pair.sides]
-    distance = np.linalg.norm(right.target.tip - left.target.tip)
+    distance = np.linalg.norm(right.target.position - left.target.position)
     assert distance == pytest.approx(scales[0] * np.linalg.norm(hands[1] - hands[0]))
     assert scales[0] == scales[1]
 

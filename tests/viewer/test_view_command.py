@@ -90,7 +90,7 @@ def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
         (["--person", "nobody"], "unknown person"),
         (["--side", "both"], "--pose"),
         (["--pose", "0,0,0,0"], "--pose"),
-        (["--side", "both", "--tips", "relative"], "--tips"),
+        (["--side", "both", "--hand-targets", "relative"], "--hand-targets"),
         (["--side", "both", "--robot", "panda", "--robot", "ur5"], "--pose"),
         (["--robot", "nothing"], "unknown robot 'nothing'"),
         (["--port", "99999"], "[0, 65535]"),

@@ -62,7 +62,7 @@ def test_controls_become_commands(make_view):
     panel._method.value, panel._follows.value = "nearest-neighbor", True
     panel._sliders[3].value = 45.0
     command = panel.read(0.02)
-    assert (command.method, command.tip_follows) == ("nearest-neighbor", True)
+    assert (command.method, command.follow_hand) == ("nearest-neighbor", True)
     assert command.joints[3] == pytest.approx(np.pi / 4)
     text, rows = panel._head.content, panel._methods.content
     for word in ("distance", "person", "target", "achieved", *map(readable, view.state.methods)):

@@ -2,17 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
+from maniport.arms.dynamics import Dynamics, DynamicsTerms, point_mass
 from maniport.arms.joint_space import Manipulable
 from maniport.arms.kinematics import Kinematics, PointKinematics
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.util.validation import Array, as_choice, as_count, as_finite, as_numbers
+from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_numbers
 
 
 class Arm(Manipulable):
@@ -35,6 +37,8 @@ class Arm(Manipulable):
         Their limits [rad] or [m], read-only.
     velocity_limits : ndarray, shape (dof,), or None
         Largest speeds [rad/s] or [m/s], read-only; infinite if unknown, None if all are unknown.
+    effort_limits : ndarray, shape (dof,), or None
+        Largest torques [N m] or forces [N], read-only; infinite if unknown, None if all are unknown.
     joint_units : tuple of str
         Units of the joints, ``"rad"`` or ``"m"``.
     base : str or None
@@ -48,12 +52,14 @@ class Arm(Manipulable):
     """
 
     def __init__(self, chain: Chain):
-        super().__init__(chain.name, chain.coordinates, chain.lower, chain.upper, chain.velocity_limits, chain.units)
+        limits = chain.lower, chain.upper, chain.velocity_limits, chain.effort_limits
+        super().__init__(chain.name, chain.coordinates, *limits, chain.units)
         self.chain, self.side = chain, chain.side
         self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
         self._parts = ((1.0, self._kinematics),)
+        self._dynamics = None if chain.inertia is None else Dynamics(chain)
         self.geometry = Geometry(chain)
 
     @classmethod
@@ -150,9 +156,36 @@ class Arm(Manipulable):
                 f"joint {self.joint_names[i]!r} of {self.name!r} must have limits within {self.lower[i]:g} to "
                 f"{self.upper[i]:g}; found {low[i]:g} to {high[i]:g}"
             )
-        arm = Arm(replace(self.chain, lower=low, upper=high))
-        arm.geometry = self.geometry  # shares its cache of meshes
+        return self._changed(lower=low, upper=high)
+
+    def with_limits(self, velocity: ArrayLike | None = None, effort: ArrayLike | None = None) -> "Arm":
+        """Return the arm with other velocity limits [rad/s, m/s] or effort limits [N m, N], shape (dof,) or numbers."""
+        changes = {
+            key: as_numbers(value, key, self.dof, broadcast=True, above=0.0)
+            for key, value in (("velocity_limits", velocity), ("effort_limits", effort)) if value is not None
+        }  # fmt: skip
+        return self._changed(**changes)
+
+    def with_payload(self, mass: float, center: ArrayLike = (0.0, 0.0, 0.0)) -> "Arm":
+        """Return the arm with a payload [kg], a point mass at `center` (3,) [m] in the frame of the end effector.
+
+        `InvalidInputError` for a negative mass, and for an arm without masses.
+        """
+        amount, point = as_number(mass, "mass", minimum=0.0), as_numbers(center, "center", 3)
+        if self.chain.inertia is None:
+            raise InvalidInputError(f"a payload needs masses, and the description of {self.name!r} has none")
+        inertia, tip = self.chain.inertia.copy(), self.chain.frames[self.frame]
+        inertia[tip.joint] += point_mass(amount, tip.placement[:3, :3] @ point + tip.placement[:3, 3])
+        return self._changed(inertia=inertia)
+
+    def _changed(self, **fields: Any) -> "Arm":
+        """Return the arm with other fields of its chain and the same cache of meshes."""
+        arm = Arm(replace(self.chain, **fields))
+        arm.geometry = self.geometry
         return arm
+
+    def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
+        return None if self._dynamics is None else self._dynamics(q, gravity, inertia, changes)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""

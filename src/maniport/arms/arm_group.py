@@ -1,6 +1,7 @@
 """A group of arms: chains in one frame, of one robot or of several, over the union of their joints."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import combinations
 from typing import Any
@@ -11,11 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain
+from maniport.arms.dynamics import DynamicsTerms
 from maniport.arms.joint_space import JointSpace, Manipulable
 from maniport.arms.kinematics import Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, typed
-from maniport.util.validation import Array, as_choice, as_finite, as_numbers
+from maniport.util.validation import Array, as_choice, as_numbers
 
 FACTORS: Mapping[str, tuple[float, float]] = {"relative": (-1.0, 1.0), "absolute": (0.5, 0.5)}  # of both Jacobians
 
@@ -74,13 +76,13 @@ class ArmGroup(JointSpace):
         joints = [arms[i].joint_names[k] for i, k in own]
         self.prefixes = tuple(f"{name}_" * (len(set(joints)) < len(joints)) for name in self.names)
         self.locked = {self.prefixes[i] + name: at for i, arm in enumerate(arms) for name, at in arm.locked.items()}
-        speeds = [np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits for arm in arms]
         super().__init__(
             "+".join(dict.fromkeys(arm.name for arm in arms)),
             tuple(self.prefixes[i] + joint for (i, _), joint in zip(own, joints, strict=True)),
             np.array([arms[i].lower[k] for i, k in own]),
             np.array([arms[i].upper[k] for i, k in own]),
-            None if np.all(np.isinf(np.concatenate(speeds))) else np.array([speeds[i][k] for i, k in own]),
+            _joined_limits([arm.velocity_limits for arm in arms], arms, own),
+            _joined_limits([arm.effort_limits for arm in arms], arms, own),
             tuple(arms[i].joint_units[k] for i, k in own),
         )
 
@@ -152,12 +154,12 @@ class ArmGroup(JointSpace):
         return np.stack([arm.ellipsoids(part, own) for arm, part, own in parts], axis=-3)
 
     def specs(self, spec: EllipsoidSpec) -> tuple[EllipsoidSpec, ...]:
-        """Return the specification of each arm: joint weights of the group are split."""
-        resolved = self.resolved(spec)
-        if resolved.joint_weights is None:
-            return (resolved,) * len(self.arms)
-        weights = as_finite(resolved.joint_weights, "joint_weights")
-        return tuple(EllipsoidSpec(resolved.kind, resolved.part, weights[columns]) for columns in self.columns)
+        """Return the specification of each arm: numbers as joint weights of the group are split."""
+        if not isinstance(spec, EllipsoidSpec) or spec.joint_weights is None or isinstance(spec.joint_weights, str):
+            return tuple(arm.checked_spec(spec) for arm in self.arms)
+        weights = np.array(self.checked_spec(spec).joint_weights)
+        own = (replace(spec, joint_weights=weights[columns]) for columns in self.columns)
+        return tuple(arm.checked_spec(part) for arm, part in zip(self.arms, own, strict=True))
 
     @cached_property
     def relative(self) -> "CooperativeArm":
@@ -196,9 +198,8 @@ class CooperativeArm(Manipulable):
     """
 
     def __init__(self, group: ArmGroup, kind: str, pair: tuple[int, int] | None = None):
-        super().__init__(
-            group.name, group.joint_names, group.lower, group.upper, group.velocity_limits, group.joint_units
-        )
+        limits = group.lower, group.upper, group.velocity_limits, group.effort_limits
+        super().__init__(group.name, group.joint_names, *limits, group.joint_units)
         if pair is None and len(group) != 2:
             raise InvalidInputError(f"pair must name two arms by index, since the group has {len(group)}; found None")
         self.arms, self.kind, self.pair = group, as_choice(kind, "kind", FACTORS), pair or (0, 1)
@@ -217,6 +218,26 @@ class CooperativeArm(Manipulable):
     def __reduce__(self) -> tuple[type["CooperativeArm"], tuple[ArmGroup, str, tuple[int, int]]]:
         return type(self), (self.arms, self.kind, self.pair)
 
+    def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
+        """Terms of both arms, of a shared joint those of the first; its inertia couples both, which chains omit."""
+        if inertia and self.arms.shared:
+            raise InvalidInputError(
+                "kind 'acceleration' of two arms needs arms without shared joints; found " + ", ".join(self.arms.shared)
+            )
+        n, dof = q.shape
+        result = DynamicsTerms(*(np.zeros((n, *[dof] * size)) for size in (1, 2, 2, 3)))
+        for i in sorted(self.pair, reverse=True):
+            columns = self.arms.columns[i]
+            own = self.arms.arms[i]._dynamics_terms(q[:, columns], gravity, inertia, changes)
+            if own is None:
+                return None
+            for target, part in zip(result, own, strict=True):
+                if len(part):
+                    target[np.ix_(np.arange(n), *[columns] * (target.ndim - 1))] = part
+        still = np.setdiff1d(np.arange(dof), np.concatenate([self.arms.columns[i] for i in self.pair]))
+        result.inertia[:, still, still] = 1.0  # of arms beside the pair: any, so that H is regular
+        return result
+
     def _pose(self, poses: Sequence[Array]) -> Array:
         first, second = poses
         factors, rotation = FACTORS[self.kind], np.swapaxes(first[:, :3, :3], -1, -2) @ second[:, :3, :3]
@@ -227,6 +248,13 @@ class CooperativeArm(Manipulable):
             rotation = first[:, :3, :3] @ half.as_matrix()
         result[:, :3, :3] = rotation
         return result
+
+
+def _joined_limits(limits: Sequence[Array | None], arms: Sequence[Arm], own: Sequence[tuple[int, int]]) -> Array | None:
+    """Limits of the joints of a group, (arm, joint) each; infinite where unknown, None if all are."""
+    parts = [np.full(arm.dof, np.inf) if part is None else part for part, arm in zip(limits, arms, strict=True)]
+    joined = np.array([parts[i][k] for i, k in own])
+    return None if np.all(np.isinf(joined)) else joined
 
 
 def _shared_joints(

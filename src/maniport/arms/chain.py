@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
@@ -92,7 +93,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Chain:
-    """Joints from base to tip, the frames on them and the coordinates that move them."""
+    """Joints from base to end effector, the frames on them and the coordinates that move them."""
 
     name: str
     joints: tuple[Joint, ...]
@@ -108,6 +109,7 @@ class Chain:
     # spatial inertia (joints + 1, 6, 6) of all that is fixed to the link after each joint (0: the base), linear rows
     # first, about the origin of the link's frame; None where the description has no masses
     inertia: Array | None = None
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)  # acceleration of free fall in the base frame [m/s²]
     shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
     others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
     base: str | None = None  # reference frame of all results if not the first frame of the file
@@ -200,8 +202,11 @@ def as_pose(value: ArrayLike, name: str) -> Array:
     return result
 
 
-def read_embedded(name: str) -> Chain:
-    """Read a chain that ships with the package, ``arms/data/<name>.json`` (lengths in meters, angles in radians)."""
+def read_embedded(name: str, without: Collection[str] = ()) -> Chain:
+    """Read a chain that ships with the package, ``arms/data/<name>.json`` (lengths in meters, angles in radians).
+
+    What the frames in `without` carry is not mounted: it has no mass, and there are no bodies off the chain.
+    """
     folder = Path(__file__).parent / "data"
     data = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     coordinates = [entry["name"] for entry in data["coordinates"]]
@@ -214,27 +219,36 @@ def read_embedded(name: str) -> Chain:
         placement = pose(entry["xyz"], entry.get("rpy", (0, 0, 0)))
         placement = placement if joints else pose(**data["base"]) @ placement
         joints.append(Joint(entry["name"], entry.get("kind", REVOLUTE), axis / np.linalg.norm(axis), placement))
-    lower, upper, speeds = (
+    lower, upper, speeds, efforts = (
         np.array([entry.get(key, np.inf) for entry in data["coordinates"]], dtype=np.float64)
-        for key in ("lower", "upper", "velocity")
+        for key in ("lower", "upper", "velocity", "effort")
     )
+    frames = {
+        f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent")) for f in data["frames"]
+    }
+    inertia = np.zeros((len(joints) + 1, 6, 6))
+    for entry in data.get("masses", ()):
+        if entry["frame"] not in without:
+            carrier = frames[entry["frame"]]
+            about_center = np.array(entry["inertia"])[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+            own = pin.Inertia(entry["mass"], np.array(entry["center"]), about_center)
+            inertia[carrier.joint] += pin.SE3(carrier.placement).act(own).matrix()
     shapes = folder / f"{name}_surfaces.npz"
     return Chain(
         name=data["name"],
         joints=tuple(joints),
-        frames={
-            f["name"]: Frame(f["joint"], pose(f["xyz"], f.get("rpy", (0, 0, 0))), f.get("parent"))
-            for f in data["frames"]
-        },
-        frame=data["tip"],
+        frames=frames,
+        frame=data["frame"],
         coordinates=tuple(coordinates),
         lower=lower,
         upper=upper,
         coupling=coupling,
         offset=np.zeros(len(joints)),
         velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+        effort_limits=efforts if np.any(np.isfinite(efforts)) else None,
+        inertia=inertia if np.any(inertia) else None,
         shapes=partial(read_shapes, shapes) if shapes.exists() else None,
-        others=None if "others" not in data else {
+        others=None if "others" not in data or without else {
             body["name"]: Body(body["joint"], np.array([pose(**place) for place in body["placements"]]), body["name"])
             for body in data["others"]
         },

@@ -2,19 +2,28 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maniport.arms.dynamics import DynamicsTerms
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, principal_axes, with_derivatives
+from maniport.arms.manipulability import (
+    VELOCITY,
+    EllipsoidSpec,
+    Weighting,
+    manipulability,
+    principal_axes,
+    with_derivatives,
+)
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import sobol
-from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator
+from maniport.util.validation import Array, as_choice, as_count, as_finite, as_generator, as_numbers
+
+LEAST_TORQUE = 0.05  # smallest share of an effort limit that gravity leaves, so that ellipsoids stay defined
 
 
 class JointSpace(NotebookDisplay):
@@ -27,12 +36,16 @@ class JointSpace(NotebookDisplay):
         lower: Array,
         upper: Array,
         velocity_limits: Array | None,
+        effort_limits: Array | None,
         joint_units: tuple[str, ...],
     ):
         self.name, self.dof, self.joint_names, self.joint_units = name, len(joint_names), joint_names, joint_units
         self.lower, self.upper = np.array(lower, dtype=np.float64), np.array(upper, dtype=np.float64)
-        self.velocity_limits = None if velocity_limits is None else np.array(velocity_limits, dtype=np.float64)
-        for array in (self.lower, self.upper, self.velocity_limits):
+        self.velocity_limits, self.effort_limits = (
+            None if limits is None else np.array(limits, dtype=np.float64)
+            for limits in (velocity_limits, effort_limits)
+        )
+        for array in (self.lower, self.upper, self.velocity_limits, self.effort_limits):
             if array is not None:
                 array.setflags(write=False)
 
@@ -94,19 +107,26 @@ class JointSpace(NotebookDisplay):
             )
         return array
 
-    def resolved(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """Return the specification with numbers instead of words for joint weights, one for each joint."""
+    def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """Require a specification for whose ellipsoids the joints have numbers or limits."""
         if not isinstance(spec, EllipsoidSpec):
             raise InvalidInputError(f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}")
         if isinstance(spec.joint_weights, str):
-            speeds = self.velocity_limits
-            if speeds is None or not np.all(np.isfinite(speeds)):
-                unknown = [n for i, n in enumerate(self.joint_names) if speeds is None or not np.isfinite(speeds[i])]
-                who = f"{self.name!r} has no velocity limits for {', '.join(unknown)}"
-                raise InvalidInputError(f"joint_weights: {who}; give numbers instead")
-            return replace(spec, joint_weights=speeds)
-        spec.weights(self.dof)
+            self._limits(spec.kind)
+        elif spec.joint_weights is not None:
+            as_numbers(spec.joint_weights, "joint_weights", self.dof, above=0.0)
         return spec
+
+    def _limits(self, kind: str) -> Array:
+        """Return the velocity or effort limits (dof,) for a kind of ellipsoids, all finite and above 0."""
+        name, limits = ("velocity", self.velocity_limits) if kind == "velocity" else ("effort", self.effort_limits)
+        if limits is None or not np.all(np.isfinite(limits) & (limits > 0.0)):
+            missing = [n for i, n in enumerate(self.joint_names) if limits is None or not 0.0 < limits[i] < np.inf]
+            raise InvalidInputError(
+                f"joint_weights: {self.name!r} has no {name} limits above 0 for {', '.join(missing)}; add them to the "
+                "robot's description, set them with Arm.with_limits, or give numbers"
+            )
+        return limits
 
     @abstractmethod
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
@@ -119,19 +139,19 @@ class JointSpace(NotebookDisplay):
         part: str = "translation",
         joint_weights: ArrayLike | str | None = None,
     ) -> Array:
-        """Compute manipulability matrices ``J W² Jᵀ`` (velocity) or their inverses (force).
+        """Compute manipulability matrices of velocity, force or acceleration.
 
         Parameters
         ----------
         q : array_like, shape (..., dof)
         kind, part, joint_weights
-            As in `EllipsoidSpec`; `InvalidInputError` when velocity limits are not known.
+            As in `EllipsoidSpec`; `InvalidInputError` when limits or masses are not known.
 
         Returns
         -------
         ndarray, shape (..., d, d), of a group (..., n_arms, d, d)
-            Exactly symmetric matrices. Singular velocity ellipsoids are returned as they are; the force ellipsoid of a
-            singular configuration raises `NotSPDError`.
+            Exactly symmetric matrices. Singular ellipsoids of velocity and acceleration are returned as they are; the
+            force ellipsoid of a singular configuration raises `NotSPDError`.
         """
         return self.ellipsoids(q, EllipsoidSpec(kind, part, joint_weights))
 
@@ -161,15 +181,84 @@ class Manipulable(JointSpace):
 
     def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Compute the manipulability matrices (..., d, d) of a specification; see `manipulability`."""
-        return manipulability(self.jacobian(q), self.resolved(spec))
+        return self.posed_ellipsoids(q, spec)[1]
+
+    def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
+        """Return the results of `forward` and `ellipsoids`."""
+        poses, rows = self._weighted_rows(q, spec)
+        return poses, manipulability(rows, spec.kind)
 
     def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
         """Compute semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
 
-        They come from the singular values of the Jacobian and are more accurate than an eigendecomposition of the
-        matrix.
+        They come from the singular values of the weighted Jacobian and are more accurate than an eigendecomposition of
+        the matrix.
         """
-        return principal_axes(self.jacobian(q), self.resolved(spec))
+        return principal_axes(self._weighted_rows(q, spec)[1], spec.kind)
+
+    def _weighted_rows(self, q: ArrayLike, spec: EllipsoidSpec) -> tuple[Array, Array]:
+        """Poses (..., 4, 4), and rows J W (..., d, dof) of which ellipsoids are products."""
+        poses, jacobians, _ = self._motions(q)
+        weighting = self._weighting(np.asarray(q, dtype=np.float64).reshape(-1, self.dof), spec)
+        return poses, weighting.shaped(poses.shape[:-2]).rows(jacobians, spec)[1]
+
+    def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """Require a specification for whose ellipsoids the joints have numbers, limits and masses."""
+        if super().checked_spec(spec).kind == "acceleration" and self._inertia_fault:
+            raise InvalidInputError(
+                f"kind 'acceleration' needs masses, and the description of {self.name!r} {self._inertia_fault}; choose "
+                "'velocity' or 'force'"
+            )
+        return spec
+
+    @cached_property
+    def _inertia_fault(self) -> str:
+        """Why the joint-space inertia cannot be inverted; empty where it can."""
+        terms = self._dynamics_terms(self.sample(1, 0), gravity=False, inertia=True, changes=False)
+        if terms is None:
+            return "has none"
+        values, vectors = np.linalg.eigh(terms.inertia[0])
+        free = values[0] <= 1e-12 * values[-1]
+        return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
+
+    def _weighting(self, q: Array, spec: EllipsoidSpec, changes: bool = False) -> Weighting:
+        """Weights of the joints at configurations (n, dof), and derivatives where `changes` is set."""
+        weights = self.checked_spec(spec).joint_weights
+        scale, slopes, limited = None, None, isinstance(weights, str)
+        if weights is not None:
+            scale = self._limits(spec.kind) if limited else np.array(weights, dtype=np.float64)
+        if spec.kind == "velocity":
+            return Weighting(scale)
+        accelerated = spec.kind == "acceleration"
+        terms = None
+        if limited or accelerated:
+            terms = self._dynamics_terms(q, gravity=limited, inertia=accelerated, changes=changes)
+        if scale is not None and limited and terms is not None:
+            limits, held = scale, np.abs(terms.gravity)
+            scale = np.maximum(limits - held, LEAST_TORQUE * limits)
+            if changes:
+                slopes = -np.sign(terms.gravity)[..., None] * terms.gravity_changes
+                slopes[scale > limits - held] = 0.0
+                slopes *= scale[..., None] if accelerated else -(scale[..., None] ** -3)
+        if not accelerated:
+            return Weighting(None if scale is None else 1.0 / scale, slopes)
+        assert terms is not None  # checked above
+        return Weighting(scale, slopes, terms.inertia, terms.inertia_changes if changes else None)
+
+    @abstractmethod
+    def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
+        """Gravity torques and joint-space inertia at configurations (n, dof); None without masses."""
+
+    def gravity_torques(self, q: ArrayLike) -> Array:
+        """Compute the joint torques that hold the arm against gravity, shape (..., dof) [N m] or [N].
+
+        `InvalidInputError` for an arm without masses.
+        """
+        array = self.configurations(q)
+        terms = self._dynamics_terms(array.reshape(-1, self.dof), gravity=True, inertia=False, changes=False)
+        if terms is None:
+            raise InvalidInputError(f"the description of {self.name!r} has no masses")
+        return terms.gravity.reshape(array.shape)
 
     def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
         """Compute the derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), symmetric.
@@ -187,8 +276,9 @@ class Manipulable(JointSpace):
         poses, jacobians, of_joints = self._motions(q)
         chains = [(factor, own, chain.coupling) for (factor, chain), own in zip(self._parts, of_joints, strict=True)]
         flat = jacobians.reshape(-1, 6, self.dof)
+        weighting = self._weighting(np.asarray(q, dtype=np.float64).reshape(-1, self.dof), spec, changes=True)
         results = (array.reshape(*poses.shape[:-2], *array.shape[1:])
-                   for array in with_derivatives(flat, chains, self.resolved(spec)))  # fmt: skip
+                   for array in with_derivatives(flat, chains, spec, weighting))  # fmt: skip
         return poses, jacobians, next(results), next(results)
 
     def _motions(self, q: ArrayLike, with_jacobians: bool = True) -> tuple[Array, Array, list[Array]]:

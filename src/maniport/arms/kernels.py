@@ -117,7 +117,7 @@ def place_links(positions, parents, placements, axes, slides, rotations, origins
 def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, results):  # type: ignore[no-untyped-def]
     """Fill ellipsoids M (n, d, d) and derivatives (n, dof, d, d) from Jacobians (n, 6, joints).
 
-    `rows` (n, d, dof) of the Jacobian and `weighted`, the coupling (joints, dof), have joint weights.
+    `rows` are J W (n, d, dof) with M = J W Wᵀ Jᵀ, and `weighted` J W Wᵀ; the derivatives are those at constant W.
 
     Let v_i and w_i be the linear and the angular column of joint i, both along the axes of the base frame (w_i = 0 for
     a prismatic joint). A joint k carries everything behind it along, so that
@@ -125,7 +125,7 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
         ∂v_i/∂q_k = w_min(i,k) × v_max(i,k),        ∂w_i/∂q_k = w_k × w_i for k < i, else 0
 
     (Bruyninckx & De Schutter, "Symbolic differentiation of the velocity mapping for a serial kinematic chain",
-    Mechanism and Machine Theory 31 (1996)). With M = J C Jᵀ and B = C Jᵀ, the derivative of M is A_k + A_kᵀ with
+    Mechanism and Machine Theory 31 (1996)). With B = W Wᵀ Jᵀ in all joints the derivative of M is A_k + A_kᵀ with
     A_k = (∂J/∂q_k) B, whose rows are
 
         linear   w_k × Σ_{i≥k} v_i B_i  −  v_k × Σ_{i<k} w_i B_i,        angular   w_k × Σ_{i>k} w_i B_i
@@ -148,9 +148,9 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
             for y in range(d):
                 b[i, y] = 0.0
             for k in range(dof):
-                if weighted[i, k] != 0.0:
+                if coupling[i, k] != 0.0:
                     for y in range(d):
-                        b[i, y] += weighted[i, k] * rows[n, y, k]
+                        b[i, y] += coupling[i, k] * weighted[n, y, k]
             for x in range(3 if linear else 0):
                 p, q = (x + 1) % 3, (x + 2) % 3
                 for y in range(d):
@@ -185,3 +185,31 @@ def fill_derivatives(jacobians, rows, coupling, weighted, linear, ellipsoids, re
                     for x in range(d):
                         for y in range(d):
                             results[n, k, x, y] += coupling[i, k] * (a[i, x, y] + a[i, y, x])
+
+
+@kernel
+def add_weight_changes(rows, weighted, scale_changes, inertia_changes, results):  # type: ignore[no-untyped-def]
+    """Add to ∂M/∂q_k (n, dof, d, d) what W = H⁻¹ S contributes: 2 P S ∂S/∂q_k Pᵀ − P ∂H/∂q_k B − (P ∂H/∂q_k B)ᵀ.
+
+    P = J H⁻¹ are `rows` (n, d, dof), B = W Wᵀ Jᵀ is `weighted` transposed, and S ∂S/∂q_k are `scale_changes`
+    (n, joint, k). Both kinds of changes may have length 0.
+    """
+    d, dof = rows.shape[1:]
+    for n in range(len(rows)):
+        for k in range(dof):
+            for x in range(d if len(scale_changes) > 0 else 0):
+                for y in range(x + 1):
+                    total = 0.0
+                    for i in range(dof):
+                        total += rows[n, x, i] * scale_changes[n, i, k] * rows[n, y, i]
+                    results[n, k, x, y] += 2.0 * total
+                    if x != y:
+                        results[n, k, y, x] += 2.0 * total
+            for y in range(d if len(inertia_changes) > 0 else 0):
+                for i in range(dof):
+                    moved = 0.0
+                    for j in range(dof):
+                        moved += inertia_changes[n, k, i, j] * weighted[n, y, j]
+                    for x in range(d):
+                        results[n, k, x, y] -= rows[n, x, i] * moved
+                        results[n, k, y, x] -= rows[n, x, i] * moved

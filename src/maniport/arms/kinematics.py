@@ -46,7 +46,7 @@ class Kinematics:
         count, frame = len(joints), chains[0].frames[chains[0].frame]
         self.parents = np.array(parents, dtype=np.int64)
         self.coupling, self.offset = np.array(rows).reshape(count, dof), np.array(offset)
-        self._trivial = np.array_equal(self.coupling, np.eye(count)) and not np.any(self.offset)
+        self.trivial = np.array_equal(self.coupling, np.eye(count)) and not np.any(self.offset)
         self.placements = np.array([joint.placement for joint in joints], dtype=np.float64).reshape(count, 4, 4)
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
@@ -58,11 +58,11 @@ class Kinematics:
 
     def positions(self, q: Array) -> Array:
         """Positions of the joints, shape (n, joints), for degrees of freedom, shape (n, dof)."""
-        return np.ascontiguousarray(q if self._trivial else q @ self.coupling.T + self.offset)
+        return np.ascontiguousarray(q if self.trivial else q @ self.coupling.T + self.offset)
 
     def coupled(self, jacobians: Array) -> Array:
         """Chain rule from the joints, shape (..., joints), to the degrees of freedom, shape (..., dof)."""
-        if self._trivial:
+        if self.trivial:
             return jacobians
         # One large product is faster than one small product a configuration.
         flat = jacobians.reshape(-1, jacobians.shape[-1]) @ self.coupling

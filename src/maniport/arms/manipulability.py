@@ -1,42 +1,61 @@
-"""Velocity and force ellipsoids from Jacobians; arrays in, arrays out.
+"""Ellipsoids of velocity, force and acceleration from Jacobians; arrays in, arrays out.
 
-The velocity ellipsoid ``M = J W² Jᵀ`` holds the end-effector velocities ``ẋ = J q̇`` of all joint velocities with
-``|W⁻¹ q̇| ≤ 1``; the force ellipsoid is its inverse ``(J W² Jᵀ)⁻¹`` (Yoshikawa 1985). ``W`` is the diagonal matrix
-of the joint weights, the identity by default. With W the joints' velocity limits, M describes what the joints can
-really do.
+With the end-effector Jacobian J, joint velocities q̇ and torques τ, velocity limits V, torques T that remain for motion
+and force, and the joint-space inertia H, the ellipsoids
+
+    velocity        M = J V² Jᵀ             ẋ = J q̇ with |V⁻¹ q̇| ≤ 1
+    force           M = (J T⁻² Jᵀ)⁻¹        f with |T⁻¹ Jᵀ f| ≤ 1
+    acceleration    M = J H⁻¹ T² H⁻ᵀ Jᵀ     ẍ = J H⁻¹ τ with |T⁻¹ τ| ≤ 1
+
+hold velocities, forces and accelerations of the end effector (Yoshikawa 1985); V = I and T = I by default. Gravity
+moves the center of the ellipsoid of acceleration only, which is left out.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.errors import InvalidInputError, NotSPDError
-from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_finite, as_numbers
+from maniport.errors import NotSPDError
+from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_numbers
 
 ROWS = {"translation": slice(0, 3), "rotation": slice(3, 6), "full": slice(0, 6)}
 """Rows of a Jacobian, linear ones first, by the part of the motion that counts."""
 
+KINDS = ("velocity", "force", "acceleration")
+LOAD = "load"  # J T⁻² Jᵀ, the inverse of the force ellipsoid, which is finite at singular configurations
+UNITS = {
+    "velocity": ("m/s", "rad/s", " per rad/s"), "force": ("N", "N m", " per N m"),
+    "acceleration": ("m/s²", "rad/s²", " per N m"), LOAD: ("1/N", "1/(N m)", ""),
+}  # fmt: skip
+"""Units of semi-axes by kind: of translation, of rotation, and what follows without joint weights."""
+
+JOINT_LIMITS = "joint-limits"  # joint weights: the limits of the arm
+
 
 @dataclass(frozen=True)
 class EllipsoidSpec:
-    """Which ellipsoids of an arm: of velocity or of force, of which part of the motion, with which weights.
+    """Which ellipsoids of an arm: of which kind, of which part of the motion, with which joint weights.
 
     Attributes
     ----------
-    kind : {"velocity", "force"}
-        M = J W² Jᵀ, or its inverse.
+    kind : {"velocity", "force", "acceleration"}
+        M = J V² Jᵀ, (J T⁻² Jᵀ)⁻¹ or J H⁻¹ T² H⁻ᵀ Jᵀ; the last needs an arm with masses.
     part : {"translation", "rotation", "full"}
         Which rows of the Jacobian count: d = 3, 3 or 6. ``"full"`` mixes meters and radians.
-    joint_weights : None, "velocity-limits" or sequence of float
-        Diagonal of W, from 1e-12 to 1e12, one for each joint: the joint velocity that counts as one. Default: all one.
-        ``"velocity-limits"``: the arm's own. Numbers are kept as a tuple.
+    joint_weights : None, "joint-limits" or sequence of float
+        Diagonal of V or T, from 1e-12 to 1e12, one for each joint: the velocity [rad/s, m/s] or torque [N m, N] that
+        counts as one. Default: all one. ``"joint-limits"``: velocity limits, or effort limits less the gravity torques
+        |g(q)| where the arm has masses, but at least 5 % of the limit so that ellipsoids stay defined where the arm
+        cannot hold itself. Each arm has its own. Numbers are kept as a tuple.
 
     References
     ----------
-    Yoshikawa, Manipulability of robotic mechanisms, IJRR 4, 1985.
+    Yoshikawa, Manipulability of robotic mechanisms, IJRR 4, 1985; Dynamic manipulability of robot manipulators,
+    Journal of Robotic Systems 2, 1985.
     """
 
     kind: str = "velocity"
@@ -44,11 +63,12 @@ class EllipsoidSpec:
     joint_weights: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        as_choice(self.kind, "kind", ("velocity", "force"))
+        if self.kind != LOAD:
+            as_choice(self.kind, "kind", KINDS)
         as_choice(self.part, "part", tuple(ROWS))
         weights = self.joint_weights
         if isinstance(weights, str):
-            as_choice(weights, "joint_weights", ("velocity-limits",))
+            as_choice(weights, "joint_weights", (JOINT_LIMITS,))
         elif weights is not None:
             numbers = as_numbers(weights, "joint_weights", above=0.0)
             as_numbers(numbers, "joint_weights", minimum=1e-12, maximum=1e12)  # squares of their products stay finite
@@ -62,8 +82,9 @@ class EllipsoidSpec:
     @property
     def unit(self) -> str:
         """Unit of semi-axes for arms with revolute joints; empty where rows mix units."""
-        rows = {"velocity": ("m/s per rad/s", "rad/s per rad/s"), "force": ("N per N m", "N m per N m")}[self.kind]
-        return {"translation": rows[0], "rotation": rows[1]}.get(self.part, "")
+        linear, angular, per_joint = UNITS[self.kind]
+        unit = {"translation": linear, "rotation": angular}.get(self.part, "")
+        return f"{unit}{per_joint}" if unit and self.joint_weights is None else unit
 
     @property
     def rows(self) -> slice:
@@ -71,15 +92,11 @@ class EllipsoidSpec:
         return ROWS[self.part]
 
     @property
-    def velocity(self) -> "EllipsoidSpec":
-        """The specification with velocity ellipsoids, which are the inverses of those of force."""
-        return EllipsoidSpec("velocity", self.part, self.joint_weights)
-
-    def weights(self, dof: int) -> Array:
-        """Return the diagonal of W, shape (dof,); ones without joint weights."""
-        if self.joint_weights is None:
-            return np.ones(dof)
-        return as_numbers(self.joint_weights, "joint_weights", dof, above=0.0)
+    def bounded(self) -> "EllipsoidSpec":
+        """The ellipsoids for plans, bounded at singular configurations: the inverse of force ellipsoids, or these."""
+        if self.kind != "force":
+            return self
+        return EllipsoidSpec("velocity" if self.joint_weights is None else LOAD, self.part, self.joint_weights)
 
     def rotation(self, turn: Array) -> Array:
         """Return rotations of these ellipsoids, shape (..., d, d), from those of their frame, shape (..., 3, 3)."""
@@ -92,32 +109,53 @@ class EllipsoidSpec:
 VELOCITY = EllipsoidSpec()  # The default: velocity ellipsoids of the translation
 
 
-def manipulability(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-    """Compute the manipulability matrices (..., d, d) of Jacobians (..., 6, dof)."""
-    if spec.kind == "velocity":
-        return squared(weighted_rows(jacobian, spec))
-    lengths, directions = principal_axes(jacobian, spec)
+class Weighting(NamedTuple):
+    """W = H⁻¹ S of ellipsoids M = J W Wᵀ Jᵀ at n configurations, or of their inverses; None for the identity."""
+
+    scale: Array | None = None  # diagonal of S, (dof,) or (n, dof)
+    scale_changes: Array | None = None  # S ∂S/∂q_k, (n, dof, dof), k last
+    inertia: Array | None = None  # H, (n, dof, dof)
+    inertia_changes: Array | None = None  # ∂H/∂q_k, (n, dof, dof, dof), k first
+
+    def shaped(self, shape: tuple[int, ...]) -> "Weighting":
+        """Return scale and inertia with leading axes `shape` instead of n."""
+        scale, inertia = (own if own is None or own.ndim < 2 else own.reshape(*shape, *own.shape[1:])
+                          for own in (self.scale, self.inertia))  # fmt: skip
+        return Weighting(scale, None, inertia)
+
+    def rows(self, jacobian: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
+        """Return J H⁻¹ and J W, shapes (..., d, dof), of the rows that count."""
+        rows = jacobian[..., spec.rows, :]
+        if self.inertia is not None:
+            rows = np.swapaxes(np.linalg.solve(self.inertia, np.swapaxes(rows, -1, -2)), -1, -2)
+        return rows, rows if self.scale is None else np.asarray(rows * self.scale[..., None, :])
+
+
+def manipulability(rows: Array, kind: str = "velocity") -> Array:
+    """Compute the manipulability matrices (..., d, d) of weighted rows J W of Jacobians, shape (..., d, dof)."""
+    if kind != "force":
+        return squared(rows)
+    lengths, directions = principal_axes(rows, kind)
     return squared(directions * lengths[..., None, :])
 
 
 def squared(rows: Array) -> Array:
-    """Compute X Xᵀ of X (..., d, n), exactly symmetric: velocity ellipsoids of weighted rows of Jacobians."""
+    """Compute X Xᵀ of X (..., d, n), exactly symmetric."""
     product = rows @ rows.swapaxes(-1, -2)
     # BLAS may round A[i, j] and A[j, i] differently; their average is the same number twice.
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))
 
 
-def principal_axes(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
-    """Compute the semi-axes of the ellipsoids from the singular values of the weighted Jacobian.
+def principal_axes(rows: Array, kind: str = "velocity") -> tuple[Array, Array]:
+    """Compute the semi-axes of the ellipsoids from the singular values of weighted rows J W (..., d, dof).
 
     An error for the force ellipsoid of a singular Jacobian, which is unbounded.
     """
-    rows = weighted_rows(jacobian, spec)
     d, dof = rows.shape[-2:]
     left, singular, _ = np.linalg.svd(rows, full_matrices=dof < d)
     lengths = np.zeros((*singular.shape[:-1], d))
     lengths[..., : singular.shape[-1]] = singular
-    if spec.kind == "velocity":
+    if kind != "force":
         return lengths[..., ::-1].copy(), left[..., ::-1].copy()
     bad = lengths[..., -1] ** 2 <= SPD_TOLERANCE * np.sum(lengths**2, axis=-1)  # the rule of `as_spd`
     if np.any(bad):
@@ -132,37 +170,39 @@ def principal_axes(jacobian: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple
     return 1.0 / lengths, left
 
 
-def weighted_rows(jacobian: ArrayLike, spec: EllipsoidSpec) -> Array:
-    """Select the rows that count and scale the columns by the joint weights, shape (..., d, dof)."""
-    array = as_finite(jacobian, "jacobian")
-    if array.ndim < 2 or array.shape[-2] != 6 or array.shape[-1] < 1:
-        raise InvalidInputError(f"jacobian must have shape (..., 6, dof), linear rows first; found {array.shape}")
-    rows = array[..., spec.rows, :]
-    return rows if spec.joint_weights is None else np.asarray(rows * spec.weights(array.shape[-1]))
-
-
 def with_derivatives(
-    jacobian: Array, chains: Sequence[tuple[float, Array, Array]], spec: EllipsoidSpec = VELOCITY
+    jacobian: Array,
+    chains: Sequence[tuple[float, Array, Array]],
+    spec: EllipsoidSpec = VELOCITY,
+    weighting: Weighting = Weighting(),  # noqa: B008  # immutable
 ) -> tuple[Array, Array]:
     """Return manipulability matrices (n, d, d) and their derivatives (n, dof, d, d) in the degrees of freedom.
 
     The Jacobian, shape (n, 6, dof), is a sum over chains: their factors, Jacobians in their joints, and couplings.
     """
-    from maniport.arms.kernels import fill_derivatives  # here: Numba takes its time
+    from maniport.arms.kernels import add_weight_changes, fill_derivatives  # here: Numba takes its time
 
-    dof = jacobian.shape[2]
-    rows = np.ascontiguousarray(weighted_rows(jacobian, spec))
-    weights = 1.0 if spec.joint_weights is None else spec.weights(dof)
-    ellipsoids, changes = np.empty((len(rows), rows.shape[1], rows.shape[1])), []
+    # Numba compiles once more for arrays that are not contiguous
+    plain, rows = (np.ascontiguousarray(own) for own in weighting.rows(jacobian, spec))
+    weighted = rows if weighting.scale is None else rows * weighting.scale[..., None, :]
+    if weighting.inertia is not None:
+        solved = np.linalg.solve(weighting.inertia, np.swapaxes(weighted, -1, -2))
+        weighted = np.ascontiguousarray(np.swapaxes(solved, -1, -2))
+    (n, d, dof), changes = rows.shape, []
+    ellipsoids = np.empty((n, d, d))
     for factor, of_joints, coupling in chains:
-        change = np.empty((len(rows), dof, rows.shape[1], rows.shape[1]))
-        # Numba compiles once more for arrays that are not contiguous
-        arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), coupling * weights
+        change = np.empty((n, dof, d, d))
+        arrays = np.ascontiguousarray(of_joints), rows, np.ascontiguousarray(coupling), weighted
         fill_derivatives(*arrays, spec.part != "rotation", ellipsoids, change)
         changes.append(change if factor == 1.0 else np.multiply(factor, change, out=change))
     results = reduce(np.add, changes)
-    if spec.kind == "velocity":
+    of_scale, of_inertia = weighting.scale_changes, weighting.inertia_changes
+    if of_scale is not None or of_inertia is not None:
+        of_scale = np.empty((0, dof, dof)) if of_scale is None else of_scale
+        of_inertia = np.empty((0, dof, dof, dof)) if of_inertia is None else of_inertia
+        add_weight_changes(plain, weighted, of_scale, of_inertia, results)
+    if spec.kind != "force":
         return ellipsoids, results
-    force = manipulability(jacobian, spec)
+    force = manipulability(rows, spec.kind)
     change = -force[:, None] @ results @ force[:, None]  # of an inverse
     return force, np.asarray(0.5 * (change + np.swapaxes(change, -1, -2)))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Shape, check_names
+from maniport.arms.dynamics import moved_inertia
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_number
 
@@ -21,7 +22,7 @@ def restrict(
 ) -> Chain:
     """Return a chain with another end effector or base, or with locked coordinates.
 
-    Bodies on omitted joints are attached to the nearest remaining link, in their pose at zero.
+    Bodies and masses on omitted joints are attached to the nearest remaining link, in their pose at zero.
     """
     where = f"on the arm {chain.name!r}"
     wanted = None if joints is None else check_names(joints, "joints")
@@ -41,7 +42,8 @@ def restrict(
     if base is not None:
         placement, back = chain.frames[base].placement, np.eye(4)
         back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
-        part = _expressed_in(part, back, base)
+        turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity is that of the robot as it stands
+        part = replace(_expressed_in(part, back, base), gravity=tuple((turn.T @ chain.gravity).tolist()))
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for what, names in (("joints", wanted or ()), ("lock", held)):
         idle = [name for name in names if name not in part.coordinates]
@@ -79,12 +81,12 @@ def check_lock(lock: Any, joints: tuple[str, ...] | None) -> Mapping[str, float]
 
 def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
     """Joints `first` to `last` of a chain, and the coordinates that move them."""
-    others = chain.others
+    others, inertia, poses = chain.others, None, _resting_poses(chain)
+    if chain.inertia is not None:
+        inertia = chain.inertia[first : last + 1].copy()
+        for own, pose in zip(chain.inertia[last + 1 :], poses[last + 1 :], strict=True):
+            inertia[-1] += moved_inertia(own, np.linalg.inv(poses[last]) @ pose)
     if others is not None:
-        poses = [np.eye(4)]  # of the links with coordinates at zero, or at the limit next to zero
-        positions = chain.coupling @ np.clip(0.0, chain.lower, chain.upper) + chain.offset
-        for joint, position in zip(chain.joints, positions, strict=True):
-            poses.append(poses[-1] @ joint.placement @ joint.motion(position))
         bodies = {
             name: Body(place.joint, place.placement[None], name)
             for name, place in chain.frames.items() if not first <= place.joint <= last
@@ -104,8 +106,18 @@ def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
         frame=tip,
         coupling=chain.coupling[first:last],
         offset=chain.offset[first:last],
+        inertia=inertia,
     )  # fmt: skip
     return _with_coordinates(segment, np.any(segment.coupling != 0, axis=0))
+
+
+def _resting_poses(chain: Chain) -> list[Array]:
+    """Poses of the links with coordinates at zero, or at the limit next to zero."""
+    poses = [np.eye(4)]
+    positions = chain.coupling @ np.clip(0.0, chain.lower, chain.upper) + chain.offset
+    for joint, position in zip(chain.joints, positions, strict=True):
+        poses.append(poses[-1] @ joint.placement @ joint.motion(position))
+    return poses
 
 
 def _with_coordinates(chain: Chain, kept: Array) -> Chain:
@@ -117,12 +129,17 @@ def _with_coordinates(chain: Chain, kept: Array) -> Chain:
         lower=chain.lower[kept],
         upper=chain.upper[kept],
         velocity_limits=None if chain.velocity_limits is None else chain.velocity_limits[kept],
+        effort_limits=None if chain.effort_limits is None else chain.effort_limits[kept],
     )
 
 
 def standing(chain: Chain, where: Array) -> Chain:
-    """Express a chain in a world in which its base has the pose `where`, shape (4, 4)."""
-    return replace(_expressed_in(chain, where, "world"), stand=where if chain.stand is None else where @ chain.stand)
+    """Express a chain in a world, with its z axis up, in which its base has the pose `where`, shape (4, 4)."""
+    return replace(
+        _expressed_in(chain, where, "world"),
+        stand=where if chain.stand is None else where @ chain.stand,
+        gravity=Chain.gravity,
+    )
 
 
 def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
@@ -143,6 +160,7 @@ def _expressed_in(chain: Chain, where: Array, base: str) -> Chain:
 
 
 _MIRROR = np.array([1.0, -1.0, 1.0, 1.0])
+_MIRROR_TWIST = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # of linear and angular velocities
 
 
 def mirrored(chain: Chain) -> Chain:
@@ -169,6 +187,8 @@ def mirrored(chain: Chain) -> Chain:
             for joint in chain.joints
         ),
         frames={name: replace(place, placement=moved(place.placement)) for name, place in chain.frames.items()},
+        inertia=None if chain.inertia is None else chain.inertia * np.outer(_MIRROR_TWIST, _MIRROR_TWIST) + 0.0,
+        gravity=tuple((_MIRROR[:3] * chain.gravity + 0.0).tolist()),
         others=chain.others and {
             name: replace(body, placements=moved(body.placements)) for name, body in chain.others.items()
         },

@@ -50,7 +50,7 @@ def domain(
 @command(
     "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "kind", "part", "seed",
     common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method="icp"),
-    without=("tips", "pose"),
+    without=("hand_targets", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
 )  # fmt: skip
 def fit(
@@ -107,7 +107,7 @@ def apply(
 
 
 @command(
-    "robot", *CHAIN, "kind", "part", "seed", without=("tips", "pose"), defaults=NO_ROBOT,
+    "robot", *CHAIN, "kind", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
     example="maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md",
 )  # fmt: skip
 def evaluate(
@@ -142,7 +142,7 @@ def evaluate(
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
         write_report(output, report)
-    console.tell(report)
+    console.print_report(report)
 
 
 @command("seed", example="maniport reproduce all -o paper")
@@ -162,7 +162,7 @@ def reproduce(
         result = reproduce(
             which, output, config.seed, progress, methods=_rows(methods), figures=figures, overwrite=overwrite
         )
-    console.tell(report_of(result), output=str(output))
+    console.print_report(report_of(result), output=str(output))
 
 
 def _rows(methods: str | None) -> tuple[str, ...]:

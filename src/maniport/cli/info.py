@@ -30,7 +30,7 @@ def info(
     ],
 ) -> None:
     """Describe an arm, a recording, ellipsoids or results."""
-    console.tell(_description(what, config))
+    console.print_report(_description(what, config))
 
 
 @command(example="maniport figures maniport-demo -o paper/figures")

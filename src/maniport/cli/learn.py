@@ -44,9 +44,9 @@ def learn(
             result = transfer_recording(learned, config, progress=progress)
             followed = write_results(result, folder, progress, exports, overwrite=overwrite)
     robot = {} if followed is None else {"robot": {**as_numbers(followed), "output": str(folder)}}
-    console.tell(report, output=str(output), **robot)
+    console.print_report(report, output=str(output), **robot)
     if followed is not None and not console.as_json:
-        console.tell(followed, output=str(folder))
+        console.print_report(followed, output=str(folder))
 
 
 def _is_followed(config: Config, folder: Path, overwrite: bool) -> bool:

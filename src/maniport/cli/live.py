@@ -27,7 +27,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", without=("tips", "move", "export"),
+    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000;  sensor | maniport live walk.bvh",
 )  # fmt: skip
 def live(
@@ -74,7 +74,7 @@ def live(
             summary = Server(follower, transport, stop, no_drop).run()
     finally:
         gc.unfreeze()
-    console.say(str(summary))
+    console.print(str(summary))
     if udp is None and summary.skipped > summary.answered:
         console.warn("most frames were skipped, since they arrived faster than recorded; --no-drop processes all")
 

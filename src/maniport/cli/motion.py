@@ -16,7 +16,7 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 
 @command(
     "robot", "workspace", "table", "planning_effort", "part", "damping", "tilt", "rank", "seed",
-    without=("tips", "pose"), common=("workspace",),
+    without=("hand_targets", "pose"), common=("workspace",),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
 def place(
@@ -47,11 +47,11 @@ def place(
     with folder_written_whole(output, files, overwrite) as staging:
         placed.write_data(staging, time)
         config.save(staging / CONFIG)
-    console.tell(report_of(placed), output=str(output))
+    console.print_report(report_of(placed), output=str(output))
 
 
 @command(
-    "robot", "motion", "part", "damping", "place", "seed", without=("tips", "pose", "move"),
+    "robot", "motion", "part", "damping", "place", "seed", without=("hand_targets", "pose", "move"),
     example="maniport track placed_profile.npz --robot panda --path path.npz -o motion",
 )  # fmt: skip
 def track(
@@ -76,7 +76,7 @@ def track(
     with console.progress() as progress:
         result = follow_profile(arm, [target], time, paths, config, progress=progress)
         report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
-    console.tell(report, output=str(output))
+    console.print_report(report, output=str(output))
 
 
 def _targets(config: Config, profile: Path | None, path: Path | None) -> tuple[Config, Any, Any, Any]:

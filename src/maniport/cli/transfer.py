@@ -60,9 +60,9 @@ def transfer_to_folder(config: Config, console: Console, output: Path, overwrite
         export_files(config.motion.export)  # raises where a package is missing
         recording = config.human.read(config.recording[0])
         arm = config.robot.load(both)
-        console.say(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
+        console.print(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
         for text in recording.quality_warnings:  # before the long work, and in the result once more
             console.warn(text)
         result = transfer_recording(recording, config, progress=progress)
         report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
-    console.tell(report, output=str(output))
+    console.print_report(report, output=str(output))

@@ -14,7 +14,7 @@ from maniport.util.defaults import BOTH
 
 
 @command(
-    "person", "side", "height", "robot", "base_rotation", "seed", without=("tips",),
+    "person", "side", "height", "robot", "base_rotation", "seed", without=("hand_targets",),
     example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
 )  # fmt: skip
 def view(

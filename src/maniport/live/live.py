@@ -135,9 +135,9 @@ class Live:
                 [np.stack([target.ellipsoid for target in own]) for own in targets],
                 time=np.linspace(0.0, max(float(np.ptp(fits[0].time)), 1.0), len(rows)),
                 paths=None if path is None else [np.array([target.position for target in own]) for own in targets],
-                spec=spec.velocity,
+                spec=spec.bounded,
                 damping=damping,
-                planner=Planner.of(bounds, spec.velocity, own_collisions or False, random_state),
+                planner=Planner.of(bounds, spec.bounded, own_collisions or False, random_state),
                 planning_effort=QUICK,
                 random_state=random_state,
             ).trajectory.joint_positions
@@ -147,7 +147,7 @@ class Live:
         if near is not None:
             require_shape(near, "reference", ("n", bounds.arm.dof), " with n ≥ 1")
         self._robot = Robot(
-            bounds, own_collisions, spec.velocity, damping, q, near, as_costs(costs, robot, np.zeros(2)), limits
+            bounds, own_collisions, spec.bounded, damping, q, near, as_costs(costs, robot, np.zeros(2)), limits
         )
         self._warm_up(preparation)
         self._reset(own_clock)

@@ -15,7 +15,6 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec
 from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import manipulability, squared
 from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.mocap import ArmFit
 from maniport.mocap.arm_path import (
@@ -79,10 +78,8 @@ class Person:
 
     def hand(self, q: Array, spec: EllipsoidSpec) -> tuple[Array, Array]:
         """Ellipsoid (d, d) of joint angles (dof,), and the position of the hand (3,) [m], in the trunk frame."""
-        poses, jacobians = self._kinematics.motion(q[None])
-        jacobian, plain = self._kinematics.coupled(jacobians)[0], spec.kind == "velocity" and spec.joint_weights is None
-        ellipsoid = squared(jacobian[spec.rows]) if plain else manipulability(jacobian, self.arm.resolved(spec))
-        return ellipsoid, poses[0, :3, 3]
+        pose, ellipsoid = self.arm.posed_ellipsoids(q, spec)
+        return ellipsoid, pose[:3, 3]
 
     def jumps(self, before: ArmEstimate, targets: Array, dt: float) -> bool:
         """Whether a segment turns faster than joints do, and farther than by errors of a few centimeters."""

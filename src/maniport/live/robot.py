@@ -7,7 +7,6 @@ import numpy as np
 
 from maniport.arms import EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions
-from maniport.arms.manipulability import manipulability
 from maniport.live.led_arm import Target
 from maniport.motion import Limit, MotionLimits, Objective
 from maniport.motion.arm_model import require_trackable
@@ -72,9 +71,9 @@ class Robot:
         self.q, self.velocity, self._state = state.q, state.velocity, state  # (dof,)
         self.positions, self.achieved = [], []  # (3,) and (d, d) of each arm
         for objective, spec, columns in zip(self._objectives, self._specs, self._controller.columns, strict=True):
-            poses, jacobians = objective.arm.motion(state.q[None, columns])
-            self.positions.append(poses[0, :3, 3])
-            self.achieved.append(manipulability(jacobians[0] @ objective.arm.chain.coupling, spec))
+            pose, ellipsoid = objective.arm.posed_ellipsoids(state.q[columns], spec)
+            self.positions.append(pose[:3, 3])
+            self.achieved.append(ellipsoid)
 
     @property
     def resting(self) -> bool:

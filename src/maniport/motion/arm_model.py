@@ -94,7 +94,7 @@ def _own_coordinates(arm: Arm) -> Array:
         shared = [name for name, own in zip(arm.joint_names, follow_one, strict=True) if not own]
         raise InvalidInputError(
             f"{arm.name!r} cannot be tracked: its joints are coupled ({', '.join(shared or arm.joint_names)}), while "
-            "tracking needs one joint for each degree of freedom, in their order from base to tip. A robot's arm "
+            "tracking needs one joint for each degree of freedom, in order from base to end effector. A robot's arm "
             "without mimic joints has that"
         )
     return np.asarray(coupling.sum(axis=1))
@@ -115,7 +115,8 @@ def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, 
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
     mine, other = arms
     own, expected = (
-        {"joints": arm.joint_names, "tip": arm.frame, "base": arm.base, "held joints": dict(arm.locked)} for arm in arms
+        {"joints": arm.joint_names, "end effector": arm.frame, "base": arm.base, "held joints": dict(arm.locked)}
+        for arm in arms
     )
     differing = [
         f"{name}: {value!r} there, {expected[name]!r} here" for name, value in own.items() if value != expected[name]

@@ -127,7 +127,7 @@ class ArmMotion(Trajectory):
     ) -> "ArmMotion":
         """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
         arm, q, targets = schedule.objective.arm, trajectory.joint_positions, schedule.targets()
-        speeds, error, apart = speed_limits(arm, velocity_limits), targets.tip_error(q), targets.distance(q)
+        speeds, error, apart = speed_limits(arm, velocity_limits), targets.position_error(q), targets.distance(q)
         time, positions = trajectory.control_time, trajectory.control_positions
         stopped = np.zeros(len(time), bool) if held is None else held
         near_stop, near_speed = 1e-3, 0.999 * speeds  # [rad or m], and per second

@@ -120,16 +120,16 @@ def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -
     for quantity, values, per in motion.control_states:
         for name, unit, column in zip(motion.joint_names, motion.joint_units, values.T, strict=True):
             columns[f"{name}_{quantity}"] = column, unit + per
-    columns |= vectors("tip", robot.forward(q)[:, :3, 3])
+    columns |= vectors("end_effector", robot.forward(q)[:, :3, 3])
     columns |= _entries("achieved", robot.ellipsoids(q, spec), spec)
     columns |= _entries("target", spread(target.ellipsoids), spec)
     columns["distance"] = spread(targets.distance(q[inside])), ""
-    error = targets.tip_error(q[inside])
+    error = targets.position_error(q[inside])
     if target.positions is not None and error is not None:
         columns |= vectors("path", spread(target.positions))
-        columns["tip_error"] = spread(error), "m"
+        columns["position_error"] = spread(error), "m"
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
-    about = {"robot": motion.arm, "tip": motion.frame, "damping": repr(motion.damping.epsilon)}
+    about = {"robot": motion.arm, "end_effector": motion.frame, "damping": repr(motion.damping.epsilon)}
     about |= {"kind": spec.kind, "part": spec.part}
     table = arrow.table(
         [arrow.array(values, from_pandas=True) for values, _ in columns.values()],  # nan becomes null

@@ -203,7 +203,7 @@ class Targets:
 
     def linearize(self, q: Array) -> "Linearization":
         """Evaluate f and its derivatives at configurations (n, dof); the kinematics is computed once."""
-        poses, jacobian, velocity, changes = self.arm.posed_differentials(q, self.objective.spec.velocity)
+        poses, jacobian, velocity, changes = self.arm.posed_differentials(q, self.objective.spec.bounded)
         gradient, hessian, pose_square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
         square = self.ellipsoid_cost.add(velocity, changes, gradient, hessian)
         for cost in self.pose_costs:
@@ -227,7 +227,7 @@ class Targets:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
         return self.ellipsoid_cost.distance(q)
 
-    def tip_error(self, q: Array) -> Array | None:
+    def position_error(self, q: Array) -> Array | None:
         """Position error [m], shape (n,); None without target positions."""
         if self.positions is None:
             return None

@@ -81,9 +81,9 @@ class MotionProblem:
         """Return the root of the sum of all arms' squared distances (n,)."""
         return np.asarray(np.linalg.norm(self.distances(q), axis=0))
 
-    def tip_error(self, q: Array) -> Array | None:
+    def position_error(self, q: Array) -> Array | None:
         """Return all position errors [m], shape (n, number of them); None where no position has a cost."""
         parts = zip(self.targets, as_group(self.arm).columns, strict=True)
-        errors = [error for own, columns in parts if (error := own.tip_error(q[:, columns])) is not None]
+        errors = [error for own, columns in parts if (error := own.position_error(q[:, columns])) is not None]
         errors += [own.error(q, self.time) for own in self.costs if isinstance(own, ToleranceCost)]
         return np.stack(errors, axis=1) if errors else None

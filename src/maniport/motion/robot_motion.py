@@ -36,7 +36,7 @@ class RobotMotion(NotebookDisplay):
         Whether several arms were optimized together, since they share joints or costs, or come near one another.
     relative, relative_error : ndarray, shapes (n, n_arms - 1, 3) and (n, n_arms - 1), or None
         Target vectors from the first end effector to the others in the base frame, and distances from them [m], where
-        only these were kept (``tips="relative"``).
+        only these were kept (``hand_targets="relative"``).
     """
 
     group: ArmGroup

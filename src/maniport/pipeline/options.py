@@ -87,7 +87,7 @@ class RobotOptions(Options):
         (), "Base of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
         repeated=True, unchecked=True,
     )  # fmt: skip
-    tips: str = option(
+    hand_targets: str = option(
         "placed", "Positions of several arms: placed paths, or relative positions", choices=("placed", "relative")
     )
     mesh_folders: tuple[str, ...] = option(
@@ -147,10 +147,10 @@ class TransferOptions(Options):
         defaults.METHOD, "Transfer method", common=True, unchecked=True,
         choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
     )  # fmt: skip
-    kind: str = option("velocity", "Kind of ellipsoid", choices=("velocity", "force"))
+    kind: str = option("velocity", "Kind of ellipsoid", choices=("velocity", "force", "acceleration"))
     part: str = option("translation", "Part of the motion", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = option(
-        None, "Joint weights: velocity-limits, or numbers", unchecked=True, choices=("velocity-limits",)
+        None, "Joint weights: joint-limits, or numbers", unchecked=True, choices=("joint-limits",)
     )
     damping: float | None = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
     eigenvalue_floor: float | None = option(None, "Smallest eigenvalue, instead of damping", above=0.0)

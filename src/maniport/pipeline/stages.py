@@ -105,7 +105,7 @@ def planner_of(settings: Settings, generator: np.random.Generator) -> Planner:
     limits = settings.control.motion_limits
     assert isinstance(limits, MotionLimits)
     settings.progress("Sample robot", 0.0)
-    planner = Planner.of(limits, settings.spec.velocity, settings.control.collisions, generator)
+    planner = Planner.of(limits, settings.spec.bounded, settings.control.collisions, generator)
     text = " and ".join(f"{len(own.reachability_map)} configurations" for own in planner.arms)
     settings.progress("Sample robot", 1.0, text)
     return planner
@@ -187,7 +187,7 @@ def plan(
     generator: np.random.Generator,
 ) -> Moved:
     """Plan a motion of all arms along the placed targets; a controller of the settings follows the plan."""
-    control, options, tips = settings.control, settings.config.motion, settings.config.robot.tips
+    control, options, hand_targets = settings.control, settings.config.motion, settings.config.robot.hand_targets
     assert control is not None
     placed = targets if placements is None else targets.placed(placements)
     rotations, motions = placed.base_rotations, []
@@ -195,7 +195,7 @@ def plan(
         step = ", free orientation" if own is not rotations else ""
         motion = plan_motion(
             planner.group, placed.profiles, time=placed.time, paths=placed.paths, spec=placed.spec,
-            damping=placed.damping, rotations=own, costs=options.costs, tips=tips, planner=planner,
+            damping=placed.damping, rotations=own, costs=options.costs, hand_targets=hand_targets, planner=planner,
             pointwise_bests=placed.pointwise_bests, random_state=generator,
             progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
             **{option.name: getattr(control, option.name) for option in fields(control) if option.name != "workspace"},
@@ -204,7 +204,7 @@ def plan(
     free = motions[0] if len(motions) > 1 else None
     if options.tracking is not None:
         motion = follow(motion, planner, rotations, settings)
-    return Moved(motion, free, placements if tips == PLACED else None)
+    return Moved(motion, free, placements if hand_targets == PLACED else None)
 
 
 def follow(

@@ -17,7 +17,7 @@ from maniport.pipeline.options import CONSTANT, FREE
 from maniport.pipeline.values import FittedMap, Human, Settings
 from maniport.transfer.rotation_group import orthonormal, rotation_angle
 from maniport.util.defaults import DAMPING
-from maniport.util.validation import Array
+from maniport.util.validation import Array, as_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +65,18 @@ class MotionTargets:
         return (np.tile(rotation, (len(self.time), 1, 1)),) * len(self.profiles)
 
 
+def bounded_profiles(profiles: Sequence[Array], spec: EllipsoidSpec) -> tuple[Array, ...]:
+    """Return profiles (n, d, d) as `EllipsoidSpec.bounded` has them: the inverses of force ellipsoids."""
+    if spec.kind != "force":
+        return tuple(profiles)
+    return tuple(np.linalg.inv(as_points(profile, "profile")) for profile in profiles)
+
+
 def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, largest_turn: float = 5.0) -> MotionTargets:
     """Map the demonstrated ellipsoids; collect all targets of the robot's motion.
 
     All paths get the mean rotation of the maps, with a warning where two differ by more than `largest_turn` [deg].
     """
-    force = settings.spec.kind == "force"  # the inverse of a velocity ellipsoid, at the same distances
     adapters, orientation = [own.adapter for own in maps], settings.config.motion.orientation
     profiles = [adapter.transform(profile) for adapter, profile in zip(adapters, human.profiles, strict=True)]
     strongest = max((own.student_regularization for own in adapters), key=lambda own: own.epsilon)
@@ -86,10 +92,10 @@ def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, larg
         turn = orthonormal(np.sum(turns, axis=0))
     targets = MotionTargets(
         human.fits[0].time,
-        tuple(np.asarray(np.linalg.inv(profile)) if force else profile for profile in profiles),
+        bounded_profiles(profiles, settings.spec),
         human.hands,
-        settings.spec.velocity,
-        strongest if strongest.epsilon > 0.0 and not force else DAMPING,
+        settings.spec.bounded,
+        strongest if strongest.epsilon > 0.0 and settings.spec.kind != "force" else DAMPING,
         turn,
     )
     if not isinstance(orientation, str):

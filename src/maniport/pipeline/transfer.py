@@ -23,7 +23,7 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import ArmResult, MotionResult, TransferResult
-from maniport.pipeline.targets import MotionTargets, targets_of
+from maniport.pipeline.targets import MotionTargets, bounded_profiles, targets_of
 from maniport.pipeline.values import FittedMap, Human, SampledRobot, Settings
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
@@ -103,10 +103,10 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
 def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanSettings:
     """Look up limits and collisions, and check the options of the motion for the robot."""
     motion = config.motion
-    if config.robot.tips == RELATIVE and len(as_group(robot)) == 1:
-        raise InvalidInputError(f"{argument('tips', RELATIVE)} needs several arms; found {robot.name}")
-    if config.robot.tips == RELATIVE and motion.workspace is not None:
-        raise InvalidInputError("workspace bounds paths, which end effectors leave with tips='relative'")
+    if config.robot.hand_targets == RELATIVE and len(as_group(robot)) == 1:
+        raise InvalidInputError(f"{argument('hand_targets', RELATIVE)} needs several arms; found {robot.name}")
+    if config.robot.hand_targets == RELATIVE and motion.workspace is not None:
+        raise InvalidInputError("workspace bounds paths, which end effectors leave with hand_targets='relative'")
     if motion.tracking is not None:
         if len(as_group(robot)) > 1:
             raise InvalidInputError("tracking must be None for several arms: a controller follows the plan of one arm")
@@ -178,7 +178,7 @@ def follow_profile(
         raise InvalidInputError("the profile has no times; write it with an array 'time' (n,) in seconds")
     config = (config or Config()).changed(allowed=("robot", "transfer", "motion", "placement"), **options)
     config, place = replace(config, verb="track"), config.placement.place
-    orientation, spec = config.motion.orientation, config.transfer.spec
+    orientation, spec = config.motion.orientation, config.transfer.spec.bounded
     if isinstance(orientation, str) and orientation != FREE:
         text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
@@ -196,7 +196,7 @@ def follow_profile(
     damping = config.transfer.damping or 0.0 if damping is None else damping
     targets = MotionTargets(
         times,
-        tuple(as_finite(profile, "profile") for profile in profiles),
+        bounded_profiles([as_finite(profile, "profile") for profile in profiles], config.transfer.spec),
         None if paths is None else tuple(as_finite(path, "path") for path in paths),
         spec,
         Objective.of(group.arms[0], spec, damping, positive=True).damping,

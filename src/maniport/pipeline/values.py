@@ -84,7 +84,7 @@ class SampledRobot:
 
     def bank(self, arm: int, spec: EllipsoidSpec) -> SeedBank | None:
         """Return the planner's samples of an arm where they are of these ellipsoids."""
-        return None if self.planner is None or spec.kind != "velocity" else self.planner.arms[arm].bank
+        return None if self.planner is None or spec.bounded != spec else self.planner.arms[arm].bank
 
 
 @dataclass(frozen=True, eq=False)

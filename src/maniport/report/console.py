@@ -59,7 +59,7 @@ class Console:
         self._out = RichConsole(highlight=False, soft_wrap=True)
         self._err = _standard_error(quiet=quiet or as_json)
 
-    def say(self, text: str) -> None:
+    def print(self, text: str) -> None:
         """Print a line during the work."""
         _print_line(self._err, "", text)
 
@@ -67,7 +67,7 @@ class Console:
         """Print a warning during the work."""
         _print_line(self._err, "! ", text)
 
-    def tell(self, report: Report, output: str = "", **more: Any) -> None:
+    def print_report(self, report: Report, output: str = "", **more: Any) -> None:
         """Print a report: as JSON, with `more` entries, as the summary of a result in `output`, or completely."""
         more |= {"output": output} if output else {}
         short = report.summary is not None and bool(output)

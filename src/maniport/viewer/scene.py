@@ -208,7 +208,7 @@ class DrawnSide:
         # the achieved one first: browsers draw nothing behind the first of two translucent shells at one place
         self._achieved = Shell(scene, f"{robot}/achieved", ACHIEVED.rgb, 0.35)
         self._target = Shell(scene, f"{robot}/target", TARGET.rgb, 0.12, ringed=True)
-        self._tip = scene.add_icosphere(f"{robot}/target_tip", 0.02, TARGET.rgb, subdivisions=2)
+        self._position = scene.add_icosphere(f"{robot}/target_position", 0.02, TARGET.rgb, subdivisions=2)
 
     def draw(self, frame: Frame) -> None:
         """Draw a frame."""
@@ -226,6 +226,6 @@ class DrawnSide:
         self._demonstrated.draw(target.demonstrated, frame.teacher_skeleton[-1])
         self._target.draw(target.ellipsoid, end_effector)
         self._achieved.draw(frame.achieved, end_effector)
-        self._tip.visible = target.tip is not None
-        if target.tip is not None:
-            self._tip.position = target.tip
+        self._position.visible = target.position is not None
+        if target.position is not None:
+            self._position.position = target.position

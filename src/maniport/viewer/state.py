@@ -53,7 +53,7 @@ class Command:
     joints: Array  # Of all arms of the person [rad]; beyond a limit they are taken for the limit
     method: str  # One of the names of `maniport.viewer.maps.Maps`
     base_rotation: Array  # Rotation from the person's trunk frame to the robot's base frame, shape (3, 3)
-    tip_follows: bool = False  # Whether the robot's end effector follows the person's hand, too
+    follow_hand: bool = False  # Whether the robot's end effector follows the person's hand, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Target:
     demonstrated: Array  # The person's ellipsoid, shape (3, 3)
     ellipsoid: Array
     turn: Array  # Rotation of the hand's motion by the map, shape (3, 3)
-    tip: Array | None = None  # Position of the end effector [m]
+    position: Array | None = None  # Position of the end effector [m]
     note: str = ""  # Why the target is not new, or another method's
 
 
@@ -128,7 +128,7 @@ class Side:
 
     def best(self, target: Target) -> Array:
         """Return the best configuration that is found for a target, shape (dof,)."""
-        tips = None if target.tip is None else target.tip[None]
+        tips = None if target.position is None else target.position[None]
         nearest = nearest_feasible(
             self.student, target.ellipsoid[None], damping=self.bank.damping, positions=tips, bank=self.bank
         )
@@ -143,7 +143,7 @@ class Side:
         damped = (self.objective.damped(ellipsoid) for ellipsoid in (target.ellipsoid, achieved))
         return Frame(
             self.teacher, arm, target, q, achieved, float(distance_unchecked(*damped)), base_rotation,
-            position_error=None if target.tip is None else float(np.linalg.norm(tip - target.tip)),
+            position_error=None if target.position is None else float(np.linalg.norm(tip - target.position)),
             at_limit=tuple(name for name, near in zip(arm.joint_names, at_limit, strict=True) if near),
         )  # fmt: skip
 
@@ -191,7 +191,7 @@ class ViewState:
             time, schedules = np.linspace(0.0, elapsed, int(np.ceil(elapsed / control_step)) + 1), []
             for side, target in pairs:
                 shapes = np.broadcast_to(target.ellipsoid, (len(time), 3, 3))
-                tips = None if target.tip is None else np.broadcast_to(target.tip, (len(time), 3))
+                tips = None if target.position is None else np.broadcast_to(target.position, (len(time), 3))
                 schedules.append(Schedule(side.objective, time, shapes, tips))
             self.joints = follow(self._controller, self.joints, schedules)[0][-1]
         return tuple(side.frame(target, self.joints[columns], command.base_rotation)
@@ -216,7 +216,7 @@ class ViewState:
         ends = np.cumsum([side.teacher.dof for side in self.sides])
         parts = zip(self.sides, np.split(command.joints, ends[:-1]), strict=True)
         targets = [side.target(own, command.method, command.base_rotation) for side, own in parts]
-        if not command.tip_follows:
+        if not command.follow_hand:
             return targets
         turn = _mean_turn([target.turn for target in targets])
         for k, (side, target) in enumerate(zip(self.sides, targets, strict=True)):
@@ -225,7 +225,7 @@ class ViewState:
                 targets[k] = replace(target, note=target.note or note)
             else:  # the position of the hand, whose path is turned
                 hand = side.teacher.forward(target.joints)[:3, 3] + side.base
-                targets[k] = replace(target, tip=replace(side.place, turn=turn).apply(hand))
+                targets[k] = replace(target, position=replace(side.place, turn=turn).apply(hand))
         return targets
 
     def _joined(self, configurations: Sequence[Array]) -> Array:

@@ -45,8 +45,16 @@ READERS: dict[str, Reader] = {".urdf": _read_xml, ".xml": _read_xml, ".mjcf": _r
 A reader returns the chain to the frame, or to the default end effector of the joints; `load_arm` locks the other
 joints. It raises `FileFormatError` for a faulty file."""
 
-ROBOTS: dict[str, Callable[[], Chain]] = {"panda": lambda: read_embedded("panda")}
-"""Robots of this package; human arms are in `maniport.arms.human.PERSONS`."""
+
+def _panda(frame: str | None) -> Chain:
+    """Read the Panda, without its hand where the chain ends before it."""
+    chain = read_embedded("panda")
+    bare = frame in chain.frames and "panda_hand" not in chain.ancestors(str(frame))
+    return read_embedded("panda", without=("panda_hand",)) if bare else chain
+
+
+ROBOTS: dict[str, Callable[[str | None], Chain]] = {"panda": _panda}
+"""Robots of this package, called with the frame of `load_arm`; human arms are in `maniport.arms.human.PERSONS`."""
 
 
 def load_arm(
@@ -119,8 +127,6 @@ def load_arm(
             raise InvalidInputError(f"mesh_folders: no folder {str(folder)!r}")
     chain = read_arm(name_or_path, frame, joints, base, folders, side, height)
     chain = restrict(chain, frame, joints, base, lock)
-    if name_or_path in ROBOTS and not chain.holds("panda_hand"):
-        chain = replace(chain, others=None)  # the hand is not mounted where the chain ends before it
     for name, low, high in zip(chain.coordinates, chain.lower, chain.upper, strict=True):
         if not low > -inf or not high < inf:
             raise FileFormatError(
@@ -152,16 +158,16 @@ def read_arm(
         if value is not None:
             raise InvalidInputError(f"{argument(name)} is for persons ({', '.join(PERSONS)}); {text!r} is a robot")
     if isinstance(name_or_path, str) and name_or_path in ROBOTS:
-        return ROBOTS[name_or_path]()
+        return ROBOTS[name_or_path](frame)
     file = _robot_file(name_or_path)
     folders = (*mesh_folders, *file.folders)
     limb = None
     if file.side is not None:
         limb = one_side(RobotModel(_source(file.path)).limbs().all(), file.side, text)
-        frame = limb.tip if frame is None else frame
+        frame = limb.frame if frame is None else frame
     elif file.pair and frame is None and joints is None:
         raise InvalidInputError(
-            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the tip with "
+            f"the robot {text!r} has two arms: name '{text}_left_arm' or '{text}_right_arm', or the end effector with "
             f"{argument('frame')}"
         )
     chain = READERS[file.path.suffix.lower()](file.path, frame, joints)
@@ -171,7 +177,7 @@ def read_arm(
     if limb is None:
         return chain
     if any(ours != theirs for ours, theirs in zip((joint.name for joint in chain.joints), limb.joints, strict=False)):
-        raise InvalidInputError(f"the frame {frame!r} is not on {text!r}, whose tip is {limb.tip!r}")
+        raise InvalidInputError(f"the frame {frame!r} is not on {text!r}; its end effector is {limb.frame!r}")
     return chain if limb.fork is None or base is not None else restrict(chain, base=limb.fork)
 
 

@@ -34,6 +34,7 @@ from maniport.util.validation import MAX_POSITION
 
 XACRO = ".xacro"
 LONGEST_XACRO = 30.0  # time limit for endless macros [s]
+LARGEST = 1e9  # upper bound of all numbers of a robot
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,23 @@ class RobotXML:
     def joint_range(self, name: str) -> tuple[float, float] | None:
         """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
         return None
+
+    def effort_limit(self, name: str) -> float | None:
+        """Return the largest torque [N m] or force [N] of a joint if Pinocchio's is wrong, else None."""
+        return None
+
+    def unweighed(self) -> set[str]:
+        """Return the bodies whose masses are those of their shapes, which are not computed."""
+        return set()
+
+
+def inertia_fault(link: str, mass: float, moments: Sequence[float]) -> str:
+    """Describe an impossible mass [kg] or impossible moments of inertia xx, yy, zz, xy, xz, yz [kg m²] of a link."""
+    if not 0 <= mass < LARGEST or not np.all(np.abs(moments) < LARGEST):
+        return f"link {link!r} needs a mass from 0 to {LARGEST:g} kg and moments of inertia below {LARGEST:g} kg m²"
+    least = float(np.linalg.eigvalsh(np.array(moments)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])[0])
+    # small negative moments are common rounding errors of small links
+    return f"link {link!r} has the moment of inertia {least:.3g} kg m² about an axis" if least < -1e-6 else ""
 
 
 def read_shapes(

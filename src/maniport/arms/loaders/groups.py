@@ -109,16 +109,16 @@ def _ends(robot: Robot, tips: Sequence[str | None]) -> list[str | None]:
     limbs = robot_limbs(robot)[0]
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     if len(longest) < 2:
-        only = f"one longest limb, to {longest[0].tip!r}" if longest else "one arm"
+        only = f"one longest limb, to {longest[0].frame!r}" if longest else "one arm"
         raise InvalidInputError(
             f"robot {os.fspath(robot)!r} must have two arms; found {only}: name both end effectors with "
             f"{argument('frames')}, or place two robots with {placing_options()}"
         )
     sides = (LEFT, RIGHT)[: len(tips)] if len(tips) <= 2 else ()
     try:
-        return [tip or one_side(limbs, side, os.fspath(robot)).tip for tip, side in zip(tips, sides, strict=True)]
+        return [tip or one_side(limbs, side, os.fspath(robot)).frame for tip, side in zip(tips, sides, strict=True)]
     except (UnknownNameError, ValueError):
-        ends = ", ".join(repr(limb.tip) for limb in longest)
+        ends = ", ".join(repr(limb.frame) for limb in longest)
         raise InvalidInputError(
             f"the robot {os.fspath(robot)!r} has limbs without left and right in their names: name both end "
             f"effectors with {argument('frames')}; they end at {ends}"

@@ -15,7 +15,7 @@ _SIDES = ("left", "right", "l", "r")
 class Limb:
     """A chain from the base of a robot to one of its ends, without fingers."""
 
-    tip: str  # the end effector's site, else the body that carries the gripper, else the outermost body
+    frame: str  # the end effector's site, else the body that carries the gripper, else the outermost body
     joints: tuple[str, ...]  # with one axis, from the base
     fork: str | None  # last body shared with another of the longest limbs; None if it is fixed
 
@@ -43,10 +43,10 @@ def one_side(limbs: Sequence[Limb], side: str, robot: str) -> Limb:
     longest = [limb for limb in limbs if len(limb.joints) == len(limbs[0].joints)]
     scores = []  # occurrences of one side, as "left" or "l", minus those of the other
     for limb in longest:
-        words = [word for name in (*limb.joints, limb.tip) for word in _words(name) if word in _SIDES]
+        words = [word for name in (*limb.joints, limb.frame) for word in _words(name) if word in _SIDES]
         scores.append(sum(1 if word in (side, side[0]) else -1 for word in words))
     if scores.count(max(scores)) > 1:
-        raise unknown_name("arm", robot, [limb.tip for limb in longest], f"(no limb is called {side})")
+        raise unknown_name("arm", robot, [limb.frame for limb in longest], f"(no limb is called {side})")
     return longest[scores.index(max(scores))]
 
 
@@ -97,7 +97,7 @@ class Limbs:
                 str(frame.name) for frame in self.model.frames
                 if shared and frame.type == pin.FrameType.BODY and frame.parentJoint == max(shared)
             ]  # fmt: skip
-            limbs.append(Limb(self.tip(end), joints[end], bodies[0] if bodies else None))
+            limbs.append(Limb(self.end_frame(end), joints[end], bodies[0] if bodies else None))
         return limbs
 
     def fingers(self) -> set[str]:
@@ -116,14 +116,14 @@ class Limbs:
         if len(ends) > 1 and most[0] and sum(name in wanted for j in shared for name in self._names[j]) == most[0]:
             ends = [max(j for j in shared if wanted.intersection(self._names[j]))]
         if len(ends) > 1:
-            candidates = nearest_first("hand", [self.tip(end) for end in ends])
+            candidates = nearest_first("hand", [self.end_frame(end) for end in ends])
             raise InvalidInputError(
                 f"{source}: several frames end a chain of {most[1]} movable joints; choose one with "
                 f"{argument('frame')}, such as {', '.join(map(repr, candidates[:12]))}"
             )
-        return self.tip(ends[0])
+        return self.end_frame(ends[0])
 
-    def tip(self, joint: int) -> str:
+    def end_frame(self, joint: int) -> str:
         """Return the end-effector site, else the body that carries all further joints, else the outermost body."""
         model, frames = self.model, self.model.frames
         sites = [

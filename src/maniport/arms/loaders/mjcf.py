@@ -6,8 +6,6 @@ move: it reads a copy with all included files and all bodies in one tree. For sh
 triangle, since its native mesh reader crashes on damaged files.
 """
 
-import copy
-import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
@@ -21,16 +19,15 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from maniport.arms.chain import Mesh, Shape
-from maniport.arms.loaders.document import Follower, RobotXML, parsed
+from maniport.arms.loaders.document import LARGEST, Follower, RobotXML, inertia_fault
+from maniport.arms.loaders.mjcf_tree import WORLD, one_tree, with_includes
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_paths import MeshPaths, is_file
 from maniport.errors import FileFormatError
 from maniport.util.atomic_io import temporary_beside
-from maniport.util.input_limits import INCLUDES, NESTING, ROBOT_BYTES, TAGS, existing_file, require_at_most
 
-WORLD = "world"  # name of the root body
-LARGEST = 1e9  # upper bound of all numbers of a robot
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
 
 
 class Mjcf(RobotXML):
@@ -41,11 +38,11 @@ class Mjcf(RobotXML):
     @classmethod
     def checked(cls, path: Path, text: str, root: ElementTree.Element) -> RobotXML:
         """Check the text and the root of a file with its included files."""
-        return super().checked(path, text, _with_includes(path, root) if root.tag == cls.tag else root)
+        return super().checked(path, text, with_includes(path, root) if root.tag == cls.tag else root)
 
     def build(self) -> pin.Model:
         """Read the kinematics with Pinocchio, without shapes, actuators, sensors, cameras and lights."""
-        tree = _one_tree(self.root)
+        tree = one_tree(self.root)
         tree[:] = [section for section in tree if section.tag in ("compiler", "default", "worldbody")]
         for parent in list(tree.iter()):
             parent[:] = [child for child in parent if child.tag not in ("geom", "camera", "light")]
@@ -82,33 +79,66 @@ class Mjcf(RobotXML):
     def joint_range(self, name: str) -> tuple[float, float]:
         """Return the range of a joint [rad] or [m], its own or that of its class; infinite without one."""
         joint = self._joints.get(name)
-        text = None if joint is None else self._attribute(joint, "range")
-        if joint is None or text is None or self._attribute(joint, "limited") == "false":
+        if joint is None:
             return -np.inf, np.inf
-        try:
-            low, high = (float(x) * self._unit(joint) for x in text.split())
-        except ValueError:
-            raise FileFormatError(f"{self.path}: joint {name!r} has range {text!r}; two numbers are needed") from None
+        low, high = self._range(joint, "range", "limited")
+        return low * self._unit(joint), high * self._unit(joint)
+
+    def effort_limit(self, name: str) -> float:
+        """Return the largest torque [N m] or force [N] of a joint and of all its actuators, in the weaker direction."""
+        actuators = [a for a in self.root.findall("actuator/*") if name in (a.get("joint"), a.get("jointinparent"))]
+        total = sum(map(self._actuator_limit, actuators)) if actuators else np.inf
+        joint = self._joints.get(name)
+        return total if joint is None else min(total, self._weaker(joint, "actuatorfrc"))
+
+    def _actuator_limit(self, actuator: ElementTree.Element) -> float:
+        """Largest torque [N m] or force [N] at the joint: by the force range, or by the controls of a plain motor."""
+        gear, gain = (self._numbers(actuator, name, "1")[0] for name in ("gear", "gainprm"))
+        plain = actuator.tag in ("motor", "general") and self._attribute(actuator, "biastype") in (None, "none")
+        controls = abs(gain) * self._weaker(actuator, "ctrl") if plain else np.inf
+        return abs(gear) * min(self._weaker(actuator, "force"), controls)
+
+    def _weaker(self, element: ElementTree.Element, what: str) -> float:
+        """Smaller absolute value of the bounds ``<what>range``; infinite without them."""
+        return float(np.abs(self._range(element, f"{what}range", f"{what}limited")).min())
+
+    def _range(self, element: ElementTree.Element, name: str, limited: str) -> tuple[float, float]:
+        """Bounds of an element, its own or those of its class; infinite without them."""
+        if self._attribute(element, limited) == "false":
+            return -np.inf, np.inf
+        low, high = self._numbers(element, name, "-inf inf", 2)
         return low, high
+
+    def _numbers(self, element: ElementTree.Element, name: str, default: str, count: int | None = None) -> list[float]:
+        text = self._attribute(element, name) or default
+        try:
+            numbers = [float(word) for word in text.split()]
+        except ValueError:
+            numbers = []
+        if not numbers or len(numbers) != (count or len(numbers)):
+            who = f"<{element.tag}> {element.get('name', element.get('joint'))!r}"
+            raise FileFormatError(f"{self.path}: {who} has {name} {text!r}; {count or 'some'} numbers are needed")
+        return numbers
 
     def _unit(self, joint: ElementTree.Element) -> float:
         angle = [compiler.get("angle") for compiler in self.root.findall("compiler") if compiler.get("angle")]
         hinge = self._attribute(joint, "type") in (None, "hinge")
         return np.pi / 180 if hinge and (not angle or angle[-1] == "degree") else 1.0
 
-    def _attribute(self, joint: ElementTree.Element, attribute: str) -> str | None:
-        """Return an attribute of a joint, its own or that of its default class."""
-        if joint.get(attribute) is not None:
-            return joint.get(attribute)
-        name, node = joint.get("class"), self._parents.get(joint)
+    def _attribute(self, element: ElementTree.Element, attribute: str) -> str | None:
+        """Return an attribute of an element, its own or that of its default class; actuators share their defaults."""
+        if element.get(attribute) is not None:
+            return element.get(attribute)
+        tags = ACTUATORS if element.tag in ACTUATORS else (element.tag,)
+        name, node = element.get("class"), self._parents.get(element)
         while name is None and node is not None:
             name, node = node.get("childclass"), self._parents.get(node)
         top = self.root.find("default")
         entry = next((d for d in self.root.iter("default") if name is not None and d.get("class") == name), top)
         while entry is not None and entry.tag == "default":
-            default = entry.find("joint")
-            if default is not None and default.get(attribute) is not None:
-                return default.get(attribute)
+            for default in reversed(entry):
+                if default.tag in tags and default.get(attribute) is not None:
+                    return default.get(attribute)
             entry = self._parents.get(entry)
         return None
 
@@ -150,7 +180,26 @@ class Mjcf(RobotXML):
                     return f"<{element.tag}> needs {rule}; found {text[:80]!r}"
                 if name == "quat" and np.linalg.norm(numbers) < 1e-9:
                     return f"<{element.tag}> has quat {text[:80]!r}, which is no rotation"
-        return ""
+        faults = (self._inertia_fault(body) for body in self.root.findall("worldbody//body"))
+        return next(filter(None, faults), "")
+
+    def _inertia_fault(self, body: ElementTree.Element) -> str:
+        inertial = body.find("inertial")
+        if inertial is None:
+            return ""
+        moments = inertial.get("fullinertia") or inertial.get("diaginertia", "0 0 0") + " 0 0 0"
+        return inertia_fault(body.get("name", ""), float(inertial.get("mass", "0")), list(map(float, moments.split())))
+
+    def unweighed(self) -> set[str]:
+        """Return the bodies whose masses are those of their shapes, which are not computed."""
+        ignored = any(compiler.get("inertiafromgeom") == "true" for compiler in self.root.findall("compiler"))
+        return {
+            body.get("name", "") for body in self.root.findall("worldbody//body")
+            if (ignored or body.find("inertial") is None) and any(map(self._has_mass, body.findall("geom")))
+        }  # fmt: skip
+
+    def _has_mass(self, geom: ElementTree.Element) -> bool:
+        return all(self._numbers(geom, name, "1")[0] > 0 for name in ("mass", "density"))
 
     def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
         """Yield the shapes of bodies: those without contacts if a body has such, else all."""
@@ -174,7 +223,7 @@ class Mjcf(RobotXML):
 
     def _geometries(self) -> tuple[pin.Model, pin.GeometryModel, pin.GeometryModel]:
         """Return the model and its visual and collision geometry, with a triangle for each mesh."""
-        root = _one_tree(self.root)
+        root = one_tree(self.root)
         corners = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4")
         triangle = bytes(80) + (1).to_bytes(4, "little") + corners.tobytes() + bytes(2)  # an STL
         for compiler in root.findall("compiler"):
@@ -236,69 +285,3 @@ def _own_mesh(path: Path, mesh: ElementTree.Element) -> Mesh:
     except (ValueError, OverflowError, QhullError) as error:
         reason = str(error).splitlines()[0]
         raise FileFormatError(f"{path}: the points of the mesh {mesh.get('name')!r} are no solid: {reason}") from None
-
-
-def _with_includes(path: Path, root: ElementTree.Element) -> ElementTree.Element:
-    """Insert included files as MuJoCo does, and name unnamed bodies and joints."""
-    tree = copy.deepcopy(root)
-    if root.find(".//include") is not None:
-        _fill(tree, path, {path.resolve(): sum(1 for _ in root.iter())})
-        first: dict[str, ElementTree.Element] = {}
-        for section in list(tree):  # join sections of one name; later attributes override earlier ones
-            if section.tag in first:
-                first[section.tag].attrib.update(section.attrib)
-                first[section.tag].extend(section)
-                tree.remove(section)
-            else:
-                first[section.tag] = section
-    taken = {element.get("name") for element in tree.iterfind("worldbody//*")}
-    for parent in [body for world in tree.findall("worldbody") for body in (world, *world.iter("body"))]:
-        joints = [joint for joint in parent.findall("joint") if joint.get("type") != "free"]
-        for what, parts in (("joint", joints), ("body", parent.findall("body"))):
-            for k, part in enumerate(parts, start=1):
-                if part.get("name") is None:  # names by Pinocchio would lose the ranges
-                    name = f"{parent.get('name', WORLD)}_{what}{k}"
-                    while name in taken:
-                        name += "_2"
-                    part.set("name", name)
-                    taken.add(name)
-    return tree
-
-
-def _fill(element: ElementTree.Element, path: Path, seen: dict[Path, int], level: int = 1) -> None:
-    """Replace <include> by the content of files; `seen` counts the elements of each file."""
-    require_at_most(level, NESTING, "levels of elements within elements, with the files that it includes", path)
-    children: list[ElementTree.Element] = []
-    for child in element:
-        if child.tag != "include":
-            _fill(child, path, seen, level + 1)
-            children.append(child)
-            continue
-        name = child.get("file", "")
-        if not name:
-            raise FileFormatError(f"{path}: an <include> names no file")
-        file = Path(os.path.realpath(path.parent / name))  # not strict: symbolic links may be cyclic
-        if not file.is_relative_to(path.parent.resolve()):
-            raise FileFormatError(f"{path}: includes {name!r}, which lies outside of its folder; put it below that")
-        if file in seen:
-            raise FileFormatError(f"{path}: includes {name!r} more than once, or in a cycle")
-        require_at_most(len(seen), INCLUDES, "included files", path)
-        root = parsed(existing_file(file, (".xml", ".mjcf"), ROBOT_BYTES, f"; {path} includes it"))[1]
-        seen[file] = sum(1 for _ in root.iter())
-        require_at_most(sum(seen.values()), TAGS, "elements with those of the files that it includes", path)
-        _fill(root, path, seen, level)
-        children += root
-    element[:] = children
-
-
-def _one_tree(root: ElementTree.Element) -> ElementTree.Element:
-    """Copy a tree with all bodies below one at the origin of the world, without free joints."""
-    tree = copy.deepcopy(root)
-    for body in tree.iter("body"):
-        for joint in [*body.findall("freejoint"), *body.findall("joint[@type='free']")]:
-            body.remove(joint)
-    for world in tree.iter("worldbody"):
-        hull = ElementTree.Element("body", {"name": WORLD, **world.attrib})
-        hull.extend(world)
-        world[:] = [hull]
-    return tree

@@ -29,6 +29,7 @@ class RobotModel:
             raise FileFormatError(f"{source.path}: Pinocchio cannot read this {source.name}: {error}") from None
         self.bounds: dict[str, tuple[float, float]] = {}
         self.speeds: dict[str, float] = {}
+        self.efforts: dict[str, float] = {}
         self.unlimited: list[str] = []
         self.closed: dict[str, tuple[float, float]] = {}  # limits that exclude all positions
         self.parts = {j: self._split(j) for j in range(1, self.model.njoints)}  # empty for several degrees of freedom
@@ -88,7 +89,7 @@ class RobotModel:
                 parent = str(model.frames[above].name) if above else None
                 on_chain[name] = Frame(count, rest @ model.frames[i].placement.homogeneous, parent)
         limits = np.array([self.bounds[name] for name in coordinates]).reshape(-1, 2)
-        speeds = np.array([self.speeds[name] for name in coordinates])
+        speeds, efforts = (np.array([of[name] for name in coordinates]) for of in (self.speeds, self.efforts))
         return Chain(
             name=model.name or path.stem,
             joints=tuple(joints),
@@ -100,6 +101,8 @@ class RobotModel:
             coupling=coupling,
             offset=offset,
             velocity_limits=speeds if np.any(np.isfinite(speeds)) else None,
+            effort_limits=efforts if np.any(np.isfinite(efforts)) else None,
+            inertia=self._inertia(mounts, len(joints)),
             unlimited=tuple(self.unlimited),
             shapes=partial(read_shapes, type(self.source), path.absolute()),
             others=self._bodies_off_chain(mounts, coordinates),
@@ -127,7 +130,7 @@ class RobotModel:
         return parts
 
     def _single(self, joint: pin.JointModel, name: str, placement: Array) -> Joint | None:
-        """Return a joint with one axis, its limits and speed noted; None for other joints."""
+        """Return a joint with one axis, its limits noted; None for other joints."""
         if joint.nv != 1:
             return None
         data = joint.createData()
@@ -148,9 +151,10 @@ class RobotModel:
         if not (-huge < bounds[0] < bounds[1] < huge):
             self.unlimited.append(name)
             bounds = (-np.inf, np.inf) if kind == PRISMATIC else (-np.pi, np.pi)
-        speed = float(self.model.velocityLimit[joint.idx_v])
-        self.bounds[name] = bounds
-        self.speeds[name] = speed if 0 < speed < 1e6 else np.inf
+        effort = self.source.effort_limit(name)
+        effort = float(self.model.upperEffortLimit[joint.idx_v]) if effort is None else effort
+        self.bounds[name], speed = bounds, float(self.model.velocityLimit[joint.idx_v])
+        self.speeds[name], self.efforts[name] = (limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
             direction = axis / np.linalg.norm(axis)
         return Joint(name, kind, direction, placement)
@@ -172,6 +176,24 @@ class RobotModel:
         rest = float(np.clip(0.0, *self.bounds[name]))  # a joint off the chain is locked
         return None, 0.0, factor * rest + offset
 
+    def _inertia(self, mounts: Mapping[int, tuple[int, Array]], count: int) -> Array | None:
+        """Spatial inertia of what the base and each joint carry, other joints at rest; None without all masses."""
+        inertia, names = np.zeros((count + 1, 6, 6)), self.source.unweighed()
+        unweighed = {f.parentJoint for f in self.model.frames if f.type == pin.FrameType.BODY and f.name in names}
+        for j, own in enumerate(self.model.inertias):
+            carrier, path, rest = self._carrier(j, mounts)
+            if carrier and j in unweighed:
+                return None
+            inertia[carrier] += pin.SE3(rest @ self._poses(path, ())[0]).act(own).matrix()
+        return inertia if np.any(inertia[1:]) else None
+
+    def _carrier(self, j: int, mounts: Mapping[int, tuple[int, Array]]) -> tuple[int, list[int], Array]:
+        """Return the number of chain joints that move a joint, the joints between, and the pose where these begin."""
+        support = list(self.model.supports[j])
+        path = [k for k in support if k not in mounts]
+        count, rest = mounts[support[len(support) - len(path) - 1]]
+        return count, path, rest
+
     def _bodies_off_chain(self, mounts: Mapping[int, tuple[int, Array]], coordinates: Sequence[str]) -> dict[str, Body]:
         """Bodies off a chain, with their poses relative to the joints of the chain."""
         fingers, bodies = self.limbs().fingers(), {}
@@ -179,10 +201,8 @@ class RobotModel:
         frames = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
         names = {frame.parentJoint: frame.name for frame in reversed(frames)}
         for frame in frames:
-            support = list(self.model.supports[frame.parentJoint])
-            path = [j for j in support if j not in mounts]
+            count, path, rest = self._carrier(frame.parentJoint, mounts)
             if path:
-                count, rest = mounts[support[len(support) - len(path) - 1]]
                 poses = rest @ self._poses(path, moving) @ frame.placement.homogeneous
                 finger = next((j for j in path if any(part.name in fingers for part in self.parts[j])), None)
                 group = frame.name if finger is None else names.get(finger, frame.name)

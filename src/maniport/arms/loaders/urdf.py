@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from maniport.arms.chain import Shape, pose
-from maniport.arms.loaders.document import Follower, RobotXML
+from maniport.arms.loaders.document import Follower, RobotXML, inertia_fault
 from maniport.arms.meshes import SOLIDS
 from maniport.arms.meshes.mesh_files import scaled
 from maniport.arms.meshes.mesh_paths import MeshPaths
@@ -76,8 +76,22 @@ class Urdf(RobotXML):
             level = [child for link in level for child in children[link]]
         if reached < len(links):
             return "has links in a cycle"
+        for body in self.root.findall("link"):
+            for inertial in body.findall("inertial"):
+                if fault := self._inertia_fault(body, inertial):
+                    return fault
         # recursive native readers cannot process deeper chains
         return f"has {depth} links in a row; at most {NESTING} are read" if depth > NESTING else ""
+
+    def _inertia_fault(self, link: Element, inertial: Element) -> str:
+        """Describe the fault of masses that Pinocchio would omit or not check."""
+        mass, inertia, origin = (
+            Element(tag) if (part := inertial.find(tag)) is None else part for tag in ("mass", "inertia", "origin")
+        )
+        for name in ("xyz", "rpy"):
+            self._numbers(link, origin, name, 3, "0 0 0")
+        moments = [self._numbers(link, inertia, f"i{axes}", 1, "")[0] for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]
+        return inertia_fault(link.get("name", ""), self._numbers(link, mass, "value", 1)[0], moments)
 
     def shapes(self, links: Collection[str], paths: MeshPaths) -> Iterator[Shape]:
         """Yield shapes from <visual>, or from <collision> of links without <visual> or with a missing mesh."""

@@ -40,7 +40,7 @@ class EllipsoidCost:
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
-        values, _, singular, _ = self.spectrum(self.arm.ellipsoids(q, self.spec.velocity))
+        values, _, singular, _ = self.spectrum(self.arm.ellipsoids(q, self.spec.bounded))
         return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
 
     def logarithms(self, q: Array) -> Array:
@@ -50,7 +50,7 @@ class EllipsoidCost:
 
     def log_changes(self, q: Array) -> Array:
         """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        _, velocity, changes = self.arm.differentials(q, self.spec.velocity)
+        _, velocity, changes = self.arm.differentials(q, self.spec.bounded)
         values, vectors, _, changes = self.spectrum(velocity, changes)
         return self._log_changes(values, vectors, changes)
 

@@ -170,7 +170,7 @@ def relaxed(
     """
 
     def largest_error(q: Array) -> Array:
-        error = problem.tip_error(q)
+        error = problem.position_error(q)
         return np.zeros(len(q)) if error is None else np.asarray(error.reshape(len(q), -1).max(axis=1))
 
     clearance, error = np.full(len(time), CLEARANCE), largest_error(q)

@@ -64,7 +64,7 @@ def optimize_to_tolerance(
         if weight < min(needed, POSITION_WEIGHTS[-1]):
             continue
         q = optimize(targets, time, q, own, weight)
-        error = targets.tip_error(q)
+        error = targets.position_error(q)
         if error is None or (reached := float(np.percentile(error, 95.0, axis=0).max())) <= tolerance:
             break
         needed = 0.7 * weight * np.sqrt(reached / tolerance)  # the error falls with the square of the weight

@@ -41,7 +41,7 @@ def plan_motion(
     weights: ArrayLike | Sequence[ArrayLike] | None = None,
     rotations: ArrayLike | Sequence[ArrayLike] | None = None,
     costs: Sequence[Cost] = (),
-    tips: str = PLACED,
+    hand_targets: str = PLACED,
     planner: Planner | None = None,
     pointwise_bests: ArrayLike | Sequence[ArrayLike] | None = None,
     random_state: Any = 0,
@@ -72,7 +72,7 @@ def plan_motion(
         which axes count and how much. The pointwise optimum ignores them.
     costs : sequence of Cost, optional
         Further costs, over all joints; see `maniport.motion.problem.Cost`. The pointwise optimum ignores them.
-    tips : {"placed", "relative"}
+    hand_targets : {"placed", "relative"}
         Whether the end effectors follow their paths, or only keep the vectors from the first end effector to the
         others; the arms of the result then have no paths.
     planner : Planner, optional
@@ -103,9 +103,11 @@ def plan_motion(
         raise InvalidInputError("paths must be of all arms or of none")
     require_few(np.ptp(schedules[0].time) / settings.speed_scale * settings.rate)
     bests = _checked_bests(arms, pointwise_bests, len(schedules[0]))
-    relative = as_choice(tips, "tips", (PLACED, RELATIVE)) == RELATIVE
+    relative = as_choice(hand_targets, "hand_targets", (PLACED, RELATIVE)) == RELATIVE
     if relative and (paths is None or len(schedules) < 2):
-        raise InvalidInputError("tips='relative' keeps vectors between end effectors; give several arms with paths")
+        raise InvalidInputError(
+            "hand_targets='relative' keeps vectors between end effectors; give several arms with paths"
+        )
     extra, generator = as_costs(costs, arms, schedules[0].time), as_generator(random_state)
     step = Step(progress, "Plan trajectory")
     if planner is None:

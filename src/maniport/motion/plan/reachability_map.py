@@ -16,7 +16,6 @@ from scipy.spatial import cKDTree
 
 from maniport.arms import Arm, EllipsoidSpec
 from maniport.arms.collisions import Collisions, as_collisions, free_configurations
-from maniport.arms.manipulability import manipulability
 from maniport.motion.arm_model import Axis
 from maniport.motion.objective import Objective, Targets
 from maniport.motion.plan.roadmap import IN_PLACE, Roadmap, moved_to_positions, turned_to_rotations
@@ -36,7 +35,7 @@ class ReachabilityMap:
     ----------
     arm : Arm
     spec : EllipsoidSpec
-        Which ellipsoids, of velocity.
+        Which ellipsoids.
     n : int, optional
         How many samples; 100 000 by default.
     random_state : None, int or numpy.random.Generator
@@ -86,7 +85,7 @@ class ReachabilityMap:
     @cached_property
     def _ellipsoids(self) -> Array:
         """Ellipsoids at `q`, turned to angle 0, shape (n, d, d)."""
-        ellipsoids = manipulability(self.arm.jacobian(self.q), self.arm.resolved(self.spec.velocity))
+        ellipsoids = self.arm.ellipsoids(self.q, self.spec.bounded)
         if self.spec.kind == "force":
             values, vectors = eigh(ellipsoids)
             singular = SPD_TOLERANCE * values.sum(axis=1, keepdims=True)

@@ -107,7 +107,7 @@ def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Pa
     q = search_from_starts(targets.weighing(SEARCH_WEIGHT), starts, 1e-6, 100, block=64, progress=first)
     starts = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), motion], axis=1)
     q = search_from_starts(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=then)
-    return PointwiseBest(q, targets.distance(q), targets.tip_error(q))
+    return PointwiseBest(q, targets.distance(q), targets.position_error(q))
 
 
 def interpolated_distance(rows: NDArray[np.intp], distance: Array, count: int) -> Array:

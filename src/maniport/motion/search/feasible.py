@@ -117,7 +117,7 @@ def nearest_feasible(
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
     step.end()
-    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.tip_error(q))
+    return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.position_error(q))
 
 
 def feasibility_gap(arm: Arm, profile: ArrayLike, *, n_points: int = 250, **options: Any) -> Array:

@@ -28,7 +28,7 @@ class SeedBank(NotebookDisplay):
     ----------
     joint_positions : ndarray, shape (n, dof)
         The samples, within the joint limits [rad or m].
-    tip_positions : ndarray, shape (n, 3)
+    positions : ndarray, shape (n, 3)
         Positions of the end effector in the base frame [m].
     ellipsoids : ndarray, shape (n, d, d)
         Ellipsoids of the arm, without damping.
@@ -40,7 +40,7 @@ class SeedBank(NotebookDisplay):
 
     def __init__(self, arm: Arm, joint_positions: Array, damping: Damping, spec: EllipsoidSpec):
         self.arm, self.joint_positions, self.spec = arm, joint_positions, spec
-        self.tip_positions = np.ascontiguousarray(arm.forward(joint_positions)[:, :3, 3])
+        self.positions = np.ascontiguousarray(arm.forward(joint_positions)[:, :3, 3])
         self.ellipsoids = arm.ellipsoids(joint_positions, spec)
         self.damping = as_damping(damping, lambda: self.ellipsoids, positive=True)
         self._shift = self.damping.epsilon * np.eye(self.ellipsoids.shape[-1])
@@ -132,7 +132,7 @@ class SeedBank(NotebookDisplay):
             weight = as_number(position_weight, "position_weight", above=0.0)
             vectors = np.concatenate([vectors, weight * as_positions(positions, len(vectors))], axis=1)
         if weight not in self._trees:
-            features = np.concatenate([self._vectors, weight * self.tip_positions], axis=1)
+            features = np.concatenate([self._vectors, weight * self.positions], axis=1)
             self._trees[weight] = cKDTree(features if weight else self._vectors)
         count = min(as_count(k, "k"), len(self))
         return np.asarray(self.joint_positions[self._trees[weight].query(vectors, k=[*range(1, count + 1)])[1]])

@@ -62,7 +62,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     else:
         notes.append(
             f"An ellipsoid shows how fast the end effector {moves} in each direction at unit joint speed; a semi-axis "
-            f"of 1 {spec.velocity.unit} is drawn 0.25 m long."
+            f"of 1 {spec.bounded.unit} is drawn 0.25 m long."
         )
         notes += ["Drawn are the inverses of the force ellipsoids."] if spec.kind == "force" else []
     stages = [_person(transfer.arms, spec, notes)] if transfer is not None else []
@@ -80,7 +80,7 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         tuple(stages),
         {topic: _alternated(panels, names) for topic, panels in topics.items()},
         _map(transfer.arms[0], spec, transfer.base_rotation) if transfer is not None and len(names) == 1 else None,
-        unit=spec.velocity.unit,
+        unit=spec.bounded.unit,
         clocks={"robot": moved[0].time} if transfer is not None and moved else {},
         legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
         note=" ".join(notes),
@@ -194,7 +194,7 @@ def _panels_of(
             panels.append(Panel(error.label, error.unit, (line,), error.description, logarithmic=True))
         yield "Distance and position error", panels
     if spec.part != "full":
-        panels = semi_axis_panels(_profiles_of(arm, spec), spec.velocity.unit)
+        panels = semi_axis_panels(_profiles_of(arm, spec), spec.bounded.unit)
         if motion is not None:
             angle = Line("longest axis", np.degrees(motion.major_axis_angle))
             meaning = "Between target and achieved. The line breaks where two axes have one length."

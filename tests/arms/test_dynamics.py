@@ -1,0 +1,189 @@
+"""Gravity torques and joint-space inertia beside Pinocchio, of chains that are changed too, and payloads."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from maniport.arms import Arm, ArmGroup, EllipsoidSpec, load_arm, load_arms
+from maniport.arms.arm_group import CooperativeArm
+from maniport.arms.chain import PRISMATIC
+from maniport.arms.dynamics import point_mass
+from maniport.arms.restriction import mirrored, standing
+from maniport.errors import InvalidInputError
+
+
+def heavy(arm, seed=0):
+    """Return an arm whose links have random masses."""
+    random, inertia = np.random.default_rng(seed), []
+    for _ in range(len(arm.chain.joints) + 1):
+        spread = random.normal(size=(3, 3)) * 0.1
+        inertia.append(pin.Inertia(random.uniform(1, 3), random.normal(size=3) * 0.2, spread @ spread.T).matrix())
+    return Arm(replace(arm.chain, inertia=np.array(inertia), effort_limits=np.linspace(80.0, 40.0, arm.dof)))
+
+
+def model_of(chain):
+    """Build Pinocchio's model of all joints of a chain, in the base frame."""
+    model = pin.Model()
+    model.gravity.linear = np.array(chain.gravity)
+    for k, joint in enumerate(chain.joints):
+        kind = pin.JointModelPrismaticUnaligned if joint.kind == PRISMATIC else pin.JointModelRevoluteUnaligned
+        model.addJoint(k, kind(joint.axis), pin.SE3(joint.placement), joint.name)
+        own = chain.inertia[k + 1]
+        numbers = [own[0, 0], own[5, 1], own[3, 2], own[4, 0], *own[[3, 3, 4, 3, 4, 5], [3, 4, 4, 5, 5, 5]]]
+        body = pin.Inertia.FromDynamicParameters(np.array(numbers))
+        model.appendBodyToJoint(k + 1, body, pin.SE3.Identity())
+    return model
+
+
+def assert_like_pinocchio(arm):
+    """Compare gravity torques and inertia with Pinocchio's."""
+    q, model, chain = arm.sample(5, 3), model_of(arm.chain), arm.chain
+    terms, data = arm._dynamics(q), model.createData()
+    for i, positions in enumerate(q @ chain.coupling.T + chain.offset):
+        inertia = pin.crba(model, data, positions)
+        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        gravity = pin.computeGeneralizedGravity(model, data, positions)
+        assert_allclose(terms.inertia[i], chain.coupling.T @ inertia @ chain.coupling, rtol=1e-12, atol=1e-12)
+        assert_allclose(terms.gravity[i], chain.coupling.T @ gravity, rtol=1e-12, atol=1e-10)
+
+
+@pytest.fixture(params=["panda", "rhuman", "crane"])
+def arm(request, crane):
+    """An arm with plain, coupled or prismatic joints, with masses."""
+    return heavy(crane.arms[0] if request.param == "crane" else load_arm(request.param))
+
+
+def test_terms_agree_with_pinocchio(arm):
+    """So do those of a mirrored arm and of one that leans in its world."""
+    assert_like_pinocchio(arm)
+    assert_like_pinocchio(Arm(mirrored(arm.chain)))
+    leaning = np.eye(4)
+    leaning[:3] = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.2, 0.3), np.array([0.1, -0.2, 0.3])).homogeneous[:3]
+    other = Arm(standing(arm.chain, leaning))
+    assert_like_pinocchio(other)
+    assert np.abs(other.gravity_torques(other.sample(3, 0)) - arm.gravity_torques(arm.sample(3, 0))).max() > 1.0
+
+
+def test_changes_are_finite_differences(arm):
+    """Derivatives of both terms agree with central differences, and shapes with those of configurations."""
+    q, step = arm.sample(6, 0), 1e-5
+    terms = arm._dynamics(q, changes=True)
+    for k, shift in enumerate(step * np.eye(arm.dof)):
+        ahead, behind = arm._dynamics(q + shift), arm._dynamics(q - shift)
+        scale = np.abs(terms.inertia).max()
+        gravity, inertia = ((a - b) / (2 * step) for a, b in zip(ahead[::2], behind[::2], strict=True))
+        assert_allclose(terms.gravity_changes[:, :, k], gravity, atol=1e-7 * scale)
+        assert_allclose(terms.inertia_changes[:, k], inertia, atol=1e-7 * scale)
+    assert arm.gravity_torques(q.reshape(2, 3, -1)).shape == (2, 3, arm.dof)
+
+
+def test_restricted_chains_keep_their_masses():
+    """Locked joints, another end effector and another base leave the torques of a robot at rest as they are."""
+    arm = heavy(load_arm("panda"))
+    q = np.clip(np.zeros(7), arm.lower, arm.upper)
+    q[:3] = [0.2, 0.4, -0.3]
+    held = {name: q[i] for i, name in enumerate(arm.joint_names) if i > 2}
+    torques, inertia = arm.gravity_torques(q), arm._dynamics(q[None]).inertia[0]
+    for part in (arm.restricted(lock=held), arm.restricted("panda_link3")):
+        if part.frame == "panda_link3":  # the omitted joints are at rest
+            q[3:] = np.clip(0.0, arm.lower, arm.upper)[3:]
+            torques, inertia = arm.gravity_torques(q), arm._dynamics(q[None]).inertia[0]
+        assert_allclose(part.gravity_torques(q[:3]), torques[:3], rtol=1e-9)
+        assert_allclose(part._dynamics(q[None, :3]).inertia[0], inertia[:3, :3], rtol=1e-9)
+        assert_allclose(part.effort_limits, arm.effort_limits[:3])
+    q[:3] = 0.0
+    seen = arm.restricted(base="panda_link2")
+    assert_allclose(seen.gravity_torques(q[2:]), arm.gravity_torques(q)[2:], rtol=1e-9, atol=1e-9)
+
+
+def test_payload_pulls_the_end_effector_down():
+    """Its torques are those of its weight at its center; wrong ones are named."""
+    arm, center = heavy(load_arm("panda")), np.array([0.05, 0.0, 0.1])
+    q = arm.sample(4, 0)
+    loaded, lever = arm.with_payload(2.5, center), arm.forward(q)[:, :3, :3] @ center
+    jacobian = arm.jacobian(q)
+    linear = jacobian[:, :3] + np.cross(jacobian[:, 3:], lever[..., None], axis=1)
+    expected = arm.gravity_torques(q) + 2.5 * 9.81 * linear[:, 2]
+    assert_allclose(loaded.gravity_torques(q), expected, atol=1e-9)
+    assert_like_pinocchio(loaded)
+    with pytest.raises(InvalidInputError, match=r"mass must be .*found -1"):
+        arm.with_payload(-1.0)
+    with pytest.raises(InvalidInputError, match="'rhuman' has no"):
+        load_arm("rhuman").with_payload(1.0)
+    with pytest.raises(InvalidInputError, match="'rhuman' has no masses"):
+        load_arm("rhuman").gravity_torques(np.zeros(load_arm("rhuman").dof))
+
+
+@pytest.fixture(params=["panda", "rhuman", "pair", "crane relative"])
+def manipulable(request, crane):
+    """An arm with plain or coupled joints, or two arms as one with or without shared joints, with masses."""
+    if request.param in ("panda", "rhuman"):
+        return heavy(load_arm(request.param))
+    group = crane if "crane" in request.param else load_arms("panda", bases=((0, 0.3, 0), (0.1, -0.3, 0, 0.4)))
+    return ArmGroup(*(heavy(arm, i) for i, arm in enumerate(group.arms)), names=group.names).relative
+
+
+@pytest.mark.parametrize("kind", ["force", "acceleration"])
+@pytest.mark.parametrize("weights", [None, "joint-limits", "numbers"])
+@pytest.mark.parametrize("part", ["translation", "full"])
+def test_changes_of_ellipsoids_are_finite_differences(manipulable, kind, weights, part):
+    """Every entry agrees with central differences where no torque changes its sign or reaches its least share."""
+    weights = np.linspace(40.0, 90.0, manipulable.dof) if weights == "numbers" else weights
+    spec, q, step = EllipsoidSpec(kind, part, weights).bounded, manipulable.sample(60, 1), 1e-5
+    if kind == "acceleration" and isinstance(manipulable, CooperativeArm) and manipulable.arms.shared:
+        with pytest.raises(InvalidInputError, match="needs arms without shared joints; found"):
+            manipulable.ellipsoids(q, spec)
+        return
+    held = np.abs(manipulable.gravity_torques(q))
+    q = q[((held > 0.01) | (held < 1e-9)).all(axis=1) & (np.abs(held - 0.95 * manipulable.effort_limits) > 0.1).all(1)]
+    shifts, jacobian = step * np.eye(manipulable.dof), manipulable.jacobian(q)
+    m = {n: manipulable.ellipsoids(q[:, None] + n * shifts, spec) for n in (-2, -1, 1, 2)}
+    expected = (8 * (m[1] - m[-1]) - (m[2] - m[-2])) / (12 * step)
+    _, _, ellipsoids, changes = manipulable.posed_differentials(q, spec)
+    assert_allclose(ellipsoids, manipulable.ellipsoids(q, spec), rtol=1e-9, atol=1e-12 * np.abs(ellipsoids).max())
+    scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True)
+    assert len(q) > 20
+    assert_allclose(changes / scale, expected / scale, atol=1e-6)
+    assert jacobian.shape == (len(q), 6, manipulable.dof)
+
+
+def test_ellipsoids_hold_the_limits_of_each_joint():
+    """They are the formulas of `EllipsoidSpec`; force and load are inverse, and a floor keeps torques above zero."""
+    arm = heavy(load_arm("panda")).with_payload(12.0)
+    q, limits = arm.sample(50, 2).reshape(5, 10, 7), arm.effort_limits
+    jacobian, gravity = arm.jacobian(q)[..., :3, :], np.abs(arm.gravity_torques(q))
+    assert np.any(gravity > limits)
+    torques = np.maximum(limits - gravity, 0.05 * limits)
+    load = (jacobian / torques[..., None, :] ** 2) @ np.swapaxes(jacobian, -1, -2)
+    force, spec = (
+        arm.manipulability(q, "force", joint_weights="joint-limits"),
+        EllipsoidSpec("force", joint_weights="joint-limits"),
+    )
+    assert_allclose(arm.ellipsoids(q, spec.bounded), load, rtol=1e-9)
+    assert_allclose(force @ load, np.broadcast_to(np.eye(3), load.shape), atol=1e-8)
+    inertia = arm._dynamics(q.reshape(-1, 7)).inertia.reshape(5, 10, 7, 7)
+    factor = jacobian @ np.linalg.inv(inertia) * torques[..., None, :]
+    expected = factor @ np.swapaxes(factor, -1, -2)
+    actual = arm.manipulability(q, "acceleration", joint_weights="joint-limits")
+    assert_allclose(actual, expected, rtol=1e-8, atol=1e-10 * np.abs(expected).max())
+    lengths = arm.principal_axes(q, EllipsoidSpec("acceleration", joint_weights="joint-limits"))[0]
+    assert_allclose(lengths**2, np.linalg.eigvalsh(expected), rtol=1e-6)
+    assert EllipsoidSpec("force", joint_weights="joint-limits").unit == "N"
+    assert_allclose(arm.with_limits(velocity=2.0, effort=5.0).effort_limits, 5.0)
+
+
+def test_missing_limits_and_masses_are_named():
+    """The message names the joints."""
+    arm = load_arm("rhuman")
+    for kind, message in (("force", "has no effort limits above 0 for"), ("acceleration", "needs masses")):
+        weights = "joint-limits" if kind == "force" else None
+        with pytest.raises(InvalidInputError, match=message):
+            arm.manipulability(np.zeros(arm.dof), kind, joint_weights=weights)
+    inertia = np.array([point_mass(1.0, np.array([0.0, 0.0, 0.1]))] * 8)  # without extent about the last axis
+    with pytest.raises(InvalidInputError, match="has none that panda_joint7 accelerates"):
+        Arm(replace(load_arm("panda", frame="panda_link7").chain, inertia=inertia)).manipulability(
+            np.ones(7), "acceleration"
+        )

@@ -1,0 +1,141 @@
+"""Masses of robot files: dynamics of chains against Pinocchio and MuJoCo, and faults of masses."""
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from maniport.arms import Arm, load_arm
+from maniport.arms.chain import PRISMATIC
+from maniport.arms.loaders import _source
+from maniport.arms.loaders.model import RobotModel
+from maniport.arms.loaders.packages import find_robot
+from maniport.errors import FileFormatError
+from real_robots import NEEDS_ROBOTS
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+def dynamics(chain, q):
+    """Gravity torques (dof,) and joint-space inertia (dof, dof) from the spatial inertia of the links."""
+    pose, axes, links = np.eye(4), [], [chain.inertia[0]]
+    for joint, position, inertia in zip(
+        chain.joints, chain.coupling @ q + chain.offset, chain.inertia[1:], strict=True
+    ):
+        pose = pose @ joint.placement @ joint.motion(position)
+        linear, angular = (joint.axis, np.zeros(3)) if joint.kind == PRISMATIC else (np.zeros(3), joint.axis)
+        place = pin.SE3(pose)
+        axes.append(place.toActionMatrix() @ [*linear, *angular])
+        links.append(place.toDualActionMatrix() @ inertia @ place.toActionMatrixInverse())
+    gravity, inertia = np.zeros(len(axes)), np.zeros((len(axes), len(axes)))
+    for k, link in enumerate(links):
+        jacobian = np.zeros((6, len(axes)))
+        jacobian[:, :k] = np.transpose(axes[:k])
+        inertia += jacobian.T @ link @ jacobian
+        gravity -= jacobian.T @ link @ [*GRAVITY, 0, 0, 0]
+    return chain.coupling.T @ gravity, chain.coupling.T @ inertia @ chain.coupling
+
+
+@NEEDS_ROBOTS
+@pytest.mark.parametrize(
+    ("robot", "frame"),
+    [
+        ("example-robot-data/panda", None), ("ur5", None), ("xarm7", None), ("g1", "left_rubber_hand"),
+        ("talos", "gripper_left_base_link"), ("tiago", None),
+    ],
+)  # fmt: skip
+def test_dynamics_are_those_of_the_whole_robot(robot, frame):
+    """Other limbs and fingers rest at zero, or at the limit next to zero; joints that follow them follow."""
+    source = RobotModel(_source(find_robot(robot).path))
+    chain, model = source.chain(frame, None), source.model
+    rest = {name: float(np.clip(0.0, *bounds)) for name, bounds in source.bounds.items()}
+    columns = [model.joints[model.getJointId(name)].idx_v for name in chain.coordinates]
+    for q in Arm(chain).sample(3, random_state=0):
+        at, whole = rest | dict(zip(chain.coordinates, q, strict=True)), pin.neutral(model)
+        for name, follower in source.followers.items():
+            at[name] = follower.factor * at[follower.leader] + follower.offset
+        for name in filter(model.existJointName, at):  # a mimic of a fixed joint is none
+            joint = model.joints[model.getJointId(name)]
+            exact = [at[name]] if joint.nq == 1 else [np.cos(at[name]), np.sin(at[name])]
+            whole[joint.idx_q : joint.idx_q + joint.nq] = exact
+        gravity, inertia = dynamics(chain, q)
+        data = model.createData()
+        assert_allclose(gravity, pin.computeGeneralizedGravity(model, data, whole)[columns], atol=1e-9)
+        upper = np.triu(pin.crba(model, data, whole))
+        assert_allclose(inertia, (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], atol=1e-9)
+
+
+@NEEDS_ROBOTS
+def test_the_embedded_panda_weighs_what_its_urdf_does():
+    """Torque limits and inertia are those of the URDF, without the hand where the chain ends before it."""
+    ours, urdf, flange = load_arm("panda"), load_arm("example-robot-data/panda"), load_arm("panda", frame="panda_link8")
+    assert_array_equal(ours.effort_limits, urdf.effort_limits)
+    assert_allclose(ours.chain.inertia[1:], urdf.chain.inertia[1:], atol=1e-12)
+    assert_allclose(ours.chain.inertia[-1, 0, 0] - flange.chain.inertia[-1, 0, 0], 0.76)
+
+
+BOX = '<inertial pos="0.1 0.02 0" quat="1 0.2 0 0.1" mass="{}" diaginertia="0.03 0.02 0.04"/>'
+BENCH = f"""<mujoco><compiler angle="degree"/><worldbody><body name="a" pos="0 0 1">{BOX.format(9)}
+  <body name="b" pos="0 0.1 0" euler="10 20 30">{BOX.format(2)}<joint name="yaw" axis="0 0 1"/>
+  <joint name="pitch" axis="0 1 0" pos="0.1 0 0" ref="10"/><body name="c" pos="0.5 0 0">{BOX.format(1)}
+  <joint name="push" type="slide" axis="1 1 0" range="-0.2 0.3"/><geom size="0.1"/>
+  <body name="finger">{BOX.format(0.2)}<joint name="close" axis="1 0 0" range="20 30"/></body></body></body></body>
+  </worldbody></mujoco>"""
+
+
+def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
+    """Two joints on one body, a slide, a finger at the limit next to zero."""
+    path = tmp_path / "bench.xml"
+    path.write_text(BENCH)
+    chain, model = load_arm(path, frame="c").chain, mujoco.MjModel.from_xml_string(BENCH)
+    data, matrix = mujoco.MjData(model), np.zeros((4, 4))
+    for q in Arm(chain).sample(3, random_state=0):
+        data.qpos[:] = [*q, np.radians(20)]
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, matrix)
+        gravity, inertia = dynamics(chain, q)
+        assert_allclose(gravity, data.qfrc_bias[:3], atol=1e-9)
+        assert_allclose(inertia, matrix[:3, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "change", [("<geom", "<geom name='only'"), (BOX.format(1), ""), ("angle", 'inertiafromgeom="true" angle')]
+)
+def test_masses_that_shapes_determine_are_unknown(tmp_path, change):
+    """Bodies that move, without an <inertial> that counts; the base needs none."""
+    path = tmp_path / "bench.xml"
+    path.write_text(BENCH.replace(*change).replace(BOX.format(9), ""))
+    assert (load_arm(path, frame="c").chain.inertia is None) == ("only" not in change[1])
+
+
+LINK = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+TWO = """<robot name="r"><link name="a"/><link name="b"><inertial>{}</inertial></link><joint name="j" type="continuous">
+  <parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ('value="1"', 'value="-1"'), ('value="1"', 'value="nan"'), ('value="1"', 'value="1e300"'), (' value="1"', ""),
+        ('ixx="1"', 'ixx="-1"'), ('ixy="0"', 'ixy="2"'), ('iyz="0"', 'iyz="inf"'), (' iyz="0"', ""),
+        ("<mass", '<origin xyz="nan 0 0"/><mass'), ('<mass value="1"/>', ""),
+    ],
+)  # fmt: skip
+def test_impossible_masses_are_named_with_their_link(tmp_path, change):
+    """Negative, not finite or missing masses, and moments of inertia that are not positive."""
+    path = tmp_path / "r.urdf"
+    path.write_text(TWO.format(LINK))
+    assert load_arm(path).chain.inertia[1, 0, 0] == 1
+    path.write_text(TWO.format(LINK.replace(*change)))
+    with pytest.raises(FileFormatError, match="link 'b'"):
+        load_arm(path)
+
+
+@pytest.mark.parametrize("change", [('mass="2"', 'mass="-2"'), ("0.03 0.02", "0.03 -0.02"), ('mass="2"', 'mass="nan"')])
+def test_impossible_masses_of_an_mjcf_are_faults(tmp_path, change):
+    """As in a URDF."""
+    path = tmp_path / "bench.xml"
+    path.write_text(BENCH.replace(*change))
+    with pytest.raises(FileFormatError, match=r"link '[abc]'|<inertial> needs mass"):
+        load_arm(path)
