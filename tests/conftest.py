@@ -34,6 +34,17 @@ def small_result(second):
 
 
 @pytest.fixture(scope="session")
+def two_arm_result():
+    """Result of a third of a second for two Pandas side by side; computed once."""
+    from maniport import load_arms, read_recording
+    from maniport.pipeline import transfer_recording
+
+    arms = load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    recording = read_recording("both-arms").crop(5.1, 5.4)
+    return transfer_recording(recording, robot=arms, method="parallel-transport", planning_effort="quick", **SMALL)
+
+
+@pytest.fixture(scope="session")
 def repeated():
     """A person who reaches out at 1.0, 2.2, 4.0 and 6.5 s."""
     import numpy as np
