@@ -1,5 +1,6 @@
 """Sizes for tests that look at the way and not at how good the figures are."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 from unittest import mock
 
@@ -12,10 +13,13 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
 
 
+@contextmanager
 def few_places(**sizes):
-    """Patch every effort so that few placements are tried; prefer ``effort="quick"``."""
+    """Patch every effort so that few placements are tried, with a small reachability map; prefer ``effort="quick"``."""
     few = {"candidates": 64, "placement_nodes": 24} | sizes
-    return mock.patch.dict(EFFORTS, {name: replace(effort, **few) for name, effort in EFFORTS.items()})
+    efforts = {name: replace(effort, **few) for name, effort in EFFORTS.items()}
+    with mock.patch.dict(EFFORTS, efforts), mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000):
+        yield
 
 
 def with_arm(result, **changes):

@@ -21,12 +21,13 @@ import maniport
 import ros_stand_in
 from maniport.batch.content import digest
 from maniport.errors import ManiportError
+from maniport.motion.plan.plan_settings import EFFORTS, FULL, QUICK
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.config import Config
 from maniport.pipeline.transfer import settings_of
 from maniport.util.defaults import AUTO, BOTH
 from real_robots import HERE, MISSING
-from sizes import SMALL
+from sizes import SMALL, few_places
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
@@ -70,6 +71,8 @@ def short_work():
     @contextmanager
     def work():
         with (
+            few_places(),
+            mock.patch.dict(EFFORTS, {FULL: EFFORTS[QUICK]}),
             mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
             mock.patch("maniport.batch.run.cores", return_value=1),
             mock.patch("maniport.pipeline.transfer_recording", quick),
@@ -98,7 +101,6 @@ def run_commands(block):
 
 @pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")
 def test_examples_of_a_page_run(page, short_work):
-    """All blocks in their order, each with what those before it made."""
     names = {"__name__": "__main__"}
     for language, block in BLOCK.findall(page):
         with short_work():
