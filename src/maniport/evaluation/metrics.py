@@ -125,7 +125,9 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
     moving = own_steps > STILL
     if not np.any(moving):
-        raise InvalidInputError(f"original stands still: its {len(own)} ellipsoids are equal; steps compare motion")
+        raise InvalidInputError(
+            f"original does not move: its {len(own)} ellipsoids are equal; successive distances need motion"
+        )
     largest, median = float(np.max(steps)), float(np.median(steps[moving]))
     return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
 

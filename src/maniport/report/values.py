@@ -108,7 +108,7 @@ class Summary:
     title: str  # the outcome in one sentence
     text: str = ""  # what prevents a better outcome
     advice: str = ""  # the next step
-    command: str = ""  # its command, in which ``{folder}`` stands for the folder of the results
+    command: str = ""  # its command, with ``{folder}`` for the folder of the results
     graded: bool = True  # whether the result has a status
 
     def command_for(self, folder: str = "results") -> str:
