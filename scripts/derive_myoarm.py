@@ -5,7 +5,7 @@ with what would be written and changes nothing.
 
 The script walks from the body ``myoarm_r_root`` (at the right sternoclavicular joint) to the third metacarpal, turns
 the joint equalities of the MuJoCo model into the factors by which dependent joints follow the independent ones, and
-drops everything else: muscles, meshes, fingers, inertia.
+drops everything else: meshes, fingers, inertia. Of the muscles it keeps what torque they reach at each coordinate.
 """
 
 import argparse
@@ -19,10 +19,12 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.stats import qmc
 
 TARGET = Path(__file__).parents[1] / "src" / "maniport" / "arms" / "data" / "myoarm.json"
 ROOT, TIP = "myoarm_r_root", "thirdmc_r"
 COORDINATES = ("elv_angle", "shoulder_elv", "shoulder_rot", "elbow_flexion", "pro_sup", "deviation", "flexion")
+POSTURES = 4096  # for the torques of muscles
 FRAMES = {
     "clavicle": "clavicle_r",
     "scapula": "scapula_r",
@@ -65,6 +67,9 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
     follows = couplings(model)
     joints: list[dict[str, Any]] = []
     places: dict[str, tuple[int, np.ndarray]] = {}
+    coordinates = [limits(model, name) for name in COORDINATES]
+    for entry, strength in zip(coordinates, strengths(model, coordinates, follows), strict=True):
+        entry["effort"] = float(f"{strength:.2g}")
     offset = np.zeros(3)  # from the last joint's frame to the current body, whose axes are parallel to it
     for body in bodies:
         name = model.body(body).name
@@ -88,13 +93,15 @@ def derive(model: mujoco.MjModel) -> dict[str, Any]:
         "source": f"MyoSim, model myoarm_r of the Python package myo-sim {version('myo-sim')} "
         "(https://github.com/MyoHub/myo_sim); kinematics of Saul et al. (2015), Comput. Methods Biomech. "
         "Biomed. Eng. 18(13). Derived by scripts/derive_myoarm.py: the joints, axes, offsets, couplings and limits of "
-        "the right arm only; limits rounded to whole degrees.",
+        "the right arm only; limits rounded to whole degrees. effort [N m]: the torque of all muscles that turn a "
+        "coordinate in one direction, fully active and at rest (force-length curve, no passive force), median over "
+        f"{POSTURES} postures within the limits, of the weaker direction; two digits.",
         "licence": "Apache-2.0",
         "convention": "xyz [m] and rpy [rad] place a joint in the frame of the joint before it, as in URDF; frames sit "
         "on the joint of that number, 0 being the base; follows: factors on the coordinates; the base turns the "
         "model's axes (x forward, y up, z right) to x forward, y left, z up",
         "base": {"xyz": [0, 0, 0], "rpy": [math.pi / 2, 0, 0]},
-        "coordinates": [limits(model, name) for name in COORDINATES],
+        "coordinates": coordinates,
         "joints": joints,
         "frames": [
             {"name": name, "joint": places[body][0], "xyz": clean(places[body][1])} for name, body in FRAMES.items()
@@ -130,6 +137,35 @@ def limits(model: mujoco.MjModel, name: str) -> dict[str, Any]:
     """Name and limits [rad] of a coordinate; the model's radians are rounded degrees."""
     lower, upper = (math.radians(round(math.degrees(x))) for x in model.joint(f"{name}_r").range)
     return {"name": name, "lower": lower, "upper": upper}
+
+
+def strengths(
+    model: mujoco.MjModel, coordinates: list[dict[str, Any]], follows: dict[str, dict[str, float]]
+) -> np.ndarray:
+    """Torque [N m] that the muscles reach at each coordinate, in the weaker direction."""
+    motion = np.zeros((model.nv, len(COORDINATES)))  # of all joints per coordinate
+    for joint in range(model.njnt):
+        name = shorten(model.joint(joint).name)
+        for leader, factor in (follows.get(name) or {name: 1.0}).items():
+            if leader in COORDINATES:
+                motion[model.jnt_dofadr[joint], COORDINATES.index(leader)] = factor
+    lower, upper = ([entry[key] for entry in coordinates] for key in ("lower", "upper"))
+    postures = qmc.scale(qmc.Sobol(len(COORDINATES), rng=0).random(POSTURES), lower, upper)
+    data, moments, torques = mujoco.MjData(model), np.zeros((model.nu, model.nv)), np.empty((2, *postures.shape))
+    for k, posture in enumerate(postures):
+        data.qpos[:] = motion @ posture
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mju_sparse2dense(
+            moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+        muscles = zip(
+            data.actuator_length, model.actuator_lengthrange, model.actuator_acc0, model.actuator_gainprm, strict=True
+        )
+        # negative, as muscles pull; at rest
+        forces = [mujoco.mju_muscleGain(length, 0.0, span, scale, curve[:9]) for length, span, scale, curve in muscles]
+        pulls = np.array(forces)[:, None] * (moments @ motion)
+        torques[:, k] = np.maximum(pulls, 0.0).sum(axis=0), np.maximum(-pulls, 0.0).sum(axis=0)
+    return np.median(torques, axis=1).min(axis=0)
 
 
 def shorten(name: str) -> str:

@@ -89,6 +89,15 @@ def test_human_arms_share_one_trunk_frame(build):
         assert arm.axis_direction(np.zeros(7), name) @ axis > 0.99
 
 
+def test_arms_of_all_persons_have_the_same_strength():
+    """The torques of the muscles are those of MyoArm, mirrored or scaled, and of rHuMan; the shoulder is strongest."""
+    strength = myoarm().effort_limits
+    for arm in (rhuman(), load_arm("myoarm", side="left", height=1.6), load_arm("rhuman", side="left", height=2.0)):
+        assert_array_equal(arm.effort_limits, strength)
+    assert strength.argmax() == 1
+    assert np.all((strength > 5) & (strength < 80))
+
+
 def test_panda_equals_its_urdf():
     """Flange, hand point, Jacobian and limits agree with the golden numbers, whose file says how they were made."""
     golden = json.loads((Path(__file__).parent / "panda_golden.json").read_text())

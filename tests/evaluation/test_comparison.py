@@ -82,20 +82,12 @@ def test_with_the_arms_gaps_and_fresh_samples_join(arms):
     person, robot, domains, profile = arms
     adapter = ParallelTransport(damping=0.01).fit(*domains)
     steps = []
-    found = evaluate(
-        adapter,
-        *domains,
-        profile,
-        person=person,
-        robot=robot,
-        rows=(*BASELINES, LOOKUP),
-        n_domain=4,
-        progress=lambda step, fraction, text="": steps.append(fraction),
-    )
-    assert TRANSPORT not in [row.name for row in found.rows[1:]]
-    assert found.row(LOOKUP).feasibility_gap.p95 < 0.01
-    assert found.adapter.feasibility_gap.median > 0.01
-    assert found.adapter.domain_feasibility_gap is not None
+    options = {"person": person, "robot": robot, "rows": (*BASELINES, LOOKUP), "n_domain": 4}
+    result = evaluate(adapter, *domains, profile, **options, progress=lambda _, done, text="": steps.append(done))
+    assert TRANSPORT not in [row.name for row in result.rows[1:]]
+    assert result.row(LOOKUP).feasibility_gap.p95 < 0.01
+    assert result.adapter.feasibility_gap.median > 0.01
+    assert result.adapter.domain_feasibility_gap is not None
     assert steps[-1] == 1.0
 
 
@@ -117,7 +109,7 @@ def test_bad_input_is_refused(problem, arms):
     """Unfitted adapters, other counts and ellipsoids of another size are errors that name the argument."""
     teacher, student, profile, truth = problem
     adapter = ParallelTransport().fit(teacher, student)
-    for given, options, error, word in (
+    for arguments, options, error, word in (
         ((ParallelTransport(), profile), {}, NotFittedError, "not fitted"),
         (("identity", profile), {}, InvalidInputError, "^adapter"),
         ((adapter, profile[:2]), {}, InvalidInputError, "profile"),
@@ -126,4 +118,4 @@ def test_bad_input_is_refused(problem, arms):
         ((adapter, profile), {"robot": arms[1], "spec": EllipsoidSpec(part="full")}, InvalidInputError, "student"),
     ):
         with pytest.raises(error, match=word):
-            evaluate(given[0], teacher, student, given[1], **options)
+            evaluate(arguments[0], teacher, student, arguments[1], **options)

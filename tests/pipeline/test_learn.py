@@ -54,15 +54,16 @@ def people():
     return mp.learn([reach(), reach(scale=1.2), reach("left", lift=3.0, name="lefty")], components=2)
 
 
-def test_one_recording_gives_several_demonstrations(reached):
-    """Segments are demonstrations on the times of one of them, where ellipsoids and hand are its own in number."""
-    k, n = len(REACHES), len(reached.time)
-    assert len(reached.demonstrations) == k
+def test_reaches_of_one_recording_are_more_alike_than_the_motion_changes(reached):
+    """Segments are demonstrations on the times of one of them; two teach more of the third than a constant."""
+    n, agreement = len(reached.time), reached.agreement
     start, stop = REACHES[reached.alignment.reference]
     assert start <= reached.time[0] < reached.time[-1] <= stop
-    assert reached.profile.shape == (n, 3, 3)
-    assert reached.path.shape == (n, 3)
+    assert (len(reached.demonstrations), reached.profile.shape, reached.path.shape) == (3, (n, 3, 3), (n, 3))
     assert_allclose(reached.profile, reached.model.predict(reached.time), rtol=1e-12)
+    assert agreement.after < agreement.before
+    assert agreement.share < 0.5
+    assert np.mean(agreement.held_out.learned) < np.mean(agreement.held_out.constant)
 
 
 def test_both_arms_are_learned_together(tmp_path):
@@ -91,14 +92,6 @@ def test_both_arms_are_learned_together(tmp_path):
         mp.transfer_recording(learned, robot="panda", method="identity", move=False)
 
 
-def test_real_reaches_are_more_alike_than_the_motion_changes(reached):
-    """Alignment brings the reaches together, and what two of them teach is nearer to the third than one ellipsoid."""
-    found = reached.agreement
-    assert found.after < found.before
-    assert found.share < 0.5
-    assert np.mean(found.held_out.learned) < np.mean(found.held_out.constant)
-
-
 def test_left_and_right_are_mirrored_and_said(people):
     """A left arm among right ones is shown by a right one, and the facts tell it."""
     assert people.arms[0].side == "right"
@@ -122,11 +115,8 @@ def test_a_robot_follows_what_was_learned(people):
 def test_files_are_whole_and_can_be_read(people, tmp_path):
     """What is written is what was learned; data alone are written by `save`."""
     mp.write_results(people, tmp_path / "all")
-    absent = {
-        *files_of("learned"),
-        "run.yaml",
-        *(f"{what}-{side}.npz" for what in ("profile", "path") for side in SIDES),
-    }
+    sides = {f"{what}-{side}.npz" for what in ("profile", "path") for side in SIDES}
+    absent = {*files_of("learned"), "run.yaml", *sides}
     assert {file.name for file in (tmp_path / "all").iterdir()} == set(LEARNED_FILES) - absent
     assert {file.name for file in mp.write_figures(tmp_path / "all")} == set(files_of("learned"))
     ellipsoids, time = load_ellipsoids(tmp_path / "all" / "profile.npz")

@@ -17,6 +17,12 @@ joint              positive direction, from the hanging arm
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
 
+The torque limits are the strength of the joints [N m]: 34, 59, 39, 37, 8.8, 11 and 13 in the order of the table. They
+are computed from the muscles of MyoSim, with the forces of a young man (Saul et al., 2015), by
+``scripts/derive_myoarm.py``: what all muscles of a direction reach at rest, in the weaker direction, as the median over
+postures. They are rough: the strength of a person depends on posture, training, age and sex, and may be half or double.
+Both models and arms of all sizes have the same ones.
+
 The body height alone gives the length of a person's segments. Upper arm and forearm are those of men by P. de Leva
 (Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between centers of
 joints as in the models: 281.7 and 268.9 mm of 1741 mm. The hand is 0.108 of the height from the wrist to the tip of the
@@ -133,6 +139,7 @@ def rhuman(upper_arm: float | None = None, forearm: float | None = None, hand: f
             upper=np.radians([130.0, 180.0, 40.0, 130.0, 90.0, 25.0, 60.0]),
             coupling=coupling,
             offset=np.zeros(8),
+            effort_limits=read_embedded("myoarm").effort_limits,
             side=RIGHT,
         )
     )

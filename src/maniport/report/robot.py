@@ -23,16 +23,20 @@ from maniport.report.values import Metric, Report, Section, Table, info, listed,
 @describe.register
 def arm_report(arm: Arm) -> Report:
     """Describe an arm: its joints with their limits, coupled and fixed joints, and frames."""
-    speeds = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    speeds, efforts = (
+        np.full(arm.dof, np.inf) if limits is None else limits for limits in (arm.velocity_limits, arm.effort_limits)
+    )
     rows = []
-    for name, unit, low, high, speed in zip(
-        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, strict=True
+    for name, unit, low, high, speed, effort in zip(
+        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True
     ):
         degrees = f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" if unit == "rad" else ""
-        limit = f"{speed:.3g} {unit}/s" if speed < np.inf else "unknown"
-        rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", limit))
+        largest = (f"{speed:.3g} {unit}/s", f"{effort:.3g} {'N m' if unit == 'rad' else 'N'}")
+        columns = (text if limit < np.inf else "unknown" for text, limit in zip(largest, (speed, effort), strict=True))
+        rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", *columns))
     limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
     chain, coupled = arm.chain, dict[str, str]()
+    mass = None if chain.inertia is None else float(chain.inertia[1:, 0, 0].sum())
     for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
         if joint.name not in (*chain.coordinates, *chain.locked):
             terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
@@ -41,12 +45,15 @@ def arm_report(arm: Arm) -> Report:
         info("Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")),
         info("Degrees of freedom", "degrees_of_freedom", arm.dof),
         *chain_metrics(arm),
+        *([] if arm.side else [info("Moving mass", "moving_mass_kg", mass, f"{mass:.3g} kg" if mass else "unknown")]),
         info("Coupled joints", "coupled_joints", coupled, listed(f"{name} = {rule}" for name, rule in coupled.items())),
         info("Frames", "frames", list(arm.frames)),
         # no motion of a person is planned
         *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),
     )
-    joints = Table(("joint", "position limits", "velocity limit"), tuple(rows), key="joints", value=limits)
+    joints = Table(
+        ("joint", "position limits", "velocity limit", "effort limit"), tuple(rows), key="joints", value=limits
+    )
     return Report(arm.name, "", (Section("", metrics, (joints,)),))
 
 

@@ -1,6 +1,7 @@
 """Table III: from the human arm to the Panda, measured against the naive baseline (§ V-B)."""
 
 import time as clock
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
@@ -126,9 +127,14 @@ def evaluation(baseline: NearestNeighbor | AuthorsBaseline) -> Truth:
 
 def training(samples: int) -> tuple[Array, Array]:
     """Ellipsoids of both arms along their training trajectories, every n-th of 400; shapes (samples, 3, 3)."""
+    return _ellipsoids(*(trajectories.every(path, samples) for path in _training_paths()))
+
+
+@cache
+def _training_paths() -> tuple[Array, Array]:
+    """Joint paths of both arms along their training trajectories, shapes (400, 7)."""
     person = trajectories.human_training()
-    paths = np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
-    return _ellipsoids(*(trajectories.every(path, samples) for path in paths))
+    return np.concatenate(person), np.concatenate([trajectories.robot_path(path) for path in person])
 
 
 def _row(row: PaperRow, settings: str, seed: int, draws: int, truth: Truth) -> list[Line]:
