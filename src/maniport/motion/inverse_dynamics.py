@@ -12,8 +12,11 @@ class InverseDynamics:
     """Torques of an arm, or a group of arms, whose links all have masses."""
 
     def __init__(self, arm: Arm | ArmGroup):
-        self._model = robot_model(arm)
+        self.arm, self._model = arm, robot_model(arm)
         self._data = self._model.createData()
+
+    def __reduce__(self) -> tuple[type["InverseDynamics"], tuple[Arm | ArmGroup]]:
+        return type(self), (self.arm,)
 
     def torques(self, q: Array, velocities: Array, accelerations: Array) -> Array:
         """Torques H q̈ + C q̇ + g at n states, each of shape (n, dof); the result is [N m] or [N]."""
