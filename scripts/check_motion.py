@@ -41,16 +41,15 @@ Row = tuple[str, str, bool | None]
 
 
 def read_joints(path: Path, prefixes: list[str]) -> tuple[Array, list[Array]]:
-    """Return times (m,) [s], and positions, accelerations and torques (m, joints) of the file [rad, rad/s², N m]."""
+    """Return times (m,) [s], and positions, accelerations and torques (m, joints or 0) [rad, rad/s², N m]."""
     with open(path, encoding="utf-8", newline="") as stream:
         table = csv.reader(stream)
         header = next(table)
         rows = np.array([[float(cell) for cell in row] for row in table])
     columns = [[i for i, name in enumerate(header) if name.endswith(unit)] for unit in ("_rad", "_rad/s2", "_Nm")]
     expected = [f"{prefix}panda_joint{i}_rad" for prefix in prefixes for i in range(1, 8)]
-    if header[0] != "time_s" or [header[i] for i in columns[0]] != expected or {*map(len, columns)} != {len(expected)}:
-        text = f"expected time_s and {expected[0]} to {expected[-1]} with accelerations and torques"
-        sys.exit(f"{path}: {text}; found {header}")
+    if header[0] != "time_s" or [header[i] for i in columns[0]] != expected or len(columns[1]) != len(expected):
+        sys.exit(f"{path}: expected time_s and {expected[0]} to {expected[-1]} with accelerations; found {header}")
     if not np.isfinite(rows).all():
         sys.exit(f"{path}: contains values that are not finite")
     return rows[:, 0], [rows[:, own] for own in columns]
@@ -85,13 +84,14 @@ def limit_rows(time: Array, q: Array, accelerations: Array) -> list[Row]:
 def torque_rows(model: Pandas, prefixes: list[str], time: Array, states: list[Array]) -> list[Row]:
     """Return the largest shares of torque limits, and the position error of a servo that simulates the motion.
 
-    `states` are positions, accelerations and torques of the file. The servo adds these torques to those of springs and
-    dampers, and is reduced to the torque limits.
+    `states` are positions, accelerations and torques of the file. The servo adds these torques, or without them those
+    of inverse dynamics, to those of springs and dampers, and is reduced to the torque limits.
     """
     q, accelerations, planned = states
     velocity, arms = np.gradient(q, time, axis=0), q.shape[1] // 7
     limits, stiffness, damping = (np.tile(row, arms) for row in (TORQUE, STIFFNESS, DAMPING))
     torques = np.array([model.torques(*state) for state in zip(q, velocity, accelerations, strict=True)])
+    planned = planned if planned.size else torques
     rates = np.abs(np.diff(torques, axis=0)) / np.diff(time)[:, None]
     rows = [_share("torque", np.abs(torques) / limits, time), _share("torque rate", rates / TORQUE_RATE, time[1:])]
     steps = np.arange(0.0, time[-1], 1e-3)
