@@ -15,6 +15,9 @@ from maniport.util.defaults import RATE
 from maniport.util.validation import Array, as_number, as_times
 
 POWERS = np.array([1, 2, 3, 2, 3])  # of the speed that shares grow with: derivatives, torque and torque rate
+RISE_TIME = 0.02
+"""Longest time in which a torque rises from that of gravity at its limit of rate [s]. Without it the ladder recording
+leaves its path by 3.5 mm instead of 0.8 mm, and takes 49.7 s instead of 50.3 s."""
 REST = 3  # Samples of rest at either end, so that differences up to the third see the robot start and stop
 
 
@@ -148,7 +151,8 @@ def _torque_rows(limits: MotionLimits, path: JointPath) -> TorqueRows:
                 f"needs {abs(held[i, j]) * limit:.4g} {unit}, its limit is {limit:.4g} {unit}; reduce the payload, or "
                 "correct effort limits in a file for --limits"
             )
-        rows.append((a, b, -1.0 - held, 1.0 - held))
+        change = RISE_TIME * limits.effort_rate[finite] / limits.effort[finite]
+        rows.append((a, b, np.maximum(-1.0 - held, -change), np.minimum(1.0 - held, change)))
     return rows
 
 
@@ -210,7 +214,8 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
     if np.isfinite(limits.effort_rate).any() and limits.dynamics is not None:
         # the torques of averaged positions are nearly the averaged torques
         torques = np.ascontiguousarray((limits.torques(raw.T, rate) / limits.effort_rate).T)
-        moving = torques - (limits.arm.gravity_torques(raw.T) / limits.effort_rate).T
+        still = np.zeros(raw.T.shape)
+        moving = torques - (limits.dynamics.torques(raw.T, still, still) / limits.effort_rate).T
         abrupt = max(abrupt, 2.2 * np.abs(moving).max())
     widest = max(0, int(np.ceil(0.5 * (abrupt * rate - 1.0))))
     require_few(len(clock) + 2.0 * widest)
@@ -241,7 +246,8 @@ def _torque_shares(limits: MotionLimits, samples: Array, rate: float) -> tuple[A
     """Shares of what gravity leaves of the torques, and of torque rates, shapes (m,) and (m - 1,); 0 where unknown."""
     if limits.dynamics is None or not (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any():
         return np.zeros(len(samples)), np.zeros(len(samples) - 1)
-    torques, held = limits.torques(samples, rate), limits.arm.gravity_torques(samples)
+    still = np.zeros(samples.shape)
+    torques, held = limits.torques(samples, rate), limits.dynamics.torques(samples, still, still)
     left = np.maximum(limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6))
     rates = np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)
     return (np.abs(torques - held) / left).max(axis=1), rates.max(axis=1)
