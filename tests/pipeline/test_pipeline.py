@@ -101,8 +101,8 @@ def test_force_ellipsoids_are_followed_as_their_inverses(clip):
     forces = transfer_recording(clip, **job)
     yaw = forces.arm.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-    wanted = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
-    np.testing.assert_allclose(forces.arm.motion.target, wanted, rtol=1e-6, atol=1e-9)
+    expected = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
+    np.testing.assert_allclose(forces.arm.motion.target, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_a_robot_that_cannot_follow_is_not_moved(clip):
