@@ -13,6 +13,7 @@ from maniport.arms.dynamics import point_mass
 from maniport.arms.restriction import carried_inertia
 from maniport.motion import robot_model
 from maniport.motion.arm_model import model_prefixes
+from crane import two_arms
 from real_robots import NEEDS_ROBOTS
 
 
@@ -43,8 +44,9 @@ def test_a_model_has_the_kinematics_of_all_arms(robot, panda):
             assert_allclose(computed, jacobian, atol=1e-12)
 
 
-def test_a_torso_of_two_arms_carries_all_masses_once(crane):
+def test_a_torso_of_two_arms_carries_all_masses_once():
     """Gravity torques of the trunk are those of the whole robot, of the arms those of each alone."""
+    crane = two_arms()
     links = np.zeros((2, len(crane.arms[0].chain.joints) + 1, 6, 6))
     for arm, own in enumerate(links):
         own[1:] = [point_mass(1.0 + 0.1 * k + arm, np.array([0.1, 0.02 * k, -0.05])) for k in range(1, len(own))]
