@@ -4,7 +4,7 @@ from dataclasses import replace
 from unittest import mock
 
 from maniport.motion import RobotMotion
-from maniport.motion.plan.plan_settings import EFFORTS
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
@@ -12,10 +12,14 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
 
 
-def few_places(**sizes):
-    """Patch every effort so that few placements are tried; prefer ``effort="quick"``."""
-    few = {"candidates": 64, "placement_nodes": 24} | sizes
-    return mock.patch.dict(EFFORTS, {name: replace(effort, **few) for name, effort in EFFORTS.items()})
+def smaller_search(**budget):
+    """Patch the search budget of placement and planning."""
+    return mock.patch.object(PlanSettings, "budget", replace(PlanSettings.budget, **budget))
+
+
+def few_places(**budget):
+    """Patch the search budget so that few placements are tried."""
+    return smaller_search(**{"candidates": 64, "placement_nodes": 24} | budget)
 
 
 def with_arm(result, **changes):

@@ -33,7 +33,7 @@ def arms():
 @pytest.fixture(scope="module")
 def moved(recording, arms):
     """A run in which both arms move."""
-    return mp.transfer_recording(recording, robot=arms, planning_effort="quick", **GIVEN)
+    return mp.transfer_recording(recording, robot=arms, **GIVEN)
 
 
 @pytest.fixture(scope="module")
@@ -82,9 +82,7 @@ def test_one_motion_moves_both(moved, arms):
 
 def test_tips_may_leave_their_paths_and_be_turned(recording, arms):
     """Tips that keep the way between them alone are turned as is asked, and what both costs is told."""
-    found = mp.transfer_recording(
-        recording, robot=arms, planning_effort="quick", hand_targets="relative", orientation="constant", **GIVEN
-    )
+    found = mp.transfer_recording(recording, robot=arms, hand_targets="relative", orientation="constant", **GIVEN)
     hands = np.linalg.norm(hands_of(found)[1] - hands_of(found)[0], axis=1)
     np.testing.assert_allclose(np.ptp(np.linalg.norm(found.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
     assert np.percentile(found.motion.relative_error, 95) < 5e-3
@@ -240,7 +238,7 @@ def test_one_arm_of_a_person_leads_three_arms(recording, tmp_path):
     panda, placed = mp.load_arm("panda"), np.tile(np.eye(4), (3, 1, 1))
     placed[:, 1, 3] = (1.2, 0.0, -1.2)
     arms = mp.ArmGroup(*(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c"))
-    result = mp.transfer_recording(recording, robot=arms, side="right", planning_effort="quick", **GIVEN)
+    result = mp.transfer_recording(recording, robot=arms, side="right", **GIVEN)
     assert [arm.name for arm in result.arms] == ["a", "b", "c"]
     assert result.motion.trajectory.joint_positions.shape == (len(result.time), 21)
     assert result.motion.clearance.share == 0.0

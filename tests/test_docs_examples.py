@@ -55,7 +55,7 @@ def short_work():
 
     def quick(*recording, method=AUTO, **job):
         named = "parallel-transport" if method == AUTO else method
-        return transfer_recording(*recording, method=named, **{**SMALL, **job, "planning_effort": "quick"})
+        return transfer_recording(*recording, method=named, **{**SMALL, **job})
 
     with (
         mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),

@@ -48,7 +48,7 @@ LIGHT = {
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
-    "demo": "demo --planning-effort quick --n-teacher 64 --n-student 128 -o {tmp}/demo --overwrite",
+    "demo": "demo --n-teacher 64 --n-student 128 -o {tmp}/demo --overwrite",
     "figures": "figures {tmp}/demo -o {tmp}/figures",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 -o {tmp}/learned --overwrite",
 }

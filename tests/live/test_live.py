@@ -94,9 +94,7 @@ def test_both_arms_lead_two_robots():
     """Both end effectors come to their paths; while a single arm is hidden, the whole robot rests."""
     recording = mp.read_recording("both-arms").crop(5.1, 5.6)
     arms = mp.load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
-    result = mp.transfer_recording(
-        recording, robot=arms, method="parallel-transport", planning_effort="quick", speed_scale=0.5, **SMALL
-    )
+    result = mp.transfer_recording(recording, robot=arms, method="parallel-transport", speed_scale=0.5, **SMALL)
     live = mp.Live.of(result, clock=None)
     slow, time = np.arange(0.0, 0.5, 0.005), recording.time - recording.time[0]
     columns = [
