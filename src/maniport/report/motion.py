@@ -122,12 +122,13 @@ def _of_trajectory(
     for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
     torques = {name: used.pop(name) for name in TORQUES if name in used}
-    for key, shares, sources in (("limits", used, {"sources": limits.sources}), ("torques", torques, {})):
+    for key, shares in (("limits", used), ("torques", torques)):
         exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
                     for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
         text = listed(f"{name} {use['share']:.0%}" for name, use in shares.items())
         if shares:
-            metrics += measure(key, used=shares, **sources, _text=text, _exceeded=listed(exceeded))
+            values: dict[str, Any] = {"sources": limits.sources} if key == "limits" else {}
+            metrics += measure(key, used=shares, **values, _text=text, _exceeded=listed(exceeded))
     checked, at = (
         clearance.checked and np.isfinite(clearance.distance),
         np.interp(clearance.time, trajectory.time, time),
