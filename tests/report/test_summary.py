@@ -170,7 +170,7 @@ def test_metrics_without_text_are_in_json_alone():
     assert as_numbers(report)["k"] == {"hidden_deg": 1}
     body = as_page(report).split("<body>")[1].split("<script>")[0]
     assert "hidden" not in as_markdown(report) + as_html(report) + body
-    assert "- A: b." in as_markdown(report)
+    assert "- A: b\n" in as_markdown(report)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

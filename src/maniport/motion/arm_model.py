@@ -134,7 +134,9 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) 
     _own_coordinates(arm)
 
 
-def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
+def require_compatible(
+    what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool
+) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
     mine, other = arms
     own, expected = (

@@ -66,7 +66,7 @@ METRICS = {
     "collisions": Definition(
         "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
         level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
-        warning="the robot collides in {share:.1%} of the time: {_pair}"),
+        warning="the robot collides {_when}: {_pair}"),
     "mean_distance": Definition(
         "Mean distance", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
         "Motion: added by limits.", main=True, text="{_text}"),

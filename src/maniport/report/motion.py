@@ -125,22 +125,20 @@ def _of_trajectory(
     for key, shares in (("limits", used), ("torques", torques)):
         exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
                     for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
-        text = listed(f"{name} {use['share']:.0%}" for name, use in shares.items())
+        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in shares.items())
         if shares:
             values: dict[str, Any] = {"sources": limits.sources} if key == "limits" else {}
             metrics += measure(key, used=shares, **values, _text=text, _exceeded=listed(exceeded))
-    checked, at = (
-        clearance.checked and np.isfinite(clearance.distance),
-        np.interp(clearance.time, trajectory.time, time),
-    )
-    pair, text = "", "none possible" if clearance.checked else "not checked"
+    checked = clearance.checked and np.isfinite(clearance.distance)
+    at = np.interp(clearance.time, trajectory.time, time)
+    pair, when, text = "", "", "none possible" if clearance.checked else "not checked"
     if checked:
         pair = f"{' and '.join(clearance.pair)} {at_time(float(at))}"
-        colliding = f"in {clearance.share:.1%} of the time" if clearance.share else "none"
-        text = f"{colliding}; clearance {1e3 * clearance.distance:.0f} mm ({pair})"
+        when = f"in {100 * clearance.share:.1f} % of the time" if clearance.share else ""
+        text = f"{when or 'none'}; clearance {1e3 * clearance.distance:.0f} mm ({pair})"
     return metrics + measure(
         "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
-        clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair,
+        clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair, _when=when,
     )  # fmt: skip
 
 
