@@ -14,10 +14,6 @@ from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
 
-CRANE = Arm.from_dh(
-    "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
-    [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
-)  # fmt: skip
 TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 
 
@@ -103,9 +99,9 @@ def test_clearance_is_measured_between_the_waypoints(planned, planner):
 
 
 @pytest.mark.parametrize("name", ["panda", "crane"])
-def test_any_arm_follows_itself(panda, planner, name):
+def test_any_arm_follows_itself(panda, crane, planner, name):
     """With 7 or 4 joints, revolute or prismatic: an arm's own motion is made again, within its limits."""
-    arm = {"panda": panda, "crane": CRANE}[name]
+    arm = {"panda": panda, "crane": crane}[name]
     plan = plan_motion(arm, **targets_of(arm), rate=500.0, planner=planner if name == "panda" else None)
     result = require_laws(plan)
     assert np.median(result.distance) < 0.1
@@ -227,10 +223,10 @@ def test_bad_arguments_are_named(panda, targets, change, error, words):
         plan_motion(panda, **{"collisions": False} | targets | change)
 
 
-def test_a_planner_of_another_arm_is_refused(planner, targets):
+def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
     """It would move another robot, or use other ellipsoids."""
     with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"):
-        plan_motion(CRANE, **targets, planner=planner)
+        plan_motion(crane, **targets, planner=planner)
     with pytest.raises(InvalidInputError, match="does not fit"):
         plan_motion(planner.limits.arm, **targets, planner=planner, spec=EllipsoidSpec(part="rotation"))
 
