@@ -307,8 +307,3 @@ def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, mo
     assert code == 2
     assert found in err
     assert "╭" not in err
-
-
-def test_all_public_names_exist():
-    assert [name for name in maniport.__all__ if getattr(maniport, name, None) is None] == []
-    assert {*maniport.__all__} == {"__version__", *maniport._MODULE_OF, *maniport._PACKAGES}
