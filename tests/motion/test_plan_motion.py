@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
 from maniport import motion
-from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
