@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.errors import argument
 from maniport.motion import ArmMotion, RobotMotion
-from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.motion_limits import TORQUES, MotionLimits
 from maniport.motion.plan.arm_planner import FAR
 from maniport.motion.status import REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -121,10 +121,14 @@ def _of_trajectory(
     used = dict[str, dict[str, Any]]()
     for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
-    exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
-                for name, use in used.items() if use["share"] > 1.001]  # fmt: skip
-    text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in used.items())
-    metrics += measure("limits", used=used, sources=limits.sources, _text=text, _exceeded=listed(exceeded))
+    torques = {name: used.pop(name) for name in TORQUES if name in used}
+    for key, shares in (("limits", used), ("torques", torques)):
+        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
+                    for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
+        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in shares.items())
+        if shares:
+            values: dict[str, Any] = {"sources": limits.sources} if key == "limits" else {}
+            metrics += measure(key, used=shares, **values, _text=text, _exceeded=listed(exceeded))
     checked = clearance.checked and np.isfinite(clearance.distance)
     at = np.interp(clearance.time, trajectory.time, time)
     pair, when, text = "", "", "none possible" if clearance.checked else "not checked"

@@ -270,7 +270,7 @@ class LengthField(DomainAdapter):
 
 
 def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
-    """Split ellipsoids (n, d, d) into at most `most` to fit to, and an eighth that is held out, in any order."""
+    """Split ellipsoids (n, d, d) into at most `most` to fit to, and a held-out eighth; the same in any order."""
     values, vectors = base.base(teacher)
     keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
     order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues

@@ -23,7 +23,7 @@ from maniport.util.sampling import rank_correlation
 from maniport.util.validation import Array, as_finite, as_points, require_shape
 
 Projector = Callable[[Array], Any]
-"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones, also damped.
+"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones with it.
 
 An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
 attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
