@@ -12,11 +12,10 @@ from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
 from maniport.motion import Objective, ReachabilityMap, SeedBank, place_path
-from maniport.motion.placement.place_path import fixed_place
+from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
-from maniport.motion.plan.plan_settings import as_workspace
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization

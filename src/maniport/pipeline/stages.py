@@ -8,7 +8,7 @@ One arm is a group of one: values that belong to an arm are tuples over the arms
 import time as clock
 import warnings
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +162,7 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
         [own.limits.arm for own in arms],
         time=targets.time[rows],
         turn=targets.turn,
-        workspace=settings.control.workspace,
+        workspace=settings.config.motion.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
         planning_effort=settings.control.planning_effort,
@@ -202,7 +202,7 @@ def plan_at(
             damping=placed.damping, rotations=own, costs=options.costs, hand_targets=hand_targets, planner=planner,
             pointwise_bests=placed.pointwise_bests, random_state=robot.random,
             progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
-            **{option.name: getattr(control, option.name) for option in fields(control) if option.name != "workspace"},
+            **vars(control),
         )  # fmt: skip
         motions.append(motion)
     free = motions[0] if len(motions) > 1 else None

@@ -178,8 +178,8 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != FREE:
         text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
-    settings = Settings(config, robot, control := _control_of(robot, config), progress=progress or no_progress)
-    if control.workspace is not None and (paths is None or not place):
+    settings = Settings(config, robot, _control_of(robot, config), progress=progress or no_progress)
+    if config.motion.workspace is not None and (paths is None or not place):
         raise InvalidInputError("workspace bounds a path that is placed; found none")
     group, generator = as_group(robot), np.random.default_rng(config.seed)
     times = as_times(time)
