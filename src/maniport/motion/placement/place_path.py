@@ -184,12 +184,13 @@ def place_path(  # type: ignore[misc]
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
         error = np.asarray(optimum.position_error)
         placed.append(Placement(
-            **vars(named(best.place, optimum.distance)), path=points, profile=ellipsoids, spec=spec, center=center,
+            **vars(named(best.place, best.distance[i])), pointwise_best=optimum.distance, path=points,
+            profile=ellipsoids, spec=spec, center=center,
             mount=base_rotations(best.place[None])[0], turn=rotation, position_error=error, reachable=error <= 1e-3,
             joint_positions=optimum.joint_positions,
             candidates=tuple(named(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
-    medians = ", ".join(f"{np.median(own.distance):.2f}" for own in placed)
+    medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed) if several else placed[0]
 
