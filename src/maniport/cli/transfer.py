@@ -26,7 +26,7 @@ def demo(
     """Transfer a bundled recording to the Franka Panda."""
     if recording not in DEMOS:
         raise unknown_name("recording", recording, DEMOS)
-    transfer_to_folder(replace(config.changed(recording=recording), verb="transfer"), console, output, overwrite)
+    transfer(replace(config.changed(recording=recording), verb="transfer"), console, output, overwrite=overwrite)
 
 
 @command(
@@ -40,29 +40,22 @@ def transfer(
     overwrite: Overwrite = False,
 ) -> None:
     """Transfer a recorded arm motion to a robot."""
+    from maniport.pipeline.transfer import settings_of, transfer_recording
+    from maniport.report.write import export_files, require_free_results, write_results
+
     if recording is not None:
         config = config.changed(recording=recording)
     if len(config.recording) != 1:
         raise InvalidInputError(
             f"recording: exactly one file is required, as an argument or in --config; found {len(config.recording)}"
         )
-    transfer_to_folder(config, console, output, overwrite)
-
-
-def transfer_to_folder(config: Config, console: Console, output: Path, overwrite: bool) -> None:
-    """Transfer the recording of a configuration, write the results and print them."""
-    from maniport.pipeline import transfer_recording
-    from maniport.report.write import export_files, require_free_results, write_results
-
-    both = config.human.side == BOTH
+    require_free_results(output, ("left", "right") if config.human.side == BOTH else (), overwrite)
+    export_files(config.motion.export)  # raises where a package is missing
     with console.progress() as progress:
-        require_free_results(output, ("left", "right") if both else (), overwrite)
-        export_files(config.motion.export)  # raises where a package is missing
-        recording = config.human.read(config.recording[0])
-        arm = config.robot.load(both)
-        console.print(f"{Path(recording.source).stem.capitalize()} → {arm.name}: {recording.duration:.1f} s")
-        for text in recording.quality_warnings:  # before the long work, and in the result once more
+        settings, motion = settings_of(config, progress), config.human.read(config.recording[0])
+        console.print(f"{Path(motion.source).stem.capitalize()} → {settings.robot.name}: {motion.duration:.1f} s")
+        for text in motion.quality_warnings:  # before the long work, and in the result once more
             console.warn(text)
-        result = transfer_recording(recording, config, progress=progress)
+        result = transfer_recording(motion, settings)
         report = write_results(result, output, progress, config.motion.export, overwrite=overwrite)
     console.print_report(report, output=str(output))
