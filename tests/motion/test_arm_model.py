@@ -8,12 +8,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import maniport as mp
+from crane import two_arms
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.dynamics import point_mass
 from maniport.arms.restriction import carried_inertia
 from maniport.motion import robot_model
 from maniport.motion.arm_model import model_prefixes
-from crane import two_arms
 from real_robots import NEEDS_ROBOTS
 
 
@@ -50,6 +50,7 @@ def test_a_torso_of_two_arms_carries_all_masses_once():
     links = np.zeros((2, len(crane.arms[0].chain.joints) + 1, 6, 6))
     for arm, own in enumerate(links):
         own[1:] = [point_mass(1.0 + 0.1 * k + arm, np.array([0.1, 0.02 * k, -0.05])) for k in range(1, len(own))]
+        own[1:, 3:, 3:] += 0.01 * np.eye(3)
     arms, count = crane.arms, int(crane.common[0, 1])
     links[1, : count + 1] = links[0, : count + 1]
     chains = [replace(arm.chain, inertia=own) for arm, own in zip(arms, links, strict=True)]

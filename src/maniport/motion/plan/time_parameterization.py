@@ -177,9 +177,9 @@ def _fastest(limits: MotionLimits, path: JointPath, torques: TorqueRows | None, 
     high = [np.ones((len(steps), 3 * limits.arm.dof))]
     low = [-high[0]]
     if torques is not None:
-        (a, b, least, largest), (a_mid, b_mid, least_mid, largest_mid) = torques
-        of_u += a[:-1], a_mid + ahead * b_mid, a[1:] + 2.0 * ahead * b[1:]
-        of_x += b[:-1], b_mid, b[1:]
+        (torque_u, torque_x, least, largest), (middle_u, middle_x, least_mid, largest_mid) = torques
+        of_u += torque_u[:-1], middle_u + ahead * middle_x, torque_u[1:] + 2.0 * ahead * torque_x[1:]
+        of_x += torque_x[:-1], middle_x, torque_x[1:]
         share = scale[:, None]
         between = np.minimum(share[1:], share[:-1])
         low += share[:-1] * least[:-1], between * least_mid, share[1:] * least[1:]
