@@ -96,7 +96,8 @@ def test_a_motion_without_a_person_is_drawn(alone, changed):
     assert "The motion of panda" in page_of(motion)
 
 
-def test_every_arm_is_drawn(several, count=3):
+def test_every_arm_is_drawn(several):
+    count = 3
     animation = animation_of(several(count))
     assert [len(stage.bodies) for stage in animation.stages] == [count, count]
     bodies = animation.stages[1].bodies
