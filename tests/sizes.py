@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.arms import load_arm
 from maniport.motion import RobotMotion
-from maniport.motion.plan.plan_settings import EFFORTS
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
@@ -17,11 +17,15 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 
 
 @contextmanager
-def few_places(**sizes):
-    """Patch every effort so that few placements are tried, with a small reachability map; prefer ``effort="quick"``."""
-    few = {"candidates": 64, "placement_nodes": 24} | sizes
-    efforts = {name: replace(effort, **few) for name, effort in EFFORTS.items()}
-    with mock.patch.dict(EFFORTS, efforts), mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000):
+def little_search(**budget):
+    """Patch the search budget so that little is searched, with a small reachability map, for results that any do."""
+    less = {"candidates": 64, "placement_nodes": 24, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
+    gap = {"pointwise_starts": 8, "gap_points": 40, "gap_starts": 16}
+    few = replace(PlanSettings.budget, **less | gap | budget)
+    with (
+        mock.patch.object(PlanSettings, "budget", few),
+        mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000),
+    ):
         yield
 
 

@@ -21,13 +21,12 @@ import maniport
 import ros_stand_in
 from maniport.batch.content import digest
 from maniport.errors import ManiportError
-from maniport.motion.plan.plan_settings import EFFORTS, FULL, QUICK
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.config import Config
 from maniport.pipeline.transfer import settings_of
 from maniport.util.defaults import AUTO, BOTH
 from real_robots import HERE, MISSING
-from sizes import SMALL, few_places
+from sizes import SMALL, little_search
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
@@ -59,7 +58,7 @@ def short_work():
     results = {}
 
     def quick(recording, config=None, *, progress=None, **options):
-        config = (config or Config()).changed(**{**SMALL, **options, "planning_effort": "quick"})
+        config = (config or Config()).changed(**{**SMALL, **options})
         if config.transfer.method == AUTO:
             config = config.changed(method="parallel-transport")
         human, motion = replace(config.human, start=None, stop=None), replace(config.motion, export=())
@@ -71,8 +70,7 @@ def short_work():
     @contextmanager
     def work():
         with (
-            few_places(),
-            mock.patch.dict(EFFORTS, {FULL: EFFORTS[QUICK]}),
+            little_search(),
             mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
             mock.patch("maniport.batch.run.cores", return_value=1),
             mock.patch("maniport.pipeline.transfer_recording", quick),

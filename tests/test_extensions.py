@@ -15,7 +15,7 @@ from extensions.spectrum_correspondence import SpectrumCorrespondence
 from extensions.speed_panel import write_page_with_speed
 from maniport.mocap import synthetic_recording
 from maniport.mocap.roles import assign_roles
-from sizes import SMALL, few_places
+from sizes import SMALL, little_search
 
 HERE = Path(__file__).parent
 
@@ -51,7 +51,7 @@ def result(moment, files):
     """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
     recording = mp.read_recording(files / "ladder.pts", up=moment.up)
     method = LogEuclideanShift(damping=0.01)
-    with few_places():
+    with little_search():
         found = mp.transfer_recording(
             recording, person="stiff_shoulder", robot=files / "six.json", method=method, speed_scale=0.5,
             costs=[HeightCost(mp.load_arm(files / "six.json"), "link5", 0.0)], **SMALL,

@@ -13,7 +13,7 @@ from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
-from sizes import few_places, panda_profile
+from sizes import little_search, panda_profile
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def profile(tmp_path):
 
 @pytest.fixture
 def small_search():
-    with few_places():
+    with little_search():
         yield
 
 
@@ -121,8 +121,8 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
 def test_transfer_writes_a_folder(run, tmp_path):
     """From half a second of a recording, with exports; run.yaml repeats the run byte for byte."""
     out = tmp_path / "out"
-    words = ("transfer", shipped_recording("freeform"), "-o", out, "--start", 2, "--stop", 2.5, "--planning-effort",
-             "quick", "--n-teacher", 64, "--n-student", 128)  # fmt: skip
+    words = ("transfer", shipped_recording("freeform"), "-o", out, "--start", 2, "--stop", 2.5, "--n-teacher", 64,
+             "--n-student", 128)  # fmt: skip
     exports = [word for name in FORMATS if name != write.SCENE for word in ("--export", name)]
     code, text, err = run(*words, *exports, "--method", "parallel-transport", "--json")
     assert code == 0, err
@@ -140,9 +140,8 @@ def test_transfer_writes_a_folder(run, tmp_path):
 @pytest.mark.usefixtures("small_search")
 def test_track_and_place(run, profile, tmp_path):
     """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
-    options = ("--planning-effort", "quick", "--json")
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
-    code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", *options)
+    code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", "--json")
     assert code == 0, err
     ranking = json.loads(out)["placement"]["candidates"]
     assert [candidate["rank"] for candidate in ranking] == list(range(1, len(ranking) + 1))
@@ -150,7 +149,7 @@ def test_track_and_place(run, profile, tmp_path):
     assert np.all(path >= np.array([0.2, -0.3, 0.0]) - 1e-8)
     assert path[:, 1].max() <= 0.3 + 1e-8
     np.testing.assert_array_equal(time, load_ellipsoids(tmp_path / "placed" / "placed_profile.npz")[1])
-    code, out, err = run("track", *profile, "--speed-scale", 0.5, *options, "-o", tmp_path / "out")
+    code, out, err = run("track", *profile, "--speed-scale", 0.5, "--json", "-o", tmp_path / "out")
     assert code == 0, err
     assert json.loads(out)["motion"]["distance"]["p95"] < 0.2
     assert (tmp_path / "out" / "joints.csv").read_text().startswith("time_s,panda_joint1_rad")

@@ -19,7 +19,9 @@ RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
 import json, os, sys
 from maniport import cli, mocap
+from maniport.motion.plan import reachability_map
 
+reachability_map.SAMPLES = 10_000
 read = mocap.read_recording
 short = read("freeform").crop(2.0, 2.2)
 mocap.read_recording = lambda source, **options: short if source == "freeform" else read(source, **options)
@@ -50,7 +52,7 @@ LIGHT = {
     "evaluate": "evaluate {tmp}/adapter.npz {tmp}/myoarm.npz {tmp}/panda.npz {tmp}/profile.npz",
 }
 HEAVY = {
-    "demo": "demo --planning-effort quick --n-teacher 64 --n-student 128 -o {tmp}/demo --overwrite",
+    "demo": "demo --n-teacher 64 --n-student 128 -o {tmp}/demo --overwrite",
     "figures": "figures {tmp}/demo -o {tmp}/figures",
     "learn": "learn {recording} --segments 1.4:2,2.5:3 --components 2 -o {tmp}/learned --overwrite",
 }

@@ -30,7 +30,7 @@ def test_ctrl_c_during_imports(name):
 
 
 def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
-    command = [*COMMAND, "demo", "--planning-effort", "quick", "-o", str(tmp_path / "out")]
+    command = [*COMMAND, "demo", "-o", str(tmp_path / "out")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stderr:
         if "Read recording" in line:

@@ -80,7 +80,7 @@ def beside():
 def separate(apart):
     """A motion of both where they do not meet."""
     arms, planner = apart
-    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner, planning_effort="quick")
+    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner)
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
@@ -100,7 +100,6 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     for i, motion in enumerate(separate.arms):
         alone = plan_motion(
             arms.arms[i], targets["profiles"][i], time=TIME, paths=targets["paths"][i], planner=single(planner, i),
-            planning_effort="quick",
         ).arms[0]  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
@@ -112,7 +111,7 @@ def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     arms, planner = beside
     targets = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
     targets["profiles"] = [1.5 * profile for profile in targets["profiles"]]
-    placed, plan = (plan_motion(arms, **targets, planner=planner, planning_effort="quick", hand_targets=kind)
+    placed, plan = (plan_motion(arms, **targets, planner=planner, hand_targets=kind)
                     for kind in ("placed", "relative"))  # fmt: skip
     assert_allclose(plan.relative[:, 0], targets["paths"][1] - targets["paths"][0])
     tips = arms.forward(plan.trajectory.joint_positions)[:, :, :3, 3]
@@ -162,7 +161,7 @@ def test_three_arms_keep_clear_of_one_another():
     arms = mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
     options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
     options["paths"] = [path - 0.65 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
-    options |= {"planner": planner_of(arms, True), "planning_effort": "quick", "position_tolerance": 0.02}
+    options |= {"planner": planner_of(arms, True), "position_tolerance": 0.02}
     plan = plan_motion(arms, **options)
     assert plan.coupled  # only where arms come near one another
     assert plan.trajectory.control_positions.shape[1] == 21
@@ -203,7 +202,7 @@ def test_a_cost_of_the_user_changes_the_motion(apart, count):
     errors = []
     for weight in (0.01, 10.0):
         cost = Elbow(joint, weight)
-        plan = plan_motion(arms, **targets, costs=[cost], planner=planner, planning_effort="quick")
+        plan = plan_motion(arms, **targets, costs=[cost], planner=planner)
         errors.append(np.abs(plan.trajectory.joint_positions[:, joint] - cost.wanted(TIME)).mean())
     assert errors[1] < 0.5 * errors[0]
     assert plan.coupled == (count > 1)

@@ -40,7 +40,7 @@ def test_a_plan_and_the_tracker_keep_the_orientation(panda, planner, motion, axe
     """Asked to point elsewhere than a free plan does, plan and tracker come near it, and the limits are kept."""
     profile, path, rotations = motion
     rotations = rotations @ Rotation.from_euler("x", 30.0, degrees=True).as_matrix()
-    options = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner, "planning_effort": "quick"}
+    options = {"time": 2.0 * TIME, "paths": path, "damping": 0.01, "planner": planner}
     free = plan_motion(panda, profile, **options).arms[0]
     assert free.orientation_error is None
     kept = plan_motion(panda, profile, rotations=rotations, orientation_axes=axes, **options).arms[0]

@@ -42,7 +42,7 @@ def motion(panda):
 def common(panda, bank):
     """Options of all searches: little effort and a small reachability map suffice."""
     reachability_map = ReachabilityMap(panda, VELOCITY, 20_000)
-    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map, "planning_effort": "quick"}
+    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map}
 
 
 def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):

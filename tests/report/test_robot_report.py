@@ -47,7 +47,7 @@ def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
     warned = warnings_of(str(crane))
     limits = {"position": "-3.14 to 3.14 rad for turn", "velocity": "1 rad/s for turn",
               "acceleration": "4 rad/s² for turn", "jerk": "100 rad/s³ for turn"}  # fmt: skip
-    assert set(warned) == {*(f"assumed-{one}-limits" for one in limits), "unchecked-collisions"}
+    assert set(warned) == {*(f"assumed-{one}-limits" for one in limits), "unchecked-collisions", "unchecked-torques"}
     assert all(text in warned[f"assumed-{one}-limits"] for one, text in limits.items())
     assert all(text in info(str(crane)).split("## Warnings")[1] for text in warned.values())
     assert warnings_of("panda") == warnings_of("myoarm") == {}

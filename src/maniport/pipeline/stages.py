@@ -170,7 +170,6 @@ def place(
         workspace=settings.control.workspace,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
-        planning_effort=settings.control.planning_effort,
         rank=rank,
         spec=targets.spec,
         damping=targets.damping,
@@ -238,11 +237,11 @@ def place_and_plan(
 def measure(moved: Moved, planner: Planner, settings: Settings) -> list[dict[str, Any]]:
     """Measure the feasibility gap of the targets of each arm; return what an `ArmResult` has of its motion."""
     assert settings.control is not None
-    effort, results = settings.control.budget, []
+    budget, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
         gap = feasibility_gap(
             own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, n_points=effort.gap_points, n_starts=effort.gap_starts,
+            progress=settings.progress, n_points=budget.gap_points, n_starts=budget.gap_starts,
         )  # fmt: skip
         placement = None if moved.placements is None else moved.placements[i]
         free = None if moved.free is None else moved.free.arms[i]
