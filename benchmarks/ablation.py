@@ -27,7 +27,7 @@ from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner
 from maniport.motion.placement import search
 from maniport.motion.plan import arm_planner
-from maniport.motion.plan.plan_settings import EFFORTS, FULL, QUICK
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import follow_profile
 
 from .inputs import DAMPING
@@ -36,7 +36,6 @@ from .robots import ROBOTS, load_robot
 
 BUDGETS: dict[str, dict[str, Any]] = {
     "full": {},
-    "no relaxation": {"relaxation": False},
     "150 nodes": {"nodes": 150},
     "stages of 1 s": {"stage": 1.0},
     "1024 candidates": {"candidates": 1024},
@@ -44,6 +43,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
 }
 """Changed search budgets."""
 PATCHES: dict[str, tuple[Any, str, Any]] = {
+    "no relaxation": (arm_planner, "relaxed", lambda problem, at, q, terms, weight, tolerance: q),
     "no joint descent of the placement": (search.PlacementTrajectoryCost, "improved", lambda problem, state: state),
     "1 planned placement": (search, "PLANS", 1),
     "planning time scale 2": (arm_planner, "PLANNING_TIME_SCALE", 2.0),
@@ -52,7 +52,7 @@ PATCHES: dict[str, tuple[Any, str, Any]] = {
     "no first optimization at the stages": (arm_planner, "optimize", lambda targets, time, q, terms, weight: q),
 }
 """Changed functions and constants: module, name and value."""
-VARIANTS = [*BUDGETS, *PATCHES, "quick"]
+VARIANTS = [*BUDGETS, *PATCHES]
 
 
 def cases(names: list[str]) -> Iterator[tuple[str, Any, np.ndarray, np.ndarray, np.ndarray]]:
@@ -73,10 +73,10 @@ def load(name: str) -> Arm:
 
 
 def changed(variant: str) -> ExitStack:
-    """Give the full planning effort the budget of a variant, and patch what the variant changes."""
+    """Set the search budget of a variant, and patch what the variant changes."""
     stack = ExitStack()
-    effort = EFFORTS[QUICK] if variant == "quick" else replace(EFFORTS[FULL], **BUDGETS.get(variant, {}))
-    stack.enter_context(mock.patch.dict(EFFORTS, {FULL: effort}))
+    budget = replace(PlanSettings.budget, **BUDGETS.get(variant, {}))
+    stack.enter_context(mock.patch.object(PlanSettings, "budget", budget))
     if variant in PATCHES:
         stack.enter_context(mock.patch.object(*PATCHES[variant]))
     return stack
@@ -100,7 +100,7 @@ def run(file: Path, variants: list[str], robots: list[str], names: list[str], se
                     continue
                 with changed(variant):
                     begin = time.process_time()
-                    options |= {"planning_effort": FULL, "seed": seed}
+                    options |= {"seed": seed}
                     result = follow_profile(arm, [target], clock, [path], place=True, **options)
                     seconds = time.process_time() - begin
                 motion, clearance = result.arm.motion, result.motion.clearance

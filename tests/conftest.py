@@ -9,7 +9,7 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
-from sizes import SMALL
+from sizes import SMALL, little_search
 
 no_clock = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # a machine may be busy
 settings.register_profile("maniport", derandomize=True, max_examples=15, **no_clock)
@@ -30,7 +30,20 @@ def small_result(second):
     """Result of a small transfer with a motion at half the speed; computed once."""
     from maniport.pipeline import transfer_recording
 
-    return transfer_recording(second, speed_scale=0.5, planning_effort="quick", **SMALL)
+    with little_search():
+        return transfer_recording(second, speed_scale=0.5, **SMALL)
+
+
+@pytest.fixture(scope="session")
+def two_arm_result():
+    """Result of a third of a second for two Pandas side by side; computed once."""
+    from maniport import load_arms, read_recording
+    from maniport.pipeline import transfer_recording
+
+    arms = load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    recording = read_recording("both-arms").crop(5.1, 5.4)
+    with little_search():
+        return transfer_recording(recording, robot=arms, method="parallel-transport", **SMALL)
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,11 @@
 """Sizes for tests that look at the way and not at how good the figures are."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 from unittest import mock
 
 from maniport.motion import RobotMotion
-from maniport.motion.plan.plan_settings import EFFORTS
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import MotionResult
 from maniport.pipeline.results import ArmResult
 
@@ -12,10 +13,17 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
 
 
-def few_places(**sizes):
-    """Patch every effort so that few placements are tried; prefer ``effort="quick"``."""
-    few = {"candidates": 64, "placement_nodes": 24} | sizes
-    return mock.patch.dict(EFFORTS, {name: replace(effort, **few) for name, effort in EFFORTS.items()})
+@contextmanager
+def little_search(**budget):
+    """Patch the search budget so that little is searched, with a small reachability map, for results that any do."""
+    less = {"candidates": 64, "placement_nodes": 24, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
+    gap = {"pointwise_starts": 8, "gap_points": 40, "gap_starts": 16}
+    few = replace(PlanSettings.budget, **less | gap | budget)
+    with (
+        mock.patch.object(PlanSettings, "budget", few),
+        mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000),
+    ):
+        yield
 
 
 def with_arm(result, **changes):

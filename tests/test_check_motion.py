@@ -19,7 +19,6 @@ LAST = FIRST + 0.4
 
 @pytest.fixture(scope="module")
 def script():
-    """The script as a module."""
     sys.path.insert(0, str(SCRIPT.parent))
     spec = importlib.util.spec_from_file_location("check_motion", SCRIPT)
     module = importlib.util.module_from_spec(spec)
@@ -43,7 +42,6 @@ def export(folder, seconds=1.0):
 
 
 def rewrite(folder, change):
-    """Change the numbers of joints.csv."""
     path = folder / "joints.csv"
     header, *lines = path.read_text().splitlines()
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
@@ -73,7 +71,6 @@ def _cut_off(table):
 
 @pytest.mark.parametrize(("change", "row"), [(_jump, "jerk"), (_cut_off, "at rest at both ends")])
 def test_faults_are_detected(script, tmp_path, change, row):
-    """A jump exceeds the jerk limit; a motion that is cut off does not start or end at rest."""
     export(tmp_path)
     rewrite(tmp_path, change)
     assert {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp")}[row] is False

@@ -144,16 +144,6 @@ def test_kinematics_agrees_with_pinocchio(arm):
             assert_allclose(slopes[:, k][..., own], part.jacobian(q[:, own])[:, :3], atol=1e-13)
 
 
-def test_angular_jacobian_is_the_derivative_of_orientation(arm):
-    """The lower rows are the angular velocity: [ω]× = Ṙ Rᵀ in the axes of the base."""
-    step, q = 1e-6, arm.sample(8, random_state=1)[:, None]
-    shifts = step * np.eye(arm.dof)
-    change = (arm.forward(q + shifts) - arm.forward(q - shifts))[..., :3, :3] / (2 * step)
-    spin = change @ np.swapaxes(arm.forward(q)[..., :3, :3], -1, -2)
-    omega = np.stack([spin[..., 2, 1], spin[..., 0, 2], spin[..., 1, 0]], axis=1)
-    assert_allclose(arm.jacobian(q)[:, 0, 3:], omega, atol=1e-8)
-
-
 @pytest.fixture(params=["panda", "myoarm", "rhuman", "mixed", "relative", "absolute", "crane relative"])
 def manipulable(request, crane):
     """An arm with plain, coupled, many or prismatic joints, or two arms as one with or without shared joints."""

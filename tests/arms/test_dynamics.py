@@ -1,4 +1,4 @@
-"""Gravity torques and joint-space inertia beside Pinocchio, of chains that are changed too, and payloads."""
+"""Gravity torques and joint-space inertia against Pinocchio, payloads, and ellipsoids that depend on them."""
 
 from dataclasses import replace
 
@@ -177,7 +177,7 @@ def test_ellipsoids_hold_the_limits_of_each_joint():
 
 def test_missing_limits_and_masses_are_named():
     """The message names the joints."""
-    arm = load_arm("rhuman")
+    arm = Arm(replace(load_arm("panda").chain, effort_limits=None, inertia=None))
     for kind, message in (("force", "has no effort limits above 0 for"), ("acceleration", "needs masses")):
         weights = "joint-limits" if kind == "force" else None
         with pytest.raises(InvalidInputError, match=message):

@@ -63,13 +63,6 @@ def test_mjcf_equals_mujoco(mjcf):
         np.testing.assert_allclose(pose[:3, :3], data.site("tool").xmat.reshape(3, 3), atol=1e-12)
 
 
-def test_fingers_are_left_out(write):
-    """Where the longest chains are fingers, the tip is the body that carries them."""
-    text = tree("a:base>one", "b:one>two", "w:two>hand:fixed", "f1:hand>left:prismatic", "f2:hand>right:prismatic")
-    arm = load_arm(write(text))
-    assert (arm.frame, arm.joint_names) == ("hand", ("a", "b"))
-
-
 def test_two_arms_are_ambiguous(write):
     """A robot with two arms gets an error with the candidates, the hands and not the fingers."""
     arm = ["{s}1:base>{s}one", "{s}2:{s}one>{s}two", "{s}w:{s}two>{s}hand:fixed", "{s}f:{s}hand>{s}f1"]

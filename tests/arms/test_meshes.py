@@ -203,9 +203,9 @@ def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
     lamp = 0.02**3
     assert arm.geometry.stand_ins == ("boom",)
     assert whole.geometry.stand_ins == ()
-    found = [volume(surface) for surface in arm.surfaces(None)]
-    assert found[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
-    assert [found[0], found[2]] == [volumes[0], volumes[2]]
+    actual = [volume(surface) for surface in arm.surfaces(None)]
+    assert actual[1] - lamp == pytest.approx(np.pi * 0.05**2 * 0.3, rel=0.02)  # a mesh of flat sides
+    assert [actual[0], actual[2]] == [volumes[0], volumes[2]]
     assert Arm(mirrored(arm.chain)).geometry.stand_ins == ("boom",)
     digger.write_text(digger.read_text().replace('<cylinder radius="0.05" length="0.3"/>', '<mesh filename="no.stl"/>'))
     with pytest.raises(FileFormatError, match=r"'gone\.stl' is missing \(1 of 1"):
@@ -246,10 +246,10 @@ def test_surfaces_are_where_pinocchio_has_them(tmp_path):
         "base_0": cube * (0.3, 0.2, 0.1), "boom_0": CORNERS * (2, 1, 1), "lamp_0": cube * 0.02,
         "boom_1": np.array([[0.04, 0, 0.1], [0, 0.04, -0.1]]), "bucket_0": np.array([[0, 0, 0.06], [0.06, 0, 0]]),
     }  # fmt: skip
-    found = drawn(arm, q)
+    actual = drawn(arm, q)
     for name, corners in expected.items():
         for corner in corners:
-            assert np.linalg.norm(found - where[name].act(corner), axis=1).min() < 1e-7, name
+            assert np.linalg.norm(actual - where[name].act(corner), axis=1).min() < 1e-7, name
 
 
 def test_mjcf_surfaces_are_where_mujoco_has_them(tmp_path):

@@ -190,7 +190,7 @@ DOUBLING = "".join(
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         ('<xacro:include filename="/dev/zero"/>', "/dev/zero: this is a pipe, a socket or a device"),
         ('<xacro:include filename="pipe.xacro"/>', "this is a pipe, a socket or a device"),
@@ -200,11 +200,11 @@ DOUBLING = "".join(
     ],
     ids=["device", "pipe", "settings", "doubling macros", "memory"],
 )
-def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, told):
+def test_xacro_files_that_never_end(tmp_path, monkeypatch, content, message):
     """Macros that double, a name of 10 GB, devices and pipes among included files and settings end with a message."""
     pytest.importorskip("xacrodoc")
-    monkeypatch.setattr("maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in told else 30.0)
+    monkeypatch.setattr("maniport.arms.loaders.document.LONGEST_XACRO", 2.0 if "2 s" in message else 30.0)
     os.mkfifo(tmp_path / "pipe.xacro")
     (tmp_path / "a.xacro").write_text(XACRO.format(content))
-    with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{told}"):
+    with pytest.raises(FileFormatError, match=rf"a\.xacro: xacro cannot expand it: .*{message}"):
         load_arm(tmp_path / "a.xacro")

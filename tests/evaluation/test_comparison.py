@@ -96,13 +96,13 @@ def test_with_a_floor_the_gap_is_that_of_lifted_ellipsoids():
     rows = [[0.0, 0.0, 0.0, np.pi / 2], [np.pi / 2, 0.0, 0.0, np.pi / 2], [0.0, 0.0, 0.0, 0.0]]
     gantry = Arm.from_dh("gantry", rows, [-1.0] * 3, [1.0] * 3, kinds=["prismatic"] * 3)  # M = I everywhere
     small = np.linspace(0.0, 0.5, 5)
-    targets = np.array([np.diag([4.0, 1.0, one]) for one in small])
+    targets = np.array([np.diag([4.0, 1.0, length]) for length in small])
     adapter = IdentityMap(eigenvalue_floor=0.2).fit(targets, targets)
-    found = evaluate(adapter, targets, targets, targets, robot=gantry, n_domain=0, n_identity=0, rows=())
+    result = evaluate(adapter, targets, targets, targets, robot=gantry, n_domain=0, n_identity=0, rows=())
     distances = np.hypot(np.log(4.0), np.log(np.maximum(small, 0.2)))
-    gap = found.adapter.feasibility_gap
+    gap = result.adapter.feasibility_gap
     assert (gap.mean, gap.largest) == pytest.approx((distances.mean(), distances.max()), rel=1e-6)
-    assert "floor" in found.settings["feasibility gap"]
+    assert "floor" in result.settings["feasibility gap"]
 
 
 def test_bad_input_is_refused(problem, arms):

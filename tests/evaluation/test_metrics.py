@@ -17,10 +17,10 @@ def test_rmse_of_balls_in_three_forms():
     """Balls that are all exp(δ) too large are √3 δ off; dispersions are √3 times those of the logarithms."""
     t, delta = np.array([-1.0, 0.0, 0.5, 0.5]), 0.3
     truth, mapped = (np.exp(values)[:, None, None] * np.eye(3) for values in (t, t + delta))
-    found = rmse(truth, mapped)
-    assert found.undivided == pytest.approx(np.sqrt(3.0) * delta)
-    assert found.per_dispersion == pytest.approx(delta / np.mean(np.abs(t)))
-    assert found.per_squared_dispersion == pytest.approx(delta / (np.sqrt(3.0) * np.mean(t**2)))
+    measured = rmse(truth, mapped)
+    assert measured.undivided == pytest.approx(np.sqrt(3.0) * delta)
+    assert measured.per_dispersion == pytest.approx(delta / np.mean(np.abs(t)))
+    assert measured.per_squared_dispersion == pytest.approx(delta / (np.sqrt(3.0) * np.mean(t**2)))
     truth[0] *= np.exp(0.8 / np.sqrt(3.0))
     assert rmse(truth, np.exp(t)[:, None, None] * np.eye(3)).undivided == pytest.approx(0.4)  # one of four
 
@@ -28,9 +28,9 @@ def test_rmse_of_balls_in_three_forms():
 def test_steps_of_a_dilated_profile_are_dilated():
     """M → M^s about the identity multiplies every step by s when the ellipsoids have common axes."""
     path = np.cumsum(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]]), axis=0)
-    found = smoothness(diagonals(0.5 * path), diagonals(path))
-    assert (found.median, found.largest) == pytest.approx((1.0, 1.5))
-    assert (found.median_ratio, found.largest_ratio) == pytest.approx((0.5, 0.5))
+    measured = smoothness(diagonals(0.5 * path), diagonals(path))
+    assert (measured.median, measured.largest) == pytest.approx((1.0, 1.5))
+    assert (measured.median_ratio, measured.largest_ratio) == pytest.approx((0.5, 0.5))
 
 
 @pytest.mark.parametrize(("angle", "turn"), [(25.0, 25.0), (171.0, 9.0)])
@@ -38,10 +38,10 @@ def test_a_rotation_keeps_distances_and_turns_axes(rng, turn_about, angle, turn)
     """M → R M Rᵀ is an isometry; axes have no sign, so that a rotation by 171° is one by 9°."""
     shapes = diagonals(np.array([[2.0, 0.5, -1.0]]) + 0.1 * rng.standard_normal((20, 3)))
     rotation = turn_about(angle)
-    found = distance_preservation(rotation @ shapes @ rotation.T, shapes)
-    assert found.rank_correlation == pytest.approx(1.0)
-    assert found.major_axis_angle == pytest.approx(turn, abs=1e-6)
-    assert found.major_axis_moved == float(turn > 10.0)
+    measured = distance_preservation(rotation @ shapes @ rotation.T, shapes)
+    assert measured.rank_correlation == pytest.approx(1.0)
+    assert measured.major_axis_angle == pytest.approx(turn, abs=1e-6)
+    assert measured.major_axis_moved == float(turn > 10.0)
 
 
 def test_axes_that_are_not_distinct_are_left_out():

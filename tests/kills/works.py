@@ -106,7 +106,7 @@ def works(folder: Path) -> dict[str, Command | Writer]:
     for arm in ("myoarm", "panda"):
         save_ellipsoids(folder / f"{arm}.npz", sample_domain(load_arm(arm), 256, 0))
     moment = ("transfer", str(shipped_recording("freeform")), "--start", "2", "--stop", "2.2", "--overwrite")
-    moment += ("--method", "parallel-transport", "--planning-effort", "quick")
+    moment += ("--method", "parallel-transport")
     domains = (str(folder / "myoarm.npz"), str(folder / "panda.npz"))
     return {
         "motion": Command("transfer", folder / "motion" / "out", moment),

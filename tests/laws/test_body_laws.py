@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from laws.strategies import FORMS, fewer, require_same_for_every_form, results_of
 from maniport import spd
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
+from maniport.arms.collisions import Collisions
 from maniport.domain import sample_domain
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -134,10 +135,22 @@ def test_samples_are_within_limits_and_repeat(arm, seed, n, sequence):
     assert_array_equal(arm.require_within_limits(q), q)
     assert_array_equal(arm.configurations(q.tolist()), q)
     assert_array_equal(arm.sample(n + 3, seed, sequence)[:n] if sequence == "sobol" else q, q)
-    assert_array_equal(sample_domain(arm, n, seed, sequence), arm.ellipsoids(arm.sample(n, seed, sequence)))
+    for spec in (VELOCITY, EllipsoidSpec(part="rotation"), EllipsoidSpec(part="full")):
+        domain = sample_domain(arm, n, seed, sequence, spec=spec)
+        assert_array_equal(domain, arm.ellipsoids(arm.sample(n, seed, sequence), spec))
     inside = arm.narrowed(0.9 * arm.lower + 0.1 * arm.upper, arm.upper)
     assert_array_equal(inside.forward(q), arm.forward(q))
     same = arm.restricted(arm.frame, arm.joint_names)
     assert_allclose(same.forward(q), arm.forward(q), atol=1e-12)
     for name, disguise in FORMS.items():
         assert_array_equal(arm.within_limits(disguise(q)), [True] * n, err_msg=name)
+
+
+def test_a_domain_without_collisions_has_as_many_ellipsoids(panda):
+    """Configurations that collide are replaced by the next free ones of the sequence; True is the arm with itself."""
+    collisions, q = Collisions.of(panda), panda.sample(256, 0)
+    free = q[~collisions.collides(q)]
+    domain = sample_domain(panda, 224, 0, collisions=collisions)
+    assert 224 < len(free) < 256
+    assert_array_equal(domain, panda.manipulability(free[:224]))
+    assert_array_equal(domain, sample_domain(panda, 224, 0, collisions=True))

@@ -11,7 +11,6 @@ import maniport as mp
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
 from maniport.mocap import shipped_recording
-from sizes import SMALL
 
 
 @pytest.fixture(scope="module")
@@ -90,15 +89,12 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
-def test_both_arms_lead_two_robots():
+def test_both_arms_lead_two_robots(two_arm_result):
     """Both end effectors come to their paths; while a single arm is hidden, the whole robot rests."""
-    recording = mp.read_recording("both-arms").crop(5.1, 5.6)
-    arms = mp.load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
-    result = mp.transfer_recording(
-        recording, robot=arms, method="parallel-transport", planning_effort="quick", speed_scale=0.5, **SMALL
-    )
+    result, arms = two_arm_result, two_arm_result.robot
+    recording = result.recording
     live = mp.Live.of(result, clock=None)
-    slow, time = np.arange(0.0, 0.5, 0.005), recording.time - recording.time[0]
+    slow, time = np.arange(0.0, 0.3, 0.003), recording.time - recording.time[0]
     columns = [
         np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)]) for name in live.points for x in recording.point(name).T
     ]

@@ -43,9 +43,9 @@ def require_states(motion, seconds, states):
     assert rows[0] == 0
     assert rows[-1] == len(steps) - 1
     assert_array_equal(np.diff(rows)[:-1], 10)
-    wanted = motion.control_positions, motion.control_velocities, motion.control_accelerations
-    for values, found in zip(wanted, states, strict=True):
-        assert_allclose(found, values[rows], atol=1e-5)
+    expected = motion.control_positions, motion.control_velocities, motion.control_accelerations
+    for values, actual in zip(expected, states, strict=True):
+        assert_allclose(actual, values[rows], atol=1e-5)
 
 
 def test_ros2_gets_a_joint_trajectory(motion, tmp_path):
@@ -65,21 +65,21 @@ def test_mcap_gets_messages(motion, tmp_path):
     reader = pytest.importorskip("mcap.reader")
     export_motion(tmp_path / "m.mcap", motion, "mcap")
     with open(tmp_path / "m.mcap", "rb") as stream:
-        found = list(reader.make_reader(stream).iter_messages())
-    assert {(schema.encoding, channel.topic) for schema, channel, _ in found} == {("jsonschema", "/joint_states")}
-    texts = [json.loads(message.data) for _, _, message in found]
+        actual = list(reader.make_reader(stream).iter_messages())
+    assert {(schema.encoding, channel.topic) for schema, channel, _ in actual} == {("jsonschema", "/joint_states")}
+    texts = [json.loads(message.data) for _, _, message in actual]
     assert tuple(texts[0]["name"]) == NAMES
     states = ([text[key] for text in texts] for key in ("position", "velocity", "acceleration"))
-    require_states(motion, [1e-9 * message.log_time for _, _, message in found], states)
+    require_states(motion, [1e-9 * message.log_time for _, _, message in actual], states)
 
 
 def test_parquet_has_columns_with_units(motion, tmp_path):
     """Every control step comes back, with the tip and ellipsoids that the arm has there and their distance."""
     parquet = pytest.importorskip("pyarrow.parquet")
-    asked = ArmMotion.of_motion(
+    larger = ArmMotion.of_motion(
         PLANAR, motion.time, 1.5 * motion.target, motion.control_time, motion.control_positions, path=motion.path + 0.01
     )
-    export_motion(tmp_path / "m.parquet", asked, "parquet", PLANAR)
+    export_motion(tmp_path / "m.parquet", larger, "parquet", PLANAR)
     table = parquet.read_table(tmp_path / "m.parquet")
     column = {name: table[name].to_numpy() for name in table.column_names}
     units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
@@ -87,24 +87,25 @@ def test_parquet_has_columns_with_units(motion, tmp_path):
     assert_array_equal(column["time"], motion.control_time - motion.control_time[0])
     for k, name in enumerate(NAMES):
         assert_array_equal(column[f"{name}_position"], motion.control_positions[:, k])
-        assert_array_equal(column[f"{name}_acceleration"], asked.control_accelerations[:, k])
+        assert_array_equal(column[f"{name}_acceleration"], larger.control_accelerations[:, k])
         assert units[f"{name}_velocity"] == "rad/s"
     tips = np.stack([column[f"end_effector_{axis}"] for axis in "xyz"], axis=1)
     assert_array_equal(tips, PLANAR.forward(motion.control_positions)[:, :3, 3])
-    assert_array_equal(column["achieved_xy"], PLANAR.manipulability(motion.control_positions)[:, 0, 1])
     assert units["achieved_xy"] == units["target_xx"] == "(m/s per rad/s)²"
-    whole = {whose: np.empty((len(column["time"]), 3, 3)) for whose in ("target", "achieved")}
-    for whose, ellipsoids in whole.items():
-        for (i, first), (j, second) in product(enumerate("xyz"), repeat=2):
-            ellipsoids[:, i, j] = column[f"{whose}_{min(first, second)}{max(first, second)}"]
-        ellipsoids += asked.damping.epsilon * np.eye(3)
-    there = np.isfinite(column["distance"])
-    wanted = spd.distance(whole["target"][there], whole["achieved"][there])
-    assert_allclose(column["distance"][there], wanted, atol=1e-9)
-    at = np.interp(asked.time, asked.control_time[there], column["distance"][there])
-    assert_allclose(at, asked.distance, atol=0.02)
-    off = np.interp(asked.time, asked.control_time[there], column["position_error"][there])
-    assert_allclose(off, asked.position_error, atol=2e-3)
+    target, achieved = (
+        np.stack([column[f"{kind}_{min(pair)}{max(pair)}"] for pair in product("xyz", repeat=2)], axis=1)
+        for kind in ("target", "achieved")
+    )
+    assert_array_equal(achieved.reshape(-1, 3, 3), PLANAR.manipulability(motion.control_positions))
+    there, lift = np.isfinite(column["distance"]), larger.damping.epsilon * np.eye(3)
+    expected = spd.distance(target[there].reshape(-1, 3, 3) + lift, achieved[there].reshape(-1, 3, 3) + lift)
+    assert_allclose(column["distance"][there], expected, atol=1e-9)
+    for name, values, tolerance in (
+        ("distance", larger.distance, 0.02),
+        ("position_error", larger.position_error, 2e-3),
+    ):
+        waypoints = np.interp(larger.time, larger.control_time[there], column[name][there])
+        assert_allclose(waypoints, values, atol=tolerance)
 
 
 def test_mujoco_makes_the_same_motion(motion, tmp_path):

@@ -80,13 +80,13 @@ def beside():
 def separate(apart):
     """A motion of both where they do not meet."""
     arms, planner = apart
-    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner, planning_effort="quick")
+    return plan_motion(arms, **task(arms, swung(), swung(1.0)), planner=planner)
 
 
 def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     """They are two single runs, but for what the common time makes of jerks: one motion, at rest at either end."""
     arms, planner = apart
-    asked = task(arms, swung(), swung(1.0))
+    targets = task(arms, swung(), swung(1.0))
     assert not separate.coupled
     assert separate.limit_use.within
     assert separate.trajectory.joint_names == arms.joint_names
@@ -99,48 +99,33 @@ def test_arms_that_do_not_meet_move_as_each_alone(apart, separate):
     assert_allclose(separate.pointwise_ratio, np.linalg.norm(distance) / np.linalg.norm(best))
     for i, motion in enumerate(separate.arms):
         alone = plan_motion(
-            arms.arms[i], asked["profiles"][i], time=TIME, paths=asked["paths"][i], planner=single(planner, i),
-            planning_effort="quick",
+            arms.arms[i], targets["profiles"][i], time=TIME, paths=targets["paths"][i], planner=single(planner, i),
         ).arms[0]  # fmt: skip
         assert_allclose(motion.joint_positions, alone.joint_positions, atol=2e-4)
         assert_allclose(motion.distance, alone.distance, atol=1e-3)
         assert_allclose(motion.pointwise_best, alone.pointwise_best, atol=1e-6)
 
 
-def test_arms_that_would_meet_are_kept_apart(beside):
-    """Tips that pass 19 cm from one another, where each arm alone would go through the other: they make way."""
-    arms, planner = beside
-    asked = task(arms, swung(), swung(0.3))
-    shift = np.array([0.0, 0.16, 0.0]) + 0.5 * (asked["paths"][1].mean(axis=0) - asked["paths"][0].mean(axis=0))
-    asked["paths"] = [asked["paths"][0] + shift, asked["paths"][1] - shift]
-    found = plan_motion(arms, **asked, planner=planner, position_tolerance=0.02, planning_effort="quick")
-    assert found.coupled  # only where the arms come near one another
-    assert found.clearance.checked
-    assert found.clearance.share == 0.0
-    assert found.clearance.distance > 0.0
-    assert found.limit_use.within
-
-
 def test_the_way_between_the_tips_may_be_all_that_is_kept(beside):
     """Tips that leave their paths go as the paths do beside one another, and the ellipsoids get better."""
     arms, planner = beside
-    asked = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
-    asked["profiles"] = [1.5 * profile for profile in asked["profiles"]]
-    placed, found = (plan_motion(arms, **asked, planner=planner, planning_effort="quick", hand_targets=targets)
-                     for targets in ("placed", "relative"))  # fmt: skip
-    assert_allclose(found.relative[:, 0], asked["paths"][1] - asked["paths"][0])
-    tips = arms.forward(found.trajectory.joint_positions)[:, :, :3, 3]
+    targets = task(arms, *(joints - np.eye(7)[0] for joints in (swung(), swung(0.3))))
+    targets["profiles"] = [1.5 * profile for profile in targets["profiles"]]
+    placed, plan = (plan_motion(arms, **targets, planner=planner, hand_targets=kind)
+                    for kind in ("placed", "relative"))  # fmt: skip
+    assert_allclose(plan.relative[:, 0], targets["paths"][1] - targets["paths"][0])
+    tips = arms.forward(plan.trajectory.joint_positions)[:, :, :3, 3]
     assert_allclose(
-        np.linalg.norm(tips[:, 1] - tips[:, 0] - found.relative[:, 0], axis=1), found.relative_error[:, 0], atol=1e-9
+        np.linalg.norm(tips[:, 1] - tips[:, 0] - plan.relative[:, 0], axis=1), plan.relative_error[:, 0], atol=1e-9
     )
-    assert np.percentile(found.relative_error, 95) < 5e-3
+    assert np.percentile(plan.relative_error, 95) < 5e-3
     assert placed.relative is None
-    for one, other in zip(found.arms, placed.arms, strict=True):
-        assert one.path is None
-        assert np.linalg.norm(one.distance) < 0.95 * np.linalg.norm(other.distance)
-    assert 0.95 < found.pointwise_ratio < 1.2
-    assert found.clearance.share == 0.0
-    assert found.limit_use.within
+    for arm, other in zip(plan.arms, placed.arms, strict=True):
+        assert arm.path is None
+        assert np.linalg.norm(arm.distance) < 0.95 * np.linalg.norm(other.distance)
+    assert 0.95 < plan.pointwise_ratio < 1.2
+    assert plan.clearance.share == 0.0
+    assert plan.limit_use.within
 
 
 def test_slopes_in_the_joints_of_both():
@@ -174,14 +159,16 @@ def test_three_arms_keep_clear_of_one_another():
     """Three Pandas around a table, whose paths cross: each is near its path, and none collides."""
     bases = [pose((0.75 * np.cos(a), 0.75 * np.sin(a), 0.0), (0.0, 0.0, a + np.pi)) for a in (0.0, 2.1, -2.1)]
     arms = mp.ArmGroup(*(mp.Arm(standing(mp.load_arm("panda").chain, base)) for base in bases))
-    asked = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
-    asked["paths"] = [path - 0.12 * path.mean(axis=0) * [1, 1, 0] for path in asked["paths"]]
-    found = plan_motion(arms, **asked, planner=planner_of(arms, True), position_tolerance=0.02, planning_effort="quick")
-    assert found.trajectory.control_positions.shape[1] == 21
-    assert found.clearance.checked
-    assert found.clearance.share == 0.0
-    assert found.limit_use.within
-    for arm in found.arms:
+    options = task(arms, swung(0.0, 0.2), swung(1.0, 0.2), swung(2.0, 0.2))
+    options["paths"] = [path - 0.65 * path.mean(axis=0) * [1, 1, 0] for path in options["paths"]]
+    options |= {"planner": planner_of(arms, True), "position_tolerance": 0.02}
+    plan = plan_motion(arms, **options)
+    assert plan.coupled  # only where arms come near one another
+    assert plan.trajectory.control_positions.shape[1] == 21
+    assert plan.clearance.checked
+    assert plan.clearance.share == 0.0 < plan.clearance.distance
+    assert plan.limit_use.within
+    for arm in plan.arms:
         assert np.percentile(arm.position_error, 95) < 0.02
 
 
@@ -208,21 +195,21 @@ class Elbow:
 def test_a_cost_of_the_user_changes_the_motion(apart, count):
     """A joint follows the user's cost more closely with a larger weight; wrong shapes are refused."""
     arms, planner = apart
-    asked, joint = task(arms, swung(), swung(1.0)), 3
+    targets, joint = task(arms, swung(), swung(1.0)), 3
     if count == 1:
-        asked = {"profiles": asked["profiles"][0], "paths": asked["paths"][0], "time": TIME}
+        targets = {"profiles": targets["profiles"][0], "paths": targets["paths"][0], "time": TIME}
         arms, planner = arms.arms[0], single(planner, 0)
     errors = []
     for weight in (0.01, 10.0):
         cost = Elbow(joint, weight)
-        found = plan_motion(arms, **asked, costs=[cost], planner=planner, planning_effort="quick")
-        errors.append(np.abs(found.trajectory.joint_positions[:, joint] - cost.wanted(TIME)).mean())
+        plan = plan_motion(arms, **targets, costs=[cost], planner=planner)
+        errors.append(np.abs(plan.trajectory.joint_positions[:, joint] - cost.wanted(TIME)).mean())
     assert errors[1] < 0.5 * errors[0]
-    assert found.coupled == (count > 1)
+    assert plan.coupled == (count > 1)
     wrong = Elbow(joint, 1.0)
     wrong.jacobian = lambda q, time: np.zeros((len(q), 1, 2))
     with pytest.raises(InvalidInputError, match=r"costs\[0\].jacobian"):
-        plan_motion(arms, **asked, costs=[wrong], planner=planner)
+        plan_motion(arms, **targets, costs=[wrong], planner=planner)
 
 
 def test_files_name_the_joints_of_both(separate, apart, tmp_path):

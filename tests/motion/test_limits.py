@@ -6,7 +6,7 @@ import pytest
 from maniport.arms import load_arm
 from maniport.arms.collisions import Collisions
 from maniport.errors import InvalidInputError
-from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState, track
+from maniport.motion import BrakingLimit, CollisionLimit, Controller, ControlProblem, ControlState
 from maniport.motion.costs.posture import PostureCost
 from maniport.motion.objective import Linearization
 
@@ -83,17 +83,6 @@ def test_pairs_within_the_margin_move_apart(hand):
         path = clearance_of(collisions, moved(arm, CollisionLimit(collisions), start, start, np.inf))
         assert path[-1] > 0.019
         assert np.all(np.diff(path) > -1e-4)
-
-
-def test_tracking_keeps_clear_of_collisions(hand):
-    """With a collision model the whole motion is free, where without it it collides."""
-    arm, collisions, q, clearance = hand
-    line = np.linspace(q[clearance > 0.03][0], q[clearance < -0.02][0], 12)
-    options = {"time": np.linspace(0, 4, 12), "path": arm.forward(line)[:, :3, 3], "start": line[0], "rate": 50.0}
-    motions = [track(arm, arm.ellipsoids(line), collisions=model, **options) for model in (None, collisions)]
-    clearances = [clearance_of(collisions, motion.trajectory.control_positions).min() for motion in motions]
-    assert clearances[0] < 0.0 < 0.01 < clearances[1]
-    assert motions[1].clearance.share == 0.0
 
 
 def test_wrong_arguments_of_collision_limits_are_errors(hand):

@@ -48,8 +48,8 @@ def test_derivatives_are_those_of_the_cost(panda, kind, part, weighed):
 def test_axes_angles_are_those_between_directions(panda):
     """The angle told is that between the axis of the tip that counts and where it shall point."""
     objective = replace(Objective.of(panda), axis_weights=(0.0, 0.0, 1.0))
-    q, wanted = panda.sample(5, 1), Rotation.random(5, np.random.default_rng(1)).as_matrix()
-    targets = objective.targets(panda.manipulability(q), rotations=wanted)
-    cosine = np.sum(panda.forward(q)[:, :3, 2] * wanted[:, :, 2], axis=1)
+    q, desired = panda.sample(5, 1), Rotation.random(5, np.random.default_rng(1)).as_matrix()
+    targets = objective.targets(panda.manipulability(q), rotations=desired)
+    cosine = np.sum(panda.forward(q)[:, :3, 2] * desired[:, :, 2], axis=1)
     assert targets.orientation_cost.angles(q) == pytest.approx(np.arccos(cosine))
     assert objective.targets(panda.manipulability(q)).orientation_cost is None

@@ -63,10 +63,10 @@ def test_shortest_path_is_the_best_of_all_paths(seed):
         jumps = 1000.0 * np.maximum((change / largest[1:]) ** 2 - 1.0, 0.0).sum()
         return cost[path] @ weights + JOINT_MOTION_WEIGHT * np.sum(change**2 / gaps[:, None]) + jumps
 
-    found = shortest_path(Roadmap(q, cost, first), time, largest)
-    assert ((found >= first[:-1]) & (found < first[1:])).all()
+    solution = shortest_path(Roadmap(q, cost, first), time, largest)
+    assert ((solution >= first[:-1]) & (solution < first[1:])).all()
     paths = product(*(range(a, b) for a, b in pairwise(first)))
-    assert_allclose(total(found), min(total(np.array(path)) for path in paths))
+    assert_allclose(total(solution), min(total(np.array(path)) for path in paths))
 
 
 def test_gradient_is_that_of_the_cost(targets, terms):
@@ -107,10 +107,10 @@ def test_optimizer_never_raises_the_cost_and_keeps_limits(targets, terms):
     """From any start, the cost does not grow, and joints stay within their limits."""
     q = ARM.sample(len(UNEVEN), 0)
     for one in (terms, TrajectoryTerms(0.0, 0.0)):
-        found = optimize(targets, UNEVEN, q, one, 30.0)
+        solution = optimize(targets, UNEVEN, q, one, 30.0)
         cost = TrajectoryCost(ARM, targets.weighing(30.0), UNEVEN, one)
-        assert cost.evaluate(found)[0] <= cost.evaluate(q)[0]
-        assert ARM.within_limits(found).all()
+        assert cost.evaluate(solution)[0] <= cost.evaluate(q)[0]
+        assert ARM.within_limits(solution).all()
 
 
 def near_the_wall(clearance):

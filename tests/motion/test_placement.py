@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.chain import pose, rotation_about
 from maniport.arms.collisions import Collisions
+from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
 from maniport.motion import Objective, ReachabilityMap, SeedBank, place_path
 from maniport.motion.placement.place_path import as_workspace, fixed_place
@@ -40,23 +41,12 @@ def motion(panda):
 def common(panda, bank):
     """Options of all searches: little effort and a small reachability map suffice."""
     reachability_map = ReachabilityMap(panda, VELOCITY, 20_000)
-    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map, "planning_effort": "quick"}
-
-
-def shifted(arm, shift):
-    """The arm with its base elsewhere, in the same frame."""
-    shift, chain = pose(shift), arm.chain
-    first = replace(chain.joints[0], placement=shift @ chain.joints[0].placement)
-    frames = {
-        name: replace(frame, placement=shift @ frame.placement) if frame.joint == 0 else frame
-        for name, frame in chain.frames.items()
-    }
-    return Arm(replace(chain, joints=(first, *chain.joints[1:]), frames=frames))
+    return {"damping": DAMPING, "bank": bank, "reachability_map": reachability_map}
 
 
 def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
     """A rotation and a shift of the own paths of two arms are undone for both, in one placement."""
-    aside = shifted(panda, [0.1, 0.6, 0.0])
+    aside = Arm(standing(panda.chain, pose([0.1, 0.6, 0.0])))
     maps = common["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)
     both = common | {"reachability_map": maps, "bank": (common["bank"], SeedBank.build(aside, 4096))}
     path, profile = motion
@@ -84,17 +74,6 @@ def test_own_path_is_found_again(panda, common, motion):
     assert placed.reachable.all()
     assert np.median(placed.pointwise_best) < min(0.15, 0.5 * np.median(fixed.pointwise_best))
     assert_allclose(placed.path, placed.apply(moved), atol=1e-12)
-
-
-def test_fixed_values_are_kept(panda, common, motion):
-    """A fixed scale, yaw and height are kept, and the placed path is similar to the given one."""
-    path, profile = motion
-    placed = place_path(path, profile, panda, scale=0.9, yaw=0.3, offset=(None, None, 0.5), **common)
-    assert (placed.scale, placed.yaw) == pytest.approx((0.9, 0.3), abs=1e-12)
-    assert placed.offset[2] == 0.5
-    turn = rotation_about(2, 0.3)
-    assert_allclose(placed.path, 0.9 * (path - path.mean(axis=0)) @ turn.T + placed.offset, atol=1e-12)
-    assert_allclose(placed.profile, congruence(turn, profile), atol=1e-12)
 
 
 def test_far_path_is_reported(panda, common, motion):
@@ -127,9 +106,10 @@ def test_other_parts_turn_too(panda, motion, part):
 
 
 def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
-    """With the base mounted as found, path and ellipsoids are the given ones in the world, but for yaw and scale."""
+    """With the base mounted so, path and ellipsoids are turned and scaled as fixed values say, which are kept."""
     path, profile = motion
-    placed = place_path(path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, **common)
+    placed = place_path(path, profile, panda, tilt=0.6, scale=0.8, yaw=0.2, offset=(None, None, 0.5), **common)
+    assert (placed.scale, placed.yaw, placed.offset[2]) == pytest.approx((0.8, 0.2, 0.5), abs=1e-12)
     lean = [np.sin(0.6) * np.cos(placed.heading), np.sin(0.6) * np.sin(placed.heading), np.cos(0.6)]
     assert_allclose(placed.mount @ [0, 0, 1], lean, atol=1e-12)
     world, yaw = (placed.path - placed.offset) @ placed.mount.T, rotation_about(2, 0.2)

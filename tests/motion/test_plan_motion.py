@@ -24,7 +24,7 @@ TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 
 def plan_motion(arm, profile, path=None, **options):
     """Plan with little effort."""
-    return motion.plan_motion(arm, profile, paths=path, **{"planning_effort": "quick"} | options)
+    return motion.plan_motion(arm, profile, paths=path, **options)
 
 
 def targets_of(arm, stretch=1.0, pace=1.5, seed=0):
@@ -198,7 +198,7 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, targets):
     """With options of the controller it follows the plan; without, the plan is the motion."""
     few = rows_of(targets, slice(5))
     options = {"profiles": [few["profile"]], "time": few["time"], "paths": [few["path"]], "place": False}
-    options |= {"planner": planner, "planning_effort": "quick", "position_tolerance": 0.01}
+    options |= {"planner": planner, "position_tolerance": 0.01}
     plain, tracked = (follow_profile(panda, **options, **more).arm.motion for more in ({}, {"tracking": {"rate": 90}}))
     assert_array_equal(tracked.time, plain.time)
     assert not np.array_equal(tracked.joint_positions, plain.joint_positions)
@@ -215,7 +215,6 @@ def test_options_of_the_tracker_make_it_follow(panda, planner, targets):
         ({"profile": np.tile(-np.eye(3), (13, 1, 1))}, NotSPDError, "profile"),
         ({"speed": 2.0}, TypeError, "speed"),
         ({"position_tolerance": 0.0}, InvalidInputError, "position_tolerance"),
-        ({"planning_effort": "quik"}, InvalidInputError, "effort.*'quik'.*quick"),
         ({"home": np.full(7, 9.0)}, InvalidInputError, "home.*outside the limits"),
         ({"home": np.tile([0, -0.5, 0, -2, 0, 1.8, 0], (2, 1))}, InvalidInputError, "home must be one configuration"),
         ({"collisions": "yes"}, InvalidInputError, "collisions"),
@@ -245,7 +244,7 @@ def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
     robot, spec = Arm(chain).with_payload(1.0, (0.0, 0.0, 0.1)), EllipsoidSpec(kind, joint_weights="joint-limits")
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))
-    options = {"kind": kind, "joint_weights": "joint-limits", "planning_effort": "quick"}
+    options = {"kind": kind, "joint_weights": "joint-limits"}
     result = follow_profile(robot, [robot.ellipsoids(q, spec)], TIME, [robot.forward(q)[:, :3, 3]], **options)
     arm = require_laws(result.motion)
     assert arm.spec == spec.bounded

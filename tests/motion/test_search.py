@@ -9,7 +9,6 @@ from maniport import spd
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion import FeasibleProjector, SeedBank, feasibility_gap, nearest_feasible
-from maniport.motion.kernels import step_within_limits
 from maniport.spd.regularization import Regularization
 
 DAMPING = Regularization.absolute(0.003)
@@ -53,26 +52,6 @@ def test_own_ellipsoids_are_found_again(panda, bank):
     assert np.mean((both.distance < 0.05) & (both.position_error < 1e-3)) >= 0.95
     reached = panda.forward(both.joint_positions)[:, :3, 3]
     assert_allclose(both.position_error, np.linalg.norm(reached - hands, axis=1), atol=1e-12)
-
-
-def test_step_minimizes_the_model_within_limits():
-    """Steps stay inside, keep joints that the cost holds at a limit, and equal the free solution where none binds."""
-    rng = np.random.default_rng(0)
-    factor = rng.standard_normal((50, 6, 4))
-    hessian, gradient = np.swapaxes(factor, 1, 2) @ factor, rng.standard_normal((50, 4))
-    lower, upper, damping = np.full(4, -0.3), np.full(4, 0.3), np.full(50, 0.1)
-    q = np.clip(rng.uniform(-0.5, 0.5, (50, 4)), lower, upper)
-    trial, expected = np.empty_like(q), np.empty(50)
-    step_within_limits(q, gradient, hessian, damping, lower, upper, trial, expected)
-    assert np.all((trial >= lower) & (trial <= upper))
-    held = ((q == lower) & (gradient > 0)) | ((q == upper) & (gradient < 0))
-    assert_array_equal(trial[held], q[held])
-    step = trial - q
-    model = np.einsum("nk,nk->n", gradient, step) + 0.5 * np.einsum("nk,nkl,nl->n", step, hessian, step)
-    assert_allclose(expected, -model, atol=1e-14)
-    wide = np.full(4, 100.0)
-    step_within_limits(q, gradient, hessian, damping, -wide, wide, trial, expected)
-    assert_allclose(trial - q, -np.linalg.solve(hessian + 0.1 * np.eye(4), gradient[..., None])[..., 0], atol=1e-12)
 
 
 def test_results_do_not_depend_on_jobs_or_company(panda, bank):

@@ -15,7 +15,7 @@ from maniport.report import as_numbers, report_of
 from maniport.report.write import EXECUTION_FILES, RUN_FILES
 from maniport.util.files import load_ellipsoids, load_path
 
-SMALL = {"n_teacher": 64, "n_student": 128, "planning_effort": "quick"}
+SMALL = {"n_teacher": 64, "n_student": 128}
 STILL = SMALL | {"move": False}
 
 
@@ -101,8 +101,8 @@ def test_force_ellipsoids_are_followed_as_their_inverses(clip):
     forces = transfer_recording(clip, **job)
     yaw = forces.arm.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-    wanted = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
-    np.testing.assert_allclose(forces.arm.motion.target, wanted, rtol=1e-6, atol=1e-9)
+    expected = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
+    np.testing.assert_allclose(forces.arm.motion.target, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_a_robot_that_cannot_follow_is_not_moved(clip):
@@ -226,7 +226,7 @@ def test_the_robot_repeats_its_own_motion(own, tmp_path):
 def test_tempo_and_placement(own):
     """Half the speed takes twice the time; a distant path is placed, and the placed path is followed."""
     panda, time, profile, path = own
-    slow = follow_profile(panda, [profile], time, [path + 2.0], place=True, speed_scale=0.5, planning_effort="quick")
+    slow = follow_profile(panda, [profile], time, [path + 2.0], place=True, speed_scale=0.5)
     assert 2.0 * np.ptp(time) <= slow.arm.motion.control_time[-1] < 2.1 * np.ptp(time)
     np.testing.assert_array_equal(slow.arm.motion.demonstrated_time, time)
     np.testing.assert_allclose(slow.arm.motion.path, slow.arm.placement.path, atol=1e-12)

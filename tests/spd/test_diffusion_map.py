@@ -18,10 +18,10 @@ def cloud(count, d=3, seed=0, spread=0.7):
 @pytest.mark.parametrize("d", [2, 3, 6])
 def test_congruence_of_all_points_changes_nothing(d):
     """The map uses only affine-invariant distances: another basis or unit gives the same coordinates."""
-    points, wanted = cloud(60, d), DiffusionMap(cloud(60, d)).coordinates
+    points, expected = cloud(60, d), DiffusionMap(cloud(60, d)).coordinates
     basis = np.random.default_rng(1).standard_normal((d, d)) + 3 * np.eye(d)
-    assert_allclose(DiffusionMap(basis @ points @ basis.T).coordinates, wanted, atol=1e-8)
-    assert_allclose(DiffusionMap(np.linalg.inv(points)).coordinates, wanted, atol=1e-8)
+    assert_allclose(DiffusionMap(basis @ points @ basis.T).coordinates, expected, atol=1e-8)
+    assert_allclose(DiffusionMap(np.linalg.inv(points)).coordinates, expected, atol=1e-8)
 
 
 def test_points_of_a_geodesic_stay_in_order():

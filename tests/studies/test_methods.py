@@ -40,23 +40,23 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     toy = known_truth.toy(0, draws=1)
     monkeypatch.setitem(run.EXPERIMENTS, "human-robot", lambda *given, **more: toy)
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
-    found = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
+    actual = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"methods.md", "methods.json"}
-    assert "| identity |" in as_markdown(report_of(found))
+    assert "| identity |" in as_markdown(report_of(actual))
 
 
 def test_transport_between_gaussians_comes_last_of_all_methods(small):
     """It maps the mean of the teacher to that of the student, and its images are positive-definite."""
     pytest.importorskip("ot")
-    told = compare_methods(tuple(METHODS), names=["H-Eval-2"])["H-Eval-2"]
-    assert told.rows[-1].name == "GaussianTransport"
-    assert 0.0 < told.rows[-1].feasibility_gap.mean < told.row("identity").feasibility_gap.mean
+    comparison = compare_methods(tuple(METHODS), names=["H-Eval-2"])["H-Eval-2"]
+    assert comparison.rows[-1].name == "GaussianTransport"
+    assert 0.0 < comparison.rows[-1].feasibility_gap.mean < comparison.row("identity").feasibility_gap.mean
 
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_motions_are_those_of_the_paper_and_the_recordings():
     """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
-    found = motions([*EVALUATIONS, "freeform"])
-    assert [len(motion.profile) for motion in found] == [50, 50, 50, 50, 150]
-    assert found[-1].person.name == "myoarm"
-    assert all(np.all(np.linalg.eigvalsh(motion.profile) > -1e-12) for motion in found)
+    actual = motions([*EVALUATIONS, "freeform"])
+    assert [len(motion.profile) for motion in actual] == [50, 50, 50, 50, 150]
+    assert actual[-1].person.name == "myoarm"
+    assert all(np.all(np.linalg.eigvalsh(motion.profile) > -1e-12) for motion in actual)

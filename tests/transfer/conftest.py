@@ -5,51 +5,46 @@ import pytest
 from scipy.stats import special_ortho_group
 
 from maniport import spd
-
-
-def _spd(rng, n, d, condition=1e2):
-    basis = np.linalg.qr(rng.standard_normal((n, d, d)))[0]
-    exponent = rng.uniform(-0.5, 0.5, (n, d))
-    exponent[:, 0], exponent[:, -1] = -0.5, 0.5
-    matrices = (basis * condition ** exponent[:, None, :]) @ np.swapaxes(basis, -1, -2)
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-
-def _singular(rng, n, d):
-    factor = rng.standard_normal((n, d, d - 1)) * np.linspace(1.0, 2.0, d)[:, None]
-    return factor @ np.swapaxes(factor, -1, -2)
-
-
-def _rotation(rng, d):
-    return special_ortho_group.rvs(d, random_state=rng)
+from maniport.transfer.rigid_adapter import RigidMap
 
 
 @pytest.fixture(scope="session")
 def random_spd():
     """Make n SPD matrices with a given condition number and random axes."""
-    return _spd
+
+    def make(rng, n, d, condition=1e2):
+        basis = np.linalg.qr(rng.standard_normal((n, d, d)))[0]
+        exponent = rng.uniform(-0.5, 0.5, (n, d))
+        exponent[:, 0], exponent[:, -1] = -0.5, 0.5
+        matrices = (basis * condition ** exponent[:, None, :]) @ np.swapaxes(basis, -1, -2)
+        return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+    return make
 
 
 @pytest.fixture(scope="session")
 def random_singular():
     """Make n positive semidefinite matrices of rank d - 1."""
-    return _singular
+
+    def make(rng, n, d):
+        factor = rng.standard_normal((n, d, d - 1)) * np.linspace(1.0, 2.0, d)[:, None]
+        return factor @ np.swapaxes(factor, -1, -2)
+
+    return make
 
 
 @pytest.fixture(scope="session")
 def random_rotation():
     """Make one rotation matrix."""
-    return _rotation
+    return lambda rng, d: special_ortho_group.rvs(d, random_state=rng)
 
 
 @pytest.fixture(scope="session")
-def random_map():
+def random_map(random_spd, random_rotation):
     """Make a map of the model's class from a teacher's domain: its own mean, a random rotation, ratio and new mean."""
-    from maniport.transfer.rigid_adapter import RigidMap
 
-    def make(rng, teacher, ratio=None):
-        d = teacher.shape[-1]
-        chosen = rng.uniform(0.5, 2.0) if ratio is None else ratio
-        return RigidMap(spd.mean(teacher), _spd(rng, 1, d)[0], _rotation(rng, d), chosen)
+    def make(rng, teacher):
+        d, ratio = teacher.shape[-1], rng.uniform(0.5, 2.0)
+        return RigidMap(spd.mean(teacher), random_spd(rng, 1, d)[0], random_rotation(rng, d), ratio)
 
     return make

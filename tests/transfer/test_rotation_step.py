@@ -88,6 +88,6 @@ def test_rotation_from_vector_is_the_exponential(d):
     size = d * (d - 1) // 2
     for length in (0.0, 1e-9, 1.0, 3.0):
         vector = length * rng.standard_normal(size)
-        wanted = expm(np.tensordot(vector, rotation_basis(d), axes=1))
-        assert_allclose(rotation_from_vector(vector), wanted, atol=1e-12)
+        expected = expm(np.tensordot(vector, rotation_basis(d), axes=1))
+        assert_allclose(rotation_from_vector(vector), expected, atol=1e-12)
     assert_allclose(rotation_basis(3)[2] @ [1.0, 0.0, 0.0], np.cross([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))

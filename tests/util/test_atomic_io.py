@@ -31,6 +31,7 @@ def write_folder(target, number):
             write_file(staging / name, number)
 
 
+LINUX = sys.platform == "linux"  # where folders can be exchanged
 both_kinds = pytest.mark.parametrize("write", [write_file, write_folder])
 
 
@@ -59,8 +60,7 @@ def killed_before(change, write, target):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("earlier", [None, 1])
-@pytest.mark.parametrize("exchange", [True, False] if sys.platform == "linux" else [False])
+@pytest.mark.parametrize(("exchange", "earlier"), [(LINUX, None), (LINUX, 1), (False, 1)])
 @both_kinds
 def test_a_kill_leaves_old_or_new_and_the_next_run_cleans(tmp_path, monkeypatch, write, exchange, earlier):
     """Killed between any two changes; where folders cannot be exchanged, the next run restores the old one."""

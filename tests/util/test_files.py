@@ -71,15 +71,14 @@ def test_wrong_arrays_are_refused(tmp_path, load, arrays, error, word):
 
 
 def test_unreadable_files_are_refused(tmp_path):
-    """Missing, truncated, foreign and pickled files."""
+    """Missing and truncated ones; `test_input_limits` has pickled and foreign ones."""
     path = tmp_path / "profile.npz"
     with pytest.raises(FileFormatError, match=r"profile\.npz.*no such file"):
         load_ellipsoids(path)
     save_ellipsoids(path, POINTS)
     whole = path.read_bytes()
-    np.savez(path, manipulability=np.array([None]))
-    for content in (path.read_bytes(), whole[:-1], whole[: len(whole) // 2], b"", b"manipulability"):
-        path.write_bytes(content)
+    for length in (-1, len(whole) // 2, 14, 0):
+        path.write_bytes(whole[:length])
         with pytest.raises(FileFormatError, match=r"profile\.npz.*(not a readable|the file is empty)"):
             load_ellipsoids(path)
 

@@ -35,8 +35,8 @@ def test_pipes_devices_and_huge_files_are_not_opened(tmp_path, name):
     """A pipe that nobody writes to, an endless device and a sparse terabyte."""
     path = tmp_path / name
     os.mkfifo(path)
-    for found in ("pipe", "device"):
-        with pytest.raises(FileFormatError, match=f"is a .*{found}"):
+    for kind in ("pipe", "device"):
+        with pytest.raises(FileFormatError, match=f"is a .*{kind}"):
             READERS[name](path)
         path.unlink()
         path.symlink_to("/dev/zero")

@@ -42,9 +42,9 @@ def test_a_missing_package_is_reported_with_the_command_that_installs_it(importe
 def test_other_imports_are_of_dependencies():
     """Every import is of Python, of a dependency, or one of the exceptions above."""
     lines = re.compile(r"^ *(?:from|import) ([A-Za-z]\w*)", re.MULTILINE)
-    found = {name for file in PACKAGE.rglob("*.py") for name in lines.findall(_code(file))}
+    imported = {name for file in PACKAGE.rglob("*.py") for name in lines.findall(_code(file))}
     own = {"maniport", *import_names(PROJECT["dependencies"])}
-    assert found <= {
+    assert imported <= {
         *sys.stdlib_module_names,
         *own,
         *DEPENDENCIES_OF_OTHERS,

@@ -10,30 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.spd.mean import as_weights
-from maniport.util.validation import (
-    as_choice,
-    as_count,
-    as_finite,
-    as_flag,
-    as_generator,
-    as_metres,
-    as_number,
-    as_numbers,
-    as_points,
-    as_positive_semidefinite,
-    as_rotation,
-    as_spd,
-    as_symmetric,
-    as_times,
-    require_broadcast,
-    require_shape,
-)
+from maniport.util import validation as v
 
 EYE = np.eye(3)
 INDEFINITE = np.diag([1.0, 2.0, -3.0])
 SINGULAR = np.diag([1.0, 2.0, 0.0])
 ASYMMETRIC = EYE + 0.5 * np.eye(3, k=1)
-MATRIX_CHECKS = [as_symmetric, as_spd, as_positive_semidefinite]
 
 
 def at(bad, index=2, count=4):
@@ -56,7 +38,7 @@ def at(bad, index=2, count=4):
         (np.eye(13), "matrices from 2×2 to 12×12; found 13×13"),
     ],
 )
-@pytest.mark.parametrize("check", MATRIX_CHECKS)
+@pytest.mark.parametrize("check", [v.as_symmetric, v.as_spd, v.as_positive_semidefinite])
 def test_only_finite_square_matrices_pass(check, value, message):
     """The message says what was found and what is allowed."""
     with pytest.raises(InvalidInputError, match=f"^m must .*{re.escape(message)}"):
@@ -80,7 +62,7 @@ def test_only_finite_square_matrices_pass(check, value, message):
 def test_only_spd_matrices_pass(value, message):
     """The message has the index, the eigenvalues and the caller's hint."""
     with pytest.raises(NotSPDError, match=f"^{re.escape(message)}"):
-        as_spd(value, "m", hint="Use damping")
+        v.as_spd(value, "m", hint="Use damping")
 
 
 @given(seed=st.integers(0, 2**32 - 1), exponent=st.floats(-60, 60))
@@ -88,61 +70,60 @@ def test_spd_matrices_pass_unchanged(seed, exponent):
     """A well-conditioned product A Aᵀ passes at any scale, as float64 and exactly symmetric."""
     factor = np.random.default_rng(seed).standard_normal((4, 3, 8))
     matrices = 10.0**exponent * factor @ np.swapaxes(factor, 1, 2)
-    checked = as_spd(matrices, "m")
+    checked = v.as_spd(matrices, "m")
     assert checked.dtype == np.float64
     assert_allclose(checked, matrices, atol=1e-14 * matrices.max())
     assert_array_equal(checked, np.swapaxes(checked, 1, 2))
-    assert_array_equal(as_positive_semidefinite(matrices, "m"), checked)
+    assert_array_equal(v.as_positive_semidefinite(matrices, "m"), checked)
 
 
-def test_rounding_sized_asymmetry_is_averaged_away():
-    """Up to 1e-8 of the largest entry."""
+def test_rounding_is_allowed_for():
+    """Asymmetry up to 1e-8 of the largest entry is averaged away; zero and rank-deficient products are semidefinite."""
     matrix = 7.0 * EYE
     matrix[0, 1] = 7.0 * 0.5e-8
-    assert_array_equal(as_symmetric(matrix, "m"), 0.5 * (matrix + matrix.T))
+    assert_array_equal(v.as_symmetric(matrix, "m"), 0.5 * (matrix + matrix.T))
     matrix[0, 1] = 7.0 * 2e-8
     with pytest.raises(NotSPDError, match="not symmetric"):
-        as_symmetric(matrix, "m")
-
-
-def test_singular_products_are_positive_semidefinite():
-    """Zero, rank-one and rank-deficient products pass; negative eigenvalues do not."""
+        v.as_symmetric(matrix, "m")
     thin = np.random.default_rng(0).standard_normal((50, 3, 2))
     for fine in (np.zeros((3, 3)), np.outer([1, 2, 3], [1, 2, 3]), thin @ np.swapaxes(thin, 1, 2)):
-        as_positive_semidefinite(fine, "m")
+        v.as_positive_semidefinite(fine, "m")
     with pytest.raises(NotSPDError, match=r"m\[2\] is indefinite: .*no negative eigenvalue is allowed"):
-        as_positive_semidefinite(np.stack([np.zeros((3, 3)), EYE, INDEFINITE]), "m")
+        v.as_positive_semidefinite(np.stack([np.zeros((3, 3)), EYE, INDEFINITE]), "m")
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: as_spd(EYE, "m", dimension=6), "m must hold 6×6 matrices; found 3×3"),
-        (lambda: as_points(EYE, "p"), "p must be a set of matrices, shape (n, d, d); found shape (3, 3)"),
-        (lambda: as_points(EYE[None], "p"), "p must hold at least 2 matrices; found 1"),
-        (lambda: require_broadcast(a=np.zeros((5, 3, 3)), b=np.zeros((2, 4, 3, 3))), "found shapes a (5, 3, 3), b ("),
+        (lambda: v.as_spd(EYE, "m", dimension=6), "m must hold 6×6 matrices; found 3×3"),
+        (lambda: v.as_points(EYE, "p"), "p must be a set of matrices, shape (n, d, d); found shape (3, 3)"),
+        (lambda: v.as_points(EYE[None], "p"), "p must hold at least 2 matrices; found 1"),
+        (lambda: v.require_broadcast(a=np.zeros((5, 3, 3)), b=np.zeros((2, 4, 3, 3))), "found shapes a (5, 3, 3), b ("),
         (lambda: as_weights([1.0, -1.0], 2), "weights must be non-negative with a positive sum"),
-        (lambda: as_rotation(np.diag([1.0, 1.0, -1.0]), "r"), "r must be a rotation"),
-        (lambda: as_rotation(2 * EYE, "r"), "r must be a rotation: R Rᵀ = I to 1e-6"),
-        (lambda: as_rotation(np.eye(2), "r", dimension=3), "r must hold 3×3 matrices; found 2×2"),
-        (lambda: as_count(2.5, "n"), "n must be a whole number of at least 1; found 2.5"),
-        (lambda: as_count(7, "n", minimum=0, maximum=6), "n must be a whole number in [0, 6]; found 7"),
-        (lambda: as_number(np.nan, "x", minimum=0), "x must be a number of at least 0; found nan"),
-        (lambda: as_number(0.0, "x", above=0), "x must be a number above 0; found 0.0"),
-        (lambda: as_number(1, "x", minimum=0, below=1), "x must be a number in [0, 1); found 1"),
-        (lambda: as_numbers([1, 0, 2], "x", 3, above=0), "x must be 3 numbers above 0; found 0 at index 1"),
-        (lambda: as_numbers(-1, "x", 3, broadcast=True, minimum=0), "x must be one number or 3 numbers of at least 0;"),
-        (lambda: as_times([0, 2, 1, 3]), "time must increase strictly; found 1 s at index 2 after 2 s"),
-        (lambda: as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
-        (lambda: as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
-        (lambda: as_times([0, 1e-300]), "at least 1e-09 apart"),
-        (lambda: as_metres([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
-        (lambda: as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; available, nearest first: 'a', 'b'"),
-        (lambda: as_flag("yes", "turn"), "turn must be True or False; found 'yes'"),
-        (lambda: as_generator(-1), "random_state (unless None or a numpy Generator) must be a whole number"),
-        (lambda: require_shape(np.zeros((0, 3)), "a", ("n", 3)), "a must have shape (n, 3); found shape (0, 3)"),
-        (lambda: require_shape(np.zeros(2), "a", (3,), " of points"), "a must have shape (3,) of points; found"),
-        (lambda: require_shape(np.zeros((3, 4)), "a", (..., 3)), "a must have shape (..., 3); found shape (3, 4)"),
+        (lambda: v.as_rotation(np.diag([1.0, 1.0, -1.0]), "r"), "r must be a rotation"),
+        (lambda: v.as_rotation(2 * EYE, "r"), "r must be a rotation: R Rᵀ = I to 1e-6"),
+        (lambda: v.as_rotation(np.eye(2), "r", dimension=3), "r must hold 3×3 matrices; found 2×2"),
+        (lambda: v.as_count(2.5, "n"), "n must be a whole number of at least 1; found 2.5"),
+        (lambda: v.as_count(7, "n", minimum=0, maximum=6), "n must be a whole number in [0, 6]; found 7"),
+        (lambda: v.as_number(np.nan, "x", minimum=0), "x must be a number of at least 0; found nan"),
+        (lambda: v.as_number(0.0, "x", above=0), "x must be a number above 0; found 0.0"),
+        (lambda: v.as_number(1, "x", minimum=0, below=1), "x must be a number in [0, 1); found 1"),
+        (lambda: v.as_numbers([1, 0, 2], "x", 3, above=0), "x must be 3 numbers above 0; found 0 at index 1"),
+        (
+            lambda: v.as_numbers(-1, "x", 3, broadcast=True, minimum=0),
+            "x must be one number or 3 numbers of at least 0;",
+        ),
+        (lambda: v.as_times([0, 2, 1, 3]), "time must increase strictly; found 1 s at index 2 after 2 s"),
+        (lambda: v.as_times([0, 1], count=3), "time must have shape (3,); found shape (2,)"),
+        (lambda: v.as_times([0, 1e300]), "time must be in seconds, within ±1e+12"),
+        (lambda: v.as_times([0, 1e-300]), "at least 1e-09 apart"),
+        (lambda: v.as_metres([[0, 0, 1e300]], "path"), "path must be in metres, within ±10000; found 1e+300"),
+        (lambda: v.as_choice("c", "kind", ("a", "b")), "unknown kind 'c'; available, nearest first: 'a', 'b'"),
+        (lambda: v.as_flag("yes", "turn"), "turn must be True or False; found 'yes'"),
+        (lambda: v.as_generator(-1), "random_state (unless None or a numpy Generator) must be a whole number"),
+        (lambda: v.require_shape(np.zeros((0, 3)), "a", ("n", 3)), "a must have shape (n, 3); found shape (0, 3)"),
+        (lambda: v.require_shape(np.zeros(2), "a", (3,), " of points"), "a must have shape (3,) of points; found"),
+        (lambda: v.require_shape(np.zeros((3, 4)), "a", (..., 3)), "a must have shape (..., 3); found shape (3, 4)"),
     ],
 )
 def test_wrong_values_are_refused_with_what_is_allowed(call, message):
@@ -153,26 +134,26 @@ def test_wrong_values_are_refused_with_what_is_allowed(call, message):
 
 def test_valid_values_pass():
     """NumPy integers count, integers are numbers, and a generator is used as it is."""
-    assert as_count(np.int64(3), "n") == 3
-    assert as_number(2, "x", above=1, below=3) == 2.0
-    assert_array_equal(as_numbers(2, "x", 3, broadcast=True, above=0), [2.0, 2.0, 2.0])
-    assert_array_equal(as_times([0, 1, 3], count=3), [0.0, 1.0, 3.0])
+    assert v.as_count(np.int64(3), "n") == 3
+    assert v.as_number(2, "x", above=1, below=3) == 2.0
+    assert_array_equal(v.as_numbers(2, "x", 3, broadcast=True, above=0), [2.0, 2.0, 2.0])
+    assert_array_equal(v.as_times([0, 1, 3], count=3), [0.0, 1.0, 3.0])
     generator = np.random.default_rng(0)
-    assert as_generator(generator) is generator
-    assert as_generator(5).random() == as_generator(np.int32(5)).random()
-    assert isinstance(as_generator(None), np.random.Generator)
-    require_broadcast(a=np.zeros((4, 3, 3)), b=np.zeros((2, 4, 3, 3)))
+    assert v.as_generator(generator) is generator
+    assert v.as_generator(5).random() == v.as_generator(np.int32(5)).random()
+    assert isinstance(v.as_generator(None), np.random.Generator)
+    v.require_broadcast(a=np.zeros((4, 3, 3)), b=np.zeros((2, 4, 3, 3)))
     for shape, allowed in (((3,), (3,)), ((5, 3, 3), ("n", 3, 3)), ((3,), (..., 3)), ((4, 0, 3), (..., 3))):
-        require_shape(np.zeros(shape), "a", allowed)
+        v.require_shape(np.zeros(shape), "a", allowed)
 
 
 def test_checked_input_is_copied_unless_it_is_only_read():
     """A checked array is the caller's own; without a copy, exactly symmetric input comes back as it is."""
     matrices = at(2.0 * EYE)
-    assert not np.shares_memory(as_spd(matrices, "m"), matrices)
-    assert np.shares_memory(as_spd(matrices, "m", copy=False), matrices)
+    assert not np.shares_memory(v.as_spd(matrices, "m"), matrices)
+    assert np.shares_memory(v.as_spd(matrices, "m", copy=False), matrices)
     matrices[1, 0, 1] = 1e-12
-    averaged = as_spd(matrices, "m", copy=False)
+    averaged = v.as_spd(matrices, "m", copy=False)
     assert averaged[1, 0, 1] == averaged[1, 1, 0] == 0.5e-12
     assert matrices[1, 1, 0] == 0.0
-    assert as_finite(matrices, "m") is matrices
+    assert v.as_finite(matrices, "m") is matrices

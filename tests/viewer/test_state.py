@@ -17,7 +17,7 @@ from maniport.viewer.maps import LOADED, Maps
 from maniport.viewer.scene import find_surfaces
 from maniport.viewer.state import Command, Playback, Side, ViewState
 from real_robots import NEEDS_ROBOTS
-from sizes import few_places
+from sizes import little_search
 
 STEP = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])
@@ -96,7 +96,7 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
     monkeypatch.setattr(Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args))
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
         monkeypatch.setattr(prepare, name, size)
-    with few_places():
+    with little_search():
         state, method, rotation = prepare.prepare("rhuman", "panda")
         maps = state.sides[0].maps
         try:
@@ -146,7 +146,7 @@ def test_both_arms_move_as_each_alone(pandas):
             expected = advance(state, METHOD, joints, 1.0 / 60.0)
             np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
             np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
-    with few_places():
+    with little_search():
         pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]

@@ -235,7 +235,7 @@ class CooperativeArm(Manipulable):
                 if len(part):
                     target[np.ix_(np.arange(n), *[columns] * (target.ndim - 1))] = part
         still = np.setdiff1d(np.arange(dof), np.concatenate([self.arms.columns[i] for i in self.pair]))
-        result.inertia[:, still, still] = 1.0  # of arms beside the pair: any, so that H is regular
+        result.inertia[:, still, still] = 1.0  # of the other arms: any positive number makes H regular
         return result
 
     def _pose(self, poses: Sequence[Array]) -> Array:

@@ -25,7 +25,8 @@ def fill_dynamics(  # type: ignore[no-untyped-def]
     Links have masses, first moments (3,) and rotational inertias (3, 3) about their origins; −`up` is gravity.
     """
     joints = len(axes)
-    s, composite = np.empty((joints, 6)), np.empty((joints, 13))
+    s, composite = np.empty((joints, 6)), np.zeros((joints, 13))
+    turns = len(inertia) > 0 or len(inertia_changes) > 0  # gravity does not depend on rotational inertia
     momenta, crosses = np.empty((joints, joints, 6)), np.empty((joints, joints, 6))
     for n in range(len(rotations)):
         for k in range(joints):
@@ -39,11 +40,19 @@ def fill_dynamics(  # type: ignore[no-untyped-def]
                 s[k, 3:] = 0.0
         for k in range(joints - 1, -1, -1):
             _place_inertia(
-                rotations[n, k + 1], origins[n, k + 1], masses[k + 1], moments[k + 1], rotational[k + 1], composite[k]
+                rotations[n, k + 1],
+                origins[n, k + 1],
+                masses[k + 1],
+                moments[k + 1],
+                rotational[k + 1],
+                turns,
+                composite[k],
             )
             if k + 1 < joints:
-                composite[k] += composite[k + 1]
-            for j in range(0 if len(inertia_changes) > 0 else k, k + 1):
+                for i in range(13):
+                    composite[k, i] += composite[k + 1, i]
+            _apply_inertia(composite[k], s[k], momenta[k, k])
+            for j in range(k if len(inertia_changes) > 0 else 0):
                 _apply_inertia(composite[k], s[j], momenta[k, j])
                 _cross(s[k, 3:], s[j, 3:], crosses[k, j, 3:])
                 _cross(s[k, 3:], s[j, :3], crosses[k, j, :3])
@@ -93,8 +102,11 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 
 
 @part
-def _place_inertia(rotation, origin, mass, moment, rotational, result):  # type: ignore[no-untyped-def]
-    """Fill mass, first moment and rotational inertia about the base's origin (13,) of a link, along the base's axes."""
+def _place_inertia(rotation, origin, mass, moment, rotational, turns, result):  # type: ignore[no-untyped-def]
+    """Fill mass, first moment and rotational inertia about the base's origin (13,) of a link, along the base's axes.
+
+    The rotational inertia is left out unless `turns`.
+    """
     turned = np.empty(3)
     for i in range(3):
         turned[i] = 0.0
@@ -102,7 +114,7 @@ def _place_inertia(rotation, origin, mass, moment, rotational, result):  # type:
             turned[i] += rotation[i, m] * moment[m]
         result[1 + i] = turned[i] + mass * origin[i]
     result[0] = mass
-    for i in range(3):
+    for i in range(3 if turns else 0):
         for j in range(3):
             # R I Rᵀ, and the shift of the origin (Huygens and Steiner)
             total = -mass * origin[i] * origin[j] - origin[i] * turned[j] - turned[i] * origin[j]

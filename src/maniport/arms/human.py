@@ -17,11 +17,11 @@ joint              positive direction, from the hanging arm
 ``flexion``        bends the wrist to the palm
 =================  ================================================================================================
 
-The torque limits are the strength of the joints [N m]: 34, 59, 39, 37, 8.8, 11 and 13 in the order of the table. They
-are computed from the muscles of MyoSim, with the forces of a young man (Saul et al., 2015), by
-``scripts/derive_myoarm.py``: what all muscles of a direction reach at rest, in the weaker direction, as the median over
-postures. They are rough: the strength of a person depends on posture, training, age and sex, and may be half or double.
-Both models and arms of all sizes have the same ones.
+The torque limits are the strength of the joints [N m]: 34, 59, 39, 37, 8.8, 11 and 13 in the order of the table, as
+``scripts/derive_myoarm.py`` computes them from the muscles of MyoSim: what all muscles of one direction reach at rest,
+the median over postures, in the weaker direction. They are rough, since strength depends on posture and differs between
+people by more than a factor of two (Nijhof and Gabriel, Journal of Biomechanics 39, 2006). Both models, and arms of all
+sizes, have the same ones.
 
 The body height alone gives the length of a person's segments. Upper arm and forearm are those of men by P. de Leva
 (Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters, Journal of Biomechanics 29, 1996), between centers of

@@ -91,7 +91,7 @@ def transfer_batch(
     output : str or path
         A new folder, or that of an earlier batch.
     config : Config, optional
-        Options of all pairs. Default: planning effort "quick", a rate of 100 Hz and the length field, since
+        Options of all pairs. Default: a rate of 100 Hz and the length field, since
         ``method="auto"`` selects a method for each recording, which takes longer. Of each recording at most
         `profile_rate` ellipsoids a second are transferred, and with `pages` each pair gets a report.
     processes : int, optional

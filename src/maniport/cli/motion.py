@@ -15,7 +15,7 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 
 
 @command(
-    "robot", "workspace", "table", "planning_effort", "part", "damping", "tilt", "rank", "seed",
+    "robot", "workspace", "table", "part", "damping", "tilt", "rank", "seed",
     without=("hand_targets", "pose"), common=("workspace",),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
@@ -42,7 +42,7 @@ def place(
         placed = place_path(
             positions, target, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
             spec=config.transfer.spec, damping=config.transfer.damping or 0.0, collisions=control.collisions,
-            planning_effort=control.planning_effort, random_state=config.seed, progress=progress,
+            random_state=config.seed, progress=progress,
         )  # fmt: skip
     with folder_written_whole(output, files, overwrite) as staging:
         placed.write_data(staging, time)

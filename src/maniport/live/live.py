@@ -20,7 +20,7 @@ from maniport.live.state import HOLDING, FollowState, LiveArm, LiveState, Motion
 from maniport.mocap import ArmFit, HumanMotion
 from maniport.motion import Cost, Limit, MotionLimits, Placement, Planner, PlanSettings, plan_motion
 from maniport.motion.costs.cost import as_costs
-from maniport.motion.plan.plan_settings import QUICK, require_free
+from maniport.motion.plan.plan_settings import require_free
 from maniport.pipeline import Config, TransferResult
 from maniport.transfer import DomainAdapter
 from maniport.util.defaults import DAMPING
@@ -138,7 +138,6 @@ class Live:
                 spec=spec.bounded,
                 damping=damping,
                 planner=Planner.of(bounds, spec.bounded, own_collisions or False, random_state),
-                planning_effort=QUICK,
                 random_state=random_state,
             ).trajectory.joint_positions
             start, reference = plan[0], plan if reference is None else reference

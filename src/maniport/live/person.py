@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.arms import EllipsoidSpec
-from maniport.arms.kinematics import Kinematics
 from maniport.live.kernels import follow, search, trunk_directions, updated
 from maniport.mocap import ArmFit
 from maniport.mocap.arm_path import (
@@ -54,7 +53,6 @@ class Person:
 
     def __init__(self, fit: ArmFit):
         self.arm, roles = fit.arm, fit.roles
-        self._kinematics = Kinematics(self.arm.chain)
         self.points = tuple(points_of(roles))
         basis = Basis(self.points)
         vectors, second = vectors_of(basis, roles, str(self.arm.side)), across_role(roles)

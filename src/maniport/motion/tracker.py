@@ -20,7 +20,6 @@ from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import FOLLOWING_WEIGHT, Damping
 from maniport.motion.plan.plan_motion import plan_motion
-from maniport.motion.plan.plan_settings import QUICK
 from maniport.motion.plan.planner import Planner
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import Schedule, as_limits, schedules_of, speed_limits
@@ -230,7 +229,6 @@ def _planned_start(
         spec=spec,
         damping=schedules[0].objective.damping,
         planner=planner,
-        planning_effort=QUICK,
         position_tolerance=1e-3,
         orientation_axes=settings.orientation_axes,
         orientation_weight=settings.orientation_weight,

@@ -19,7 +19,6 @@ from maniport.pipeline.options import (
     TransferOptions,
 )
 from maniport.util.atomic_io import written_whole
-from maniport.util.defaults import BATCH_EFFORT
 from maniport.util.files import line_of, read_settings
 from maniport.version import __version__
 
@@ -173,7 +172,7 @@ OPTIONS: dict[str, tuple[str, Option]] = {
 
 BATCH = Config(
     transfer=TransferOptions(method="length-field"),  # one for all pairs, since a selection takes seconds for each
-    motion=MotionOptions(planning_effort=BATCH_EFFORT, rate=100.0),  # [Hz], as data for learning
+    motion=MotionOptions(rate=100.0),  # [Hz], as data for learning
     verb="batch",
 )
 """Defaults of a batch."""

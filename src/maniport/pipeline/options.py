@@ -208,7 +208,6 @@ class MotionOptions(Options):
         "pointing", "Constrained axes: z (pointing) or all (whole)", choices=("pointing", "whole")
     )
     orientation_weight: float = option(10.0, "Weight of the orientation error", "1/rad", above=0.0)
-    planning_effort: str = option(defaults.EFFORT, "Planning effort", choices=("full", "quick"), common=True)
     rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
     limits: str | None = option(None, "YAML file of joint limits", is_file=True, common=True, unchecked=True)
     joint_limit_margin: float = option(

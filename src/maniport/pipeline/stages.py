@@ -165,7 +165,6 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
         workspace=settings.config.motion.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
-        planning_effort=settings.control.planning_effort,
         rank=rank,
         spec=targets.spec,
         damping=targets.damping,
@@ -234,11 +233,11 @@ def measure(
         return tuple(ArmResult(name=name, robot=arm) for name, arm in zip(names, settings.arms, strict=True))
     assert planner is not None
     assert settings.control is not None
-    effort, results = settings.control.budget, []
+    budget, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
         gap = feasibility_gap(
             own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, n_points=effort.gap_points, n_starts=effort.gap_starts,
+            progress=settings.progress, n_points=budget.gap_points, n_starts=budget.gap_starts,
         )  # fmt: skip
         results.append(
             ArmResult(

@@ -69,7 +69,7 @@ def bounded_profiles(profiles: Sequence[Array], spec: EllipsoidSpec) -> tuple[Ar
     """Return profiles (n, d, d) as `EllipsoidSpec.bounded` has them: the inverses of force ellipsoids."""
     if spec.kind != "force":
         return tuple(profiles)
-    return tuple(np.linalg.inv(as_points(profile, "profile")) for profile in profiles)
+    return tuple(np.asarray(np.linalg.inv(as_points(profile, "profile"))) for profile in profiles)
 
 
 def targets_of(human: Human, maps: Sequence[FittedMap], settings: Settings, largest_turn: float = 5.0) -> MotionTargets:

@@ -13,7 +13,6 @@ TEACHER_SAMPLES, STUDENT_SAMPLES = 4096, 16384  # sizes of the sampled domains, 
 POSITION_TOLERANCE = 5e-3  # position tolerance of the end effector [m]
 MARGIN = 0.02  # share of a joint's range that is kept free at either end
 RATE = 1000.0  # sampling rate of a planned motion [Hz]
-EFFORT, BATCH_EFFORT = "full", "quick"  # see `maniport.motion.plan.plan_settings`
 
 RECORDINGS = {
     ".bvh": "bvh", ".c3d": "c3d", ".trc": "trc", ".mot": "mot", ".sto": "mot", ".mvnx": "mvnx",

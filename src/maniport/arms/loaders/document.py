@@ -94,6 +94,10 @@ class RobotXML:
         """Return the range of a joint [rad] or [m] if Pinocchio's is wrong, else None."""
         return None
 
+    def rest_position(self, name: str) -> float:
+        """Return the position of a joint in the pose that Pinocchio reads as zero [rad] or [m]."""
+        return 0.0
+
     def effort_limit(self, name: str) -> float | None:
         """Return the largest torque [N m] or force [N] of a joint if Pinocchio's is wrong, else None."""
         return None
@@ -106,10 +110,17 @@ class RobotXML:
 def inertia_fault(link: str, mass: float, moments: Sequence[float]) -> str:
     """Describe an impossible mass [kg] or impossible moments of inertia xx, yy, zz, xy, xz, yz [kg m²] of a link."""
     if not 0 <= mass < LARGEST or not np.all(np.abs(moments) < LARGEST):
-        return f"link {link!r} needs a mass from 0 to {LARGEST:g} kg and moments of inertia below {LARGEST:g} kg m²"
+        return (
+            f"link {link!r} must have a mass of 0 to {LARGEST:g} kg and moments of inertia below {LARGEST:g} kg m²; "
+            f"found {mass:g} and {', '.join(f'{moment:g}' for moment in moments)}"
+        )
     least = float(np.linalg.eigvalsh(np.array(moments)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])[0])
     # small negative moments are common rounding errors of small links
-    return f"link {link!r} has the moment of inertia {least:.3g} kg m² about an axis" if least < -1e-6 else ""
+    return (
+        f"link {link!r} has the moment of inertia {least:.3g} kg m² about an axis; it must not be negative"
+        if least < -1e-6
+        else ""
+    )
 
 
 def read_shapes(

@@ -1,9 +1,9 @@
 """MJCF: checks, joint equalities, several joints of one body, ranges and shapes.
 
-Ranges are read here, since Pinocchio 4 converts those of prismatic joints from degrees and shifts those of joints with
-a `ref`. Pinocchio ignores `<include>`, all trees of bodies but the first, and the pose of a first body that cannot
-move: it reads a copy with all included files and all bodies in one tree. For shapes, each mesh of the copy is one
-triangle, since its native mesh reader crashes on damaged files.
+Ranges are read here, since Pinocchio 4 converts those of prismatic joints from degrees. Pinocchio ignores `<include>`,
+all trees of bodies but the first, and the pose of a first body that cannot move: it reads a copy with all included
+files and all bodies in one tree. For shapes, each mesh of the copy is one triangle, since its native mesh reader
+crashes on damaged files.
 """
 
 from collections import Counter
@@ -46,6 +46,7 @@ class Mjcf(RobotXML):
         tree[:] = [section for section in tree if section.tag in ("compiler", "default", "worldbody")]
         for parent in list(tree.iter()):
             parent[:] = [child for child in parent if child.tag not in ("geom", "camera", "light")]
+            parent.attrib.pop("ref", None)  # Pinocchio misplaces all but the last joint of a body
         with TemporaryDirectory(prefix="maniport-") as folder:
             file = Path(folder) / self.path.with_suffix(".xml").name
             ElementTree.ElementTree(tree).write(file, encoding="utf-8")
@@ -53,12 +54,11 @@ class Mjcf(RobotXML):
 
     def followers(self) -> Iterator[tuple[str, Follower]]:
         """Yield the joints of joint equalities; MuJoCo counts both positions from their rest values."""
-        rest = {name: float(self._attribute(j, "ref") or 0.0) * self._unit(j) for name, j in self._joints.items()}
         for joint in self.root.findall("equality/joint"):
             if joint.get("active", "true") == "true":
                 follower, leader = joint.get("joint1", ""), joint.get("joint2")
                 c = [float(x) for x in joint.get("polycoef", "0 1 0 0 0").split()] + [0.0] * 5
-                offset = c[0] + rest.get(follower, 0.0) - c[1] * rest.get(leader or "", 0.0)
+                offset = c[0] + self.rest_position(follower) - c[1] * self.rest_position(leader or "")
                 yield follower, Follower(leader, c[1], offset, not any(c[2:]))
 
     @cached_property
@@ -75,6 +75,11 @@ class Mjcf(RobotXML):
             body.get("name", ""): {j.get("name", ""): j for j in body.findall("joint") if j.get("type") != "free"}
             for body in self.root.findall("worldbody//body")
         }
+
+    def rest_position(self, name: str) -> float:
+        """Return the `ref` of a joint [rad] or [m]."""
+        joint = self._joints.get(name)
+        return 0.0 if joint is None else self._numbers(joint, "ref", "0", 1)[0] * self._unit(joint)
 
     def joint_range(self, name: str) -> tuple[float, float]:
         """Return the range of a joint [rad] or [m], its own or that of its class; infinite without one."""

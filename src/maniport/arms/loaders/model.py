@@ -157,7 +157,8 @@ class RobotModel:
         self.speeds[name], self.efforts[name] = (limit if 0 < limit < 1e6 else np.inf for limit in (speed, effort))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # `Joint` checks the axis
             direction = axis / np.linalg.norm(axis)
-        return Joint(name, kind, direction, placement)
+        part = Joint(name, kind, direction, placement)
+        return replace(part, placement=placement @ part.motion(-self.source.rest_position(name)))
 
     def _resolve(self, name: str, coordinates: Collection[str]) -> tuple[str | None, float, float]:
         """Coordinate that moves a joint, factor and position at zero."""
@@ -180,19 +181,16 @@ class RobotModel:
         """Spatial inertia of what the base and each joint carry, other joints at rest; None without all masses."""
         inertia, names = np.zeros((count + 1, 6, 6)), self.source.unweighed()
         unweighed = {f.parentJoint for f in self.model.frames if f.type == pin.FrameType.BODY and f.name in names}
-        for j, own in enumerate(self.model.inertias):
-            carrier, path, rest = self._carrier(j, mounts)
+        places = dict(mounts)
+        for j, own in enumerate(self.model.inertias):  # parents come first
+            if j not in places:
+                carrier, pose = places[self.model.parents[j]]
+                places[j] = carrier, pose @ self._poses([j], ())[0]
+            carrier, pose = places[j]
             if carrier and j in unweighed:
                 return None
-            inertia[carrier] += pin.SE3(rest @ self._poses(path, ())[0]).act(own).matrix()
+            inertia[carrier] += pin.SE3(pose).act(own).matrix()
         return inertia if np.any(inertia[1:]) else None
-
-    def _carrier(self, j: int, mounts: Mapping[int, tuple[int, Array]]) -> tuple[int, list[int], Array]:
-        """Return the number of chain joints that move a joint, the joints between, and the pose where these begin."""
-        support = list(self.model.supports[j])
-        path = [k for k in support if k not in mounts]
-        count, rest = mounts[support[len(support) - len(path) - 1]]
-        return count, path, rest
 
     def _bodies_off_chain(self, mounts: Mapping[int, tuple[int, Array]], coordinates: Sequence[str]) -> dict[str, Body]:
         """Bodies off a chain, with their poses relative to the joints of the chain."""
@@ -201,8 +199,10 @@ class RobotModel:
         frames = [frame for frame in self.model.frames if frame.type == pin.FrameType.BODY]
         names = {frame.parentJoint: frame.name for frame in reversed(frames)}
         for frame in frames:
-            count, path, rest = self._carrier(frame.parentJoint, mounts)
+            support = list(self.model.supports[frame.parentJoint])
+            path = [j for j in support if j not in mounts]
             if path:
+                count, rest = mounts[support[len(support) - len(path) - 1]]
                 poses = rest @ self._poses(path, moving) @ frame.placement.homogeneous
                 finger = next((j for j in path if any(part.name in fingers for part in self.parts[j])), None)
                 group = frame.name if finger is None else names.get(finger, frame.name)

@@ -24,7 +24,7 @@ from maniport.motion.placement.problem import (
     named,
 )
 from maniport.motion.placement.search import WEIGHT, best_placements
-from maniport.motion.plan.plan_settings import FULL, as_effort
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
 from maniport.motion.search.descent import pointwise_best
@@ -73,7 +73,6 @@ def place_path(  # type: ignore[misc]
     collisions: Any = None,
     reachability_map: Any = None,
     bank: Any = None,
-    planning_effort: str = FULL,
     rank: int = 1,
     random_state: Any = 0,
     progress: Progress | None = None,
@@ -118,8 +117,6 @@ def place_path(  # type: ignore[misc]
         Collision model of planned trajectories; True: self-collisions. The path stays above a table.
     reachability_map : maniport.motion.ReachabilityMap, optional
         Reachability map of this arm and these ellipsoids. Default: a new one (0.4 s).
-    planning_effort : str
-        As in `maniport.motion.PlanSettings`.
     rank : int
         Which of the `candidates` to take, from 1.
     random_state : optional
@@ -136,7 +133,7 @@ def place_path(  # type: ignore[misc]
         When a value is wrong, an ellipsoid is asymmetric or, with the damping, not positive-definite, the arm reaches
         nothing in the workspace, the path does not fit, or `rank` is too high.
     """
-    generator, effort, chosen = as_generator(random_state), as_effort(planning_effort), as_count(rank, "rank") - 1
+    generator, budget, chosen = as_generator(random_state), PlanSettings.budget, as_count(rank, "rank") - 1
     several = isinstance(arm, ArmGroup | Sequence)
     arms: Sequence[Arm] = tuple(getattr(arm, "arms", arm)) if several else (arm,)
     arguments = {
@@ -173,14 +170,14 @@ def place_path(  # type: ignore[misc]
     )
     outline = np.concatenate([member.path for member in members])
     problem = PlacementProblem(members, outline, times, fixed, lower, upper, bounds)
-    results = best_placements(problem, generator, effort, between(step, 0.1, 0.85))
+    results = best_placements(problem, generator, budget, between(step, 0.1, 0.85))
     if chosen >= len(results):
         raise InvalidInputError(f"rank must be at most {len(results)}, the number of placements; found {rank}")
     best, placed, parts = results[chosen], [], pieces(between(step, 0.85, 1.0), *[1.0] * len(arms))
     for i, (member, samples, part) in enumerate(zip(members, banks, parts, strict=True)):
         q = interpolated(evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times)))
         aims = member.targets(best.place)
-        optimum = pointwise_best(aims, samples.starts_for(aims, effort.pointwise_starts), q, part)
+        optimum = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
         error = np.asarray(optimum.position_error)
         placed.append(Placement(

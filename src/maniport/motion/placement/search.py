@@ -21,7 +21,7 @@ from maniport.errors import InvalidInputError
 from maniport.motion.kernels import add_log_residual, add_residual
 from maniport.motion.placement.problem import HEADING, SCALE, SIZE, TILT, ArmPath, PlacementProblem
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt, optimize, time_weights
-from maniport.motion.plan.plan_settings import Effort
+from maniport.motion.plan.plan_settings import SearchBudget
 from maniport.motion.plan.roadmap import shortest_path
 from maniport.spd.kernels import compose
 from maniport.util.progress import Part, nobody, pieces
@@ -51,15 +51,15 @@ class PlannedPlacement:
 
 
 def best_placements(
-    problem: PlacementProblem, seed: np.random.Generator, effort: Effort, progress: Part = nobody
+    problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget, progress: Part = nobody
 ) -> list[PlannedPlacement]:
     """Search over the free numbers; the placements for which trajectories were planned, the best first."""
-    searches = [(problem, effort)]
+    searches = [(problem, budget)]
     if problem.free[TILT]:  # upright placements may fit into the workspace where leaning ones do not
         fixed = problem.fixed.copy()
         fixed[[TILT, HEADING]] = 0.0
-        more = replace(effort, candidates=4 * effort.candidates)
-        searches = [(replace(problem, fixed=fixed), effort), (problem, more)]
+        more = replace(budget, candidates=4 * budget.candidates)
+        searches = [(replace(problem, fixed=fixed), budget), (problem, more)]
     parts = pieces(progress, *[1.0] * len(searches))
     results: list[PlannedPlacement] = []
     for search, part in zip(searches, parts, strict=True):
@@ -73,16 +73,16 @@ def best_placements(
 
 
 def _search(
-    problem: PlacementProblem, effort: Effort, seed: np.random.Generator, progress: Part, waypoints: int = 64
+    problem: PlacementProblem, budget: SearchBudget, seed: np.random.Generator, progress: Part, waypoints: int = 64
 ) -> list[PlannedPlacement]:
     """Plan trajectories through some waypoints for the best placements, and improve both."""
     coarse, free = problem.thinned(waypoints), bool(problem.free.any())
-    places = _shortlist(problem, seed, effort) if free else problem.inside(problem.fixed[None])
+    places = _shortlist(problem, seed, budget) if free else problem.inside(problem.fixed[None])
     time, duration, weights = coarse.time, 1.0, np.ones(1)
     if len(time) > 1:
         duration = time[-1] - time[0]
         weights = time_weights(time) / duration
-    terms = TrajectoryTerms(0.06 / duration, 3e-4 / duration, weights, rel_tol=effort.rel_tol)  # means over time
+    terms = TrajectoryTerms(0.06 / duration, 3e-4 / duration, weights, rel_tol=budget.rel_tol)  # means over time
     rough = PlacementTrajectoryCost(coarse, [replace(terms, rel_tol=ROUGH)] * len(coarse.arms))
     exact = PlacementTrajectoryCost(
         coarse, [replace(terms, collisions=arm.reachability_map.collisions) for arm in coarse.arms]
@@ -90,7 +90,7 @@ def _search(
     progress(0.3)
     placements = []
     for place in places:
-        state: State = place, _planned(coarse, place, rough.terms, effort, seed)
+        state: State = place, _planned(coarse, place, rough.terms, budget, seed)
         if free:
             state = rough.improved(state)
         placements.append(exact.evaluated(state))
@@ -104,9 +104,9 @@ def _search(
     return placements
 
 
-def _shortlist(problem: PlacementProblem, seed: np.random.Generator, effort: Effort) -> list[Array]:
+def _shortlist(problem: PlacementProblem, seed: np.random.Generator, budget: SearchBudget) -> list[Array]:
     """Return the best random placements: of all at a few waypoints, then of some at more waypoints."""
-    count, lower, upper = effort.candidates, problem.lower[:4], problem.upper[:4]
+    count, lower, upper = budget.candidates, problem.lower[:4], problem.upper[:4]
     unit = sobol(4, max(count - 1, 1).bit_length(), seed)[:count]
     reached = [arm.reachability_map.reach for arm in problem.arms]
     centers = np.mean([reach[seed.choice(len(reach), count, replace=len(reach) < count)] for reach in reached], axis=0)
@@ -129,14 +129,14 @@ def _planned(
     problem: PlacementProblem,
     place: Array,
     terms: Sequence[TrajectoryTerms],
-    effort: Effort,
+    budget: SearchBudget,
     seed: np.random.Generator,
 ) -> tuple[Array, ...]:
     """Plan a trajectory of each arm at a placement: roadmap, graph search, optimizer."""
     trajectories = []
     for arm, own in zip(problem.arms, terms, strict=True):
         targets, collisions = arm.targets(place), arm.reachability_map.collisions
-        nodes = arm.reachability_map.nodes(targets, effort.placement_nodes, seed)
+        nodes = arm.reachability_map.nodes(targets, budget.placement_nodes, seed)
         if collisions is not None:
             nodes = nodes.without(collisions.collides(nodes.q))
         largest = np.array([{"rad": 1.0, "m": 0.3}[unit] for unit in arm.objective.arm.joint_units])

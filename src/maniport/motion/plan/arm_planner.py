@@ -149,7 +149,7 @@ def time_parameterized(
     )
     q, weight = optimize_to_tolerance(problem, at, q, terms, tolerance)
     timed = retime(limits, earliest, q, rate=settings.rate)
-    other = relaxed(problem, at, q, terms, weight, tolerance) if settings.budget.relaxation else q
+    other = relaxed(problem, at, q, terms, weight, tolerance)
     if other is q:
         return q, timed
     other_timed = retime(limits, earliest, other, rate=settings.rate)

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from numpy.typing import ArrayLike
 
@@ -12,12 +12,12 @@ from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
 from maniport.motion.motion_limits import MotionLimits
-from maniport.util.defaults import BATCH_EFFORT, EFFORT, MARGIN, POSITION_TOLERANCE, RATE
-from maniport.util.validation import Array, as_choice, as_number
+from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
+from maniport.util.validation import Array, as_number
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchBudget:
     """Search budget of placement and planning."""
 
     candidates: int = 4096  # placements compared by samples
@@ -25,22 +25,9 @@ class Effort:
     nodes: int = 300  # nodes per stage of the roadmap of a plan; up to 2.4 times as many for short paths
     stage: float = 0.55  # longest time between stages at the planning time scale [s]
     rel_tol: float = 1e-4  # smallest relative decrease of the cost for another optimizer step
-    relaxation: bool = True  # see maniport.motion.plan.arm_planner.relaxed
     pointwise_starts: int = 32  # samples for the best pointwise solution at each placed waypoint
     gap_points: int = 250  # most waypoints at which the feasibility gap is searched
     gap_starts: int = 48  # samples for each of them
-
-
-FULL, QUICK = EFFORT, BATCH_EFFORT
-EFFORTS = {
-    FULL: Effort(),
-    QUICK: Effort(1024, 40, 150, 1.0, 1e-3, relaxation=False, pointwise_starts=8, gap_points=40, gap_starts=16),
-}
-
-
-def as_effort(value: str) -> Effort:
-    """Return the effort of a name."""
-    return EFFORTS[as_choice(value, "planning_effort", tuple(EFFORTS))]
 
 
 @dataclass(frozen=True)
@@ -68,8 +55,6 @@ class PlanSettings:
         Weight of the angle from them [1/rad].
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
-    planning_effort : {"full", "quick"}
-        Search budget, see `maniport.motion.plan.plan_settings.Effort`.
 
     Raises
     ------
@@ -86,13 +71,12 @@ class PlanSettings:
     orientation_axes: str = POINTING
     orientation_weight: float = ORIENTATION_WEIGHT
     home: ArrayLike | None = None
-    planning_effort: str = FULL
+    budget: ClassVar[SearchBudget] = SearchBudget()  # class attribute, so that studies can change it
 
     def __post_init__(self) -> None:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)
         as_number(self.speed_scale, "speed_scale", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
-        as_effort(self.planning_effort)
         axis_weights(self.orientation_axes, self.orientation_weight)
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
@@ -113,11 +97,6 @@ class PlanSettings:
         if self.home is not None:
             require_free(self.home, "home", limits, model)
         return replace(self, motion_limits=limits, collisions=model or False)
-
-    @property
-    def budget(self) -> Effort:
-        """Search budget of the planning effort."""
-        return as_effort(self.planning_effort)
 
 
 def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, collisions: Collisions | None) -> Array:
