@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from maniport.arms import load_arm
-from maniport.motion import ArmMotion
+from maniport.motion import ArmMotion, MotionLimits, retime
 from maniport.util.files import save_ellipsoids, save_path
 
 SCRIPT = Path(__file__).parents[1] / "scripts/check_motion.py"
@@ -56,7 +56,7 @@ def test_mujoco_agrees_with_the_package(script, tmp_path):
     values = {name: value for name, value, _ in rows}
     assert values["end effector"].startswith("panda_hand_tcp")
     for start in ("distance (", "position error"):
-        (value,) = (value for name, value in values.items() if name.startswith(start))
+        value = next(value for name, value in values.items() if name.startswith(start))
         assert_allclose([float(part.split()[0]) for part in value.split(" / ")], 0.0, atol=1e-3)
     assert all(within is not False for _, _, within in rows)
 
@@ -74,3 +74,13 @@ def test_faults_are_detected(script, tmp_path, change, row):
     export(tmp_path)
     rewrite(tmp_path, change)
     assert {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp")}[row] is False
+
+
+def test_a_payload_that_was_not_planned_is_detected(script, tmp_path):
+    """MuJoCo follows a motion with the exported torques within 5 mm, but not with 3 kg more."""
+    export(tmp_path)
+    arm = load_arm("panda", frame="panda_hand_tcp")
+    retime(MotionLimits.of(arm), [0.0, 1.0], [FIRST, LAST]).save_joints_csv(tmp_path / "joints.csv")
+    for payload, followed in ((0.0, True), (3.0, False)):
+        rows = {name: within for name, _, within in script.check(tmp_path, "panda_hand_tcp", payload=payload)}
+        assert rows["position error of a servo [mm]: median / 95 % / max"] is followed

@@ -121,6 +121,7 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
     assert (code, printed["arms"]["right"]["lacks"]) == (0, ["shoulder", "elbow", "wrist", "trunk_left"])
     filled = {"shoulder": ["mark 1"], "elbow": ["mark 2"], "wrist": ["mark 3"], "trunk_left": [["mark 1"], ["LeftArm"]]}
     assert filled.keys() == printed["to_complete"]["markers"].keys()
+    assert printed["to_complete"]["markers"]["wrist"] == ["NAME"]
     markers = tmp_path / "markers.json"
     markers.write_text(json.dumps(filled))
     code, out, _ = run("info", file, "--markers", markers)
@@ -306,8 +307,3 @@ def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, mo
     assert code == 2
     assert found in err
     assert "╭" not in err
-
-
-def test_all_public_names_exist():
-    assert [name for name in maniport.__all__ if getattr(maniport, name, None) is None] == []
-    assert {*maniport.__all__} == {"__version__", *maniport._MODULE_OF, *maniport._PACKAGES}

@@ -72,7 +72,7 @@ def transfer_recording(
     else:
         config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
         settings = settings_of(_with_source(config, recording), progress)
-    with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round alike with any number of cores
+    with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round equally with any number of cores
         if not isinstance(recording, LearnedProfile):
             recording = stages.load(recording, settings)
         human = stages.fit_human(recording, settings)

@@ -1,4 +1,4 @@
-"""Laws of arms: what every method gives for numbers in any form, one configuration and many."""
+"""Arms: kinematics, ellipsoids and samples in any form of arrays, alone and in batches."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws.strategies import FORMS, fewer, require_same_for_every_form, results_of
 from maniport import spd
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
 from maniport.arms.collisions import Collisions
 from maniport.domain import sample_domain
+from properties.strategies import FORMS, fewer, require_same_for_every_form, results_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 ARMS = {
@@ -29,7 +29,6 @@ seeds = st.integers(0, 2**32 - 1)
 
 @pytest.fixture(scope="module")
 def arm(request):
-    """One of the arms."""
     return request.param()
 
 
@@ -52,20 +51,12 @@ def methods(arm):
     }
 
 
-NAMES = (
-    "forward jacobian point_positions point_jacobians axis_direction manipulability ellipsoids principal_axes "
-    "manipulability_jacobian differentials skeleton link_poses"
-)
-
-
 @arms
 @fewer(0.15)
 @given(seed=seeds)
-def test_neither_kind_of_numbers_nor_order_in_memory_matters(arm, seed):
-    """The same configurations give the same bits in any form, alone and in any batch; none gives none."""
+def test_dtype_and_memory_order_do_not_matter(arm, seed):
     q = arm.sample(6, seed).reshape(2, 3, arm.dof)
     rounded = {"float32": lambda array: array.astype(np.float32), "integers": lambda array: np.rint(array).astype(int)}
-    assert set(methods(arm)) == set(NAMES.split())
     for name, method in methods(arm).items():
         require_same_for_every_form(method, [q], FORMS | rounded)
         batch = results_of(method, [q])
@@ -78,8 +69,7 @@ def test_neither_kind_of_numbers_nor_order_in_memory_matters(arm, seed):
 
 @arms
 @given(seed=seeds)
-def test_kinematics_agree_with_one_another(arm, seed):
-    """Poses are rigid; the tip is the end of the skeleton and the last link; its velocity is the Jacobian's."""
+def test_kinematics_are_consistent(arm, seed):
     q = arm.sample(3, seed)
     poses, jacobian = arm.forward(q), arm.jacobian(q)
     turns = poses[:, :3, :3]
@@ -100,8 +90,7 @@ def test_kinematics_agree_with_one_another(arm, seed):
 
 @arms
 @given(seed=seeds, spec=st.sampled_from(SPECS))
-def test_ellipsoids_agree_with_one_another(arm, seed, spec):
-    """They are J W² Jᵀ, or its inverse; axes, derivatives and all at once tell the same."""
+def test_ellipsoids_agree_with_the_jacobian(arm, seed, spec):
     q = arm.sample(3, seed)
     velocity = EllipsoidSpec("velocity", spec.part)
     assert spec.bounded == velocity
