@@ -1,13 +1,14 @@
 """Check an exported motion of one or two Pandas without maniport: MuJoCo, SciPy and the limits that Franka publishes.
 
-    python scripts/check_motion.py FOLDER [--frame panda_hand_tcp] [--damping 0.0048]
+    python scripts/check_motion.py FOLDER [--frame panda_hand_tcp] [--damping 0.0048] [--payload 1.5]
     python scripts/check_motion.py FOLDER --base-left 0 0.3 0 0 --base-right 0 -0.3 0 0
 
 The second form is for results of `maniport transfer --arm both` with these bases (x, y, z [m] and yaw [deg]).
 
 The script reads `joints.csv`, `path.npz` and `placed_profile.npz`; of `joints.npz` only the damping of the distances,
 of `demonstrated_profile.npz` only the duration. Kinematics come from Franka's Denavit-Hartenberg parameters, meshes
-from the package. Needs `pip install mujoco`. Exit code 1 if a limit is exceeded or links collide.
+and masses from the package; a payload [kg] is a point mass at the end effector. Needs `pip install mujoco`. Exit code 1
+if a limit is exceeded, links collide, or a servo with the exported torques is more than 5 mm away from the path.
 """
 
 import argparse
@@ -30,24 +31,28 @@ DERIVATIVES = {  # like POSITION: Franka Control Interface, "Limits for Franka E
     "acceleration": np.array([15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]),
     "jerk": np.array([7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0]),
 }
+TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m]
+TORQUE_RATE = 1000.0  # [N m/s]
+STIFFNESS = np.array([600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0])  # of the servo [N m/rad]
+DAMPING = 2.0 * np.sqrt(STIFFNESS) * np.array([1.0, 1.0, 1.0, 1.0, 0.4, 0.4, 0.3])  # [N m s/rad]
 SIDES = "left", "right"
 Row = tuple[str, str, bool | None]
 """Name, value, and whether it is within its limit (None: no limit)."""
 
 
-def read_joints(path: Path, prefixes: list[str]) -> tuple[Array, Array, Array]:
-    """Return times (m,) [s], positions (m, joints) [rad] and accelerations (m, joints) [rad/s²] of the file."""
+def read_joints(path: Path, prefixes: list[str]) -> tuple[Array, list[Array]]:
+    """Return times (m,) [s], and positions, accelerations and torques (m, joints or 0) [rad, rad/s², N m]."""
     with open(path, encoding="utf-8", newline="") as stream:
         table = csv.reader(stream)
         header = next(table)
         rows = np.array([[float(cell) for cell in row] for row in table])
-    positions, accelerations = ([i for i, name in enumerate(header) if name.endswith(e)] for e in ("_rad", "_rad/s2"))
+    columns = [[i for i, name in enumerate(header) if name.endswith(unit)] for unit in ("_rad", "_rad/s2", "_Nm")]
     expected = [f"{prefix}panda_joint{i}_rad" for prefix in prefixes for i in range(1, 8)]
-    if header[0] != "time_s" or [header[i] for i in positions] != expected or len(accelerations) != len(expected):
+    if header[0] != "time_s" or [header[i] for i in columns[0]] != expected or len(columns[1]) != len(expected):
         sys.exit(f"{path}: expected time_s and {expected[0]} to {expected[-1]} with accelerations; found {header}")
     if not np.isfinite(rows).all():
         sys.exit(f"{path}: contains values that are not finite")
-    return rows[:, 0], rows[:, positions], rows[:, accelerations]
+    return rows[:, 0], [rows[:, own] for own in columns]
 
 
 def distances(achieved: Array, target: Array, damping: float) -> Array:
@@ -74,6 +79,34 @@ def limit_rows(time: Array, q: Array, accelerations: Array) -> list[Row]:
     rows.append(("at rest at both ends", f"starts and stops with {ends:.3f} of the acceleration limit", ends <= 1.0))
     rows.append(("accelerations of the file", f"differ by {error:.3f} of the limits", error <= 0.05))
     return rows
+
+
+def torque_rows(model: Pandas, prefixes: list[str], time: Array, states: list[Array]) -> list[Row]:
+    """Return the largest shares of torque limits, and the position error of a servo that simulates the motion.
+
+    `states` are positions, accelerations and torques of the file. The servo adds these torques, or without them those
+    of inverse dynamics, to those of springs and dampers, and is reduced to the torque limits.
+    """
+    q, accelerations, planned = states
+    velocity, arms = np.gradient(q, time, axis=0), q.shape[1] // 7
+    limits, stiffness, damping = (np.tile(row, arms) for row in (TORQUE, STIFFNESS, DAMPING))
+    torques = np.array([model.torques(*state) for state in zip(q, velocity, accelerations, strict=True)])
+    planned = planned if planned.size else torques
+    rates = np.abs(np.diff(torques, axis=0)) / np.diff(time)[:, None]
+    rows = [_share("torque", np.abs(torques) / limits, time), _share("torque rate", rates / TORQUE_RATE, time[1:])]
+    steps = np.arange(0.0, time[-1], 1e-3)
+    wanted = [np.stack([np.interp(steps, time, column) for column in own.T], 1) for own in (q, velocity, planned)]
+
+    def servo(position: Array, speed: Array, torque: Array, actual: Array, actual_speed: Array) -> Array:
+        pull = torque + stiffness * (position - actual) + damping * (speed - actual_speed)
+        return np.clip(pull, -limits, limits)
+
+    reached = model.simulate(*wanted, servo)
+    ends = [np.array([[model.end_effector(row, prefix)[0] for prefix in prefixes] for row in rows])
+            for rows in (wanted[0][::5], reached[::5])]  # fmt: skip
+    errors = np.linalg.norm(ends[0] - ends[1], axis=2).max(axis=1)
+    text = _summary(1e3 * errors, steps[::5])
+    return [*rows, ("position error of a servo [mm]: median / 95 % / max", text, bool(errors.max() <= 5e-3))]
 
 
 def _share(name: str, share: Array, time: Array) -> Row:
@@ -116,25 +149,30 @@ def _summary(values: Array, time: Array) -> str:
 
 
 def check(
-    folder: Path, frame: str | None = None, damping: float | None = None, bases: dict[str, Base] | None = None
+    folder: Path,
+    frame: str | None = None,
+    damping: float | None = None,
+    bases: dict[str, Base] | None = None,
+    payload: float = 0.0,
 ) -> list[Row]:
-    """Return the rows of the table; `bases` contains the bases of two arms by side."""
+    """Return the rows of the table; `bases` contains the bases of two arms by side, `payload` is in kg."""
     arms = {f"{side}_": base for side, base in bases.items()} if bases else {"": (0.0, 0.0, 0.0, 0.0)}
-    time, q, accelerations = read_joints(folder / "joints.csv", list(arms))
+    time, states = read_joints(folder / "joints.csv", list(arms))
+    q, accelerations, _ = states
     models = {name: Pandas(dict.fromkeys(arms, name), arms) for name in ([frame] if frame else FRAMES)}
     rows: list[Row] = []
     frames = {}
     for prefix in arms:
         frames[prefix], tracking = tracking_rows(folder, prefix, models, damping, time, q)
         rows += tracking
-    model, steps = Pandas(frames, arms), range(0, len(q), 5)
+    model, steps = Pandas(frames, arms, payload), range(0, len(q), 5)
     near = [i for i in steps if model.near(q[i])]
     collisions = {i: pairs for i in near if (pairs := model.collisions(q[i]))}
     first = next((f"; first {' and '.join(p[0])} at {time[i]:.2f} s" for i, p in collisions.items()), "")
     demonstrated = folder / next(iter(arms)).strip("_") / "demonstrated_profile.npz"
     human = f" (human {np.ptp(np.load(demonstrated)['time']):.1f} s)" if demonstrated.is_file() else ""
     rows.append(("duration", f"{time[-1]:.1f} s{human}", None))
-    rows += limit_rows(time, q, accelerations)
+    rows += limit_rows(time, q, accelerations) + torque_rows(model, list(arms), time, states)
     text = f"{len(collisions)} of {len(steps)} by triangles{first}; {len(near)} by convex hulls"
     return [*rows, ("collisions, every fifth sample", text, not collisions)]
 
@@ -145,6 +183,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--frame", choices=sorted(FRAMES), help="end effector; default: the one nearer to the path")
     parser.add_argument("--damping", type=float, help="damping of the distance; default: that of joints.npz")
+    parser.add_argument("--payload", type=float, default=0.0, help="mass at the end effector [kg]")
     for side in SIDES:
         text = f"base of the {side} arm: x, y, z [m], yaw [deg]"
         parser.add_argument(f"--base-{side}", nargs=4, type=float, metavar=("X", "Y", "Z", "YAW"), help=text)
@@ -156,7 +195,7 @@ def main() -> None:
     for name in ("joints.csv", *needed):
         if not (options.folder / name).is_file():
             sys.exit(f"{options.folder / name}: no such file; needed are joints.csv and {', '.join(needed)}")
-    rows = check(options.folder, options.frame, options.damping, bases or None)
+    rows = check(options.folder, options.frame, options.damping, bases or None, options.payload)
     for name, value, within in rows:
         print(f"{'' if within is None else 'yes' if within else 'NO':4}{name:52}{value}")
     if any(within is False for _, _, within in rows):

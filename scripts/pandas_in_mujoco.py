@@ -1,5 +1,6 @@
 """One or several Pandas in MuJoCo, built from the parameters that Franka publishes; meshes come from the package."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ FLANGE = "panda_link8"
 FRAMES = {FLANGE: 0.0, "panda_hand_tcp": 0.1034}
 """End effectors, with the distance from the flange along its axis [m]."""
 MESHES = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
+MASSES = MESHES.parent / "panda.json"  # of the links, by frame; the hand's frame is turned by -45 deg
 FINGERS = {"panda_leftfinger": 0.04, "panda_rightfinger": -0.04}
 """Travel along the y axis of the hand [m]; collisions are checked with closed and open fingers."""
 Base = tuple[float, float, float, float]
@@ -46,9 +48,11 @@ def read_meshes(path: Path = MESHES) -> Meshes:
 class Pandas:
     """Kinematics, ellipsoids and collisions of Pandas; arms are identified by the prefix of their names."""
 
-    def __init__(self, frames: dict[str, str], bases: dict[str, Base]):
-        self.meshes = read_meshes()
+    def __init__(self, frames: dict[str, str], bases: dict[str, Base], payload: float = 0.0):
+        self.meshes, self.payload = read_meshes(), payload
+        self.masses = json.loads(MASSES.read_text(encoding="utf-8"))["masses"]
         spec = mujoco.MjSpec()
+        spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         for prefix, frame in frames.items():
             self._add_arm(spec, prefix, frame, bases[prefix])
         self.model = spec.compile()
@@ -63,10 +67,12 @@ class Pandas:
             position = np.array([a, -d * np.sin(alpha), d * np.cos(alpha)])
             orientation = [np.cos(alpha / 2), np.sin(alpha / 2), 0.0, 0.0]
             body = body.add_body(name=f"{prefix}panda_link{i}", pos=position, quat=orientation)
-            body.mass, body.inertia = 1.0, np.ones(3)
             if i < len(CRAIG):
                 body.add_joint(name=f"{prefix}joint{i}", axis=[0, 0, 1])
             self._add_mesh(spec, body, prefix, f"panda_link{i}")
+            self._add_masses(body, f"panda_link{i}")
+        turned = body.add_body(name=f"{prefix}mounted_hand", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
+        self._add_masses(turned, "panda_hand")
         if frame != FLANGE:
             body = body.add_body(name=f"{prefix}{frame}", quat=[np.cos(np.pi / 8), 0.0, 0.0, -np.sin(np.pi / 8)])
             self._add_mesh(spec, body, prefix, "panda_hand")
@@ -74,6 +80,15 @@ class Pandas:
                 for k in (0, 1):
                     self._add_mesh(spec, body, prefix, finger, np.array([0.0, k * travel, 0.0584]), f"_{k}")
         body.add_site(name=f"{prefix}end_effector", pos=[0.0, 0.0, FRAMES[frame]])
+        if self.payload > 0.0:
+            position = [0.0, 0.0, FRAMES[frame]]
+            body.add_body(
+                pos=position, ipos=np.zeros(3), mass=self.payload, inertia=np.full(3, 1e-9), explicitinertial=True
+            )
+
+    def _add_masses(self, body: Any, link: str) -> None:
+        for part in (part for part in self.masses if part["frame"] == link):
+            body.add_body(ipos=part["center"], mass=part["mass"], fullinertia=part["inertia"], explicitinertial=True)
 
     def _add_mesh(
         self, spec: Any, body: Any, prefix: str, link: str, offset: Array | None = None, suffix: str = ""
@@ -84,7 +99,7 @@ class Pandas:
             self.meshes[f"{link}{suffix}"] = self.meshes[link][0] + offset, self.meshes[link][1]
         name = f"{prefix}{link}{suffix}"
         spec.add_mesh(name=name, uservert=self.meshes[f"{link}{suffix}"][0].ravel().tolist())
-        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+        body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=0.0)
 
     def end_effector(self, q: Array, prefix: str) -> tuple[Array, Array]:
         """Return the position (3,) [m] of the end effector and M = J Jᵀ (3, 3)."""
@@ -94,6 +109,30 @@ class Pandas:
         jacobian, site = np.zeros((3, self.model.nv)), self.model.site(f"{prefix}end_effector").id
         mujoco.mj_jacSite(self.model, self.data, jacobian, None, site)
         return self.data.site_xpos[site].copy(), jacobian @ jacobian.T
+
+    def torques(self, q: Array, velocity: Array, acceleration: Array) -> Array:
+        """Return the joint torques (joints,) [N m] of a state, by MuJoCo's inverse dynamics without contacts."""
+        self.data.qpos, self.data.qvel, self.data.qacc = q, velocity, acceleration
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        mujoco.mj_inverse(self.model, self.data)
+        self.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        return np.array(self.data.qfrc_inverse)
+
+    def simulate(self, q: Array, velocity: Array, torques: Array, servo: Any) -> Array:
+        """Return the positions (steps, joints) of a simulation by steps of 1 ms that starts at rest.
+
+        `servo` returns torques from the wanted position, velocity and torques (joints,), and the actual state.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        data.qpos, data.qvel, reached = q[0], velocity[0], np.empty(q.shape)
+        for i, wanted in enumerate(zip(q, velocity, torques, strict=True)):
+            reached[i] = data.qpos
+            data.qfrc_applied = servo(*wanted, data.qpos, data.qvel)
+            mujoco.mj_step(model, data)
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        return reached
 
     def near(self, q: Array) -> list[tuple[str, str]]:
         """Return pairs of links whose convex hulls overlap: of two arms, or at least two joints apart on one arm."""

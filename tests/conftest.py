@@ -9,20 +9,12 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
-from sizes import SMALL, smaller_search
+from sizes import SMALL, little_search
 
 no_clock = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}  # a machine may be busy
 settings.register_profile("maniport", derandomize=True, max_examples=15, **no_clock)
 settings.register_profile("long", derandomize=False, max_examples=150, **no_clock)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "maniport"))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def quick_search():
-    """Search less for placements and motions than users do; subprocesses search as for users."""
-    budget = {"candidates": 1024, "placement_nodes": 40, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
-    with smaller_search(**budget, pointwise_starts=8, gap_points=40, gap_starts=16):
-        yield
 
 
 @pytest.fixture(scope="session")
@@ -38,7 +30,20 @@ def small_result(second):
     """Result of a small transfer with a motion at half the speed; computed once."""
     from maniport.pipeline import transfer_recording
 
-    return transfer_recording(second, speed_scale=0.5, **SMALL)
+    with little_search():
+        return transfer_recording(second, speed_scale=0.5, **SMALL)
+
+
+@pytest.fixture(scope="session")
+def two_arm_result():
+    """Result of a third of a second for two Pandas side by side; computed once."""
+    from maniport import load_arms, read_recording
+    from maniport.pipeline import transfer_recording
+
+    arms = load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    recording = read_recording("both-arms").crop(5.1, 5.4)
+    with little_search():
+        return transfer_recording(recording, robot=arms, method="parallel-transport", **SMALL)
 
 
 @pytest.fixture(scope="session")

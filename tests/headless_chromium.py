@@ -87,7 +87,6 @@ class Browser:
         return message["result"]
 
     def read(self):
-        """Wait for the next message."""
         while b"\0" not in self.rest:
             if not select.select([self.answers], [], [], 60)[0]:
                 raise TimeoutError("Chromium does not answer")
@@ -99,7 +98,6 @@ class Browser:
         return json.loads(message)
 
     def note(self, message):
-        """Keep complaints and requests."""
         method, params = message.get("method"), message.get("params", {})
         if method == "Runtime.exceptionThrown":
             self.complain("error", params["exceptionDetails"].get("exception", {}).get("description", "exception"))
@@ -111,14 +109,12 @@ class Browser:
             self.requests.append(params["request"]["url"])
 
     def complain(self, level, text):
-        """Keep a complaint."""
         if level in ("error", "warning"):
             self.complaints.append(text)
         if level == "error":
             self.errors.append(text)
 
     def run(self, script):
-        """Return what a script evaluates to."""
         found = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in found:
             raise RuntimeError(str(found["exceptionDetails"]))
@@ -153,7 +149,6 @@ class Browser:
         self.call("Emulation.setEmulatedMedia", features=features)
 
     def press(self, key):
-        """Press and release a key."""
         text = {"text": " "} if key == " " else {}
         self.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
         self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
@@ -169,11 +164,9 @@ class Browser:
         self.call("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
 
     def picture(self, path):
-        """Write what is seen to a PNG file."""
         Path(path).write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
 
     def close(self):
-        """End the browser."""
         os.close(self.orders)
         os.kill(self.process, signal.SIGTERM)
         end = time.monotonic() + 20.0

@@ -1,5 +1,6 @@
 """Sizes for tests that look at the way and not at how good the figures are."""
 
+from contextlib import contextmanager
 from dataclasses import replace
 from unittest import mock
 
@@ -12,14 +13,17 @@ SMALL = {"n_teacher": 128, "n_student": 256}
 """Sizes of domains."""
 
 
-def smaller_search(**budget):
-    """Patch the search budget of placement and planning."""
-    return mock.patch.object(PlanSettings, "budget", replace(PlanSettings.budget, **budget))
-
-
-def few_places(**budget):
-    """Patch the search budget so that few placements are tried."""
-    return smaller_search(**{"candidates": 64, "placement_nodes": 24} | budget)
+@contextmanager
+def little_search(**budget):
+    """Patch the search budget so that little is searched, with a small reachability map, for results that any do."""
+    less = {"candidates": 64, "placement_nodes": 24, "nodes": 150, "stage": 1.0, "rel_tol": 1e-3}
+    gap = {"pointwise_starts": 8, "gap_points": 40, "gap_starts": 16}
+    few = replace(PlanSettings.budget, **less | gap | budget)
+    with (
+        mock.patch.object(PlanSettings, "budget", few),
+        mock.patch("maniport.motion.plan.reachability_map.SAMPLES", 10_000),
+    ):
+        yield
 
 
 def with_arm(result, **changes):

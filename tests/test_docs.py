@@ -58,7 +58,6 @@ def dotted(text):
 
 @hand_written
 def test_what_a_page_names_exists(page):
-    """Modules, public names, paths in code font; its Python compiles; its commands and their options exist."""
     text = page.read_text(encoding="utf-8")
     short = {f"maniport.{name}" for name in re.findall(r"\bmp\.([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)", text)}
     assert missing(dotted(text) | short) == []
@@ -73,7 +72,6 @@ def test_what_a_page_names_exists(page):
 
 
 def test_what_docstrings_name_exists():
-    """Every maniport.x.y in the package can be imported."""
     assert missing(set().union(*(dotted(file.read_text(encoding="utf-8")) for file in PACKAGE.rglob("*.py")))) == []
 
 
@@ -95,7 +93,6 @@ def test_links_of_a_page_lead_somewhere(page):
 
 
 def test_the_page_of_the_architecture_has_every_module_and_contract():
-    """Folders, root modules and the layers of the import contracts."""
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     folders = {file.parent.name for file in PACKAGE.rglob("__init__.py")} - {PACKAGE.name}
     assert [folder for folder in sorted(folders) if f" {folder}/" not in page] == []

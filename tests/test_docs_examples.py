@@ -10,6 +10,7 @@ import re
 import shlex
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 
@@ -18,12 +19,14 @@ from typer.testing import CliRunner
 
 import maniport
 import ros_stand_in
+from maniport.batch.content import digest
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
+from maniport.pipeline.config import Config
 from maniport.pipeline.transfer import settings_of
-from maniport.util.defaults import AUTO
+from maniport.util.defaults import AUTO, BOTH
 from real_robots import HERE, MISSING
-from sizes import SMALL
+from sizes import SMALL, little_search
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
@@ -49,21 +52,33 @@ def page(request, tmp_path, monkeypatch):
     return text
 
 
-@contextmanager
+@pytest.fixture(scope="session")
 def short_work():
-    """A time in which the main job is done on small domains, by the quickest method where none is named."""
+    """Make a context of small domains, and of the quickest method by default; equal transfers run once in a session."""
+    results = {}
 
-    def quick(*recording, method=AUTO, **job):
-        named = "parallel-transport" if method == AUTO else method
-        return transfer_recording(*recording, method=named, **{**SMALL, **job})
+    def quick(recording, config=None, *, progress=None, **options):
+        config = (config or Config()).changed(**{**SMALL, **options})
+        if config.transfer.method == AUTO:
+            config = config.changed(method="parallel-transport")
+        human, motion = replace(config.human, start=None, stop=None), replace(config.motion, export=())
+        key = digest(recording, human, config.robot.load(human.side == BOTH), config.transfer, motion, config.seed)
+        if key not in results:
+            results[key] = transfer_recording(recording, config, progress=progress)
+        return results[key]
 
-    with (
-        mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
-        mock.patch("maniport.batch.run.cores", return_value=1),
-        mock.patch("maniport.pipeline.transfer_recording", quick),
-        mock.patch.object(maniport, "transfer_recording", quick, create=True),
-    ):
-        yield
+    @contextmanager
+    def work():
+        with (
+            little_search(),
+            mock.patch("maniport.batch.inputs.settings_of", lambda config: settings_of(config.changed(**SMALL))),
+            mock.patch("maniport.batch.run.cores", return_value=1),
+            mock.patch("maniport.pipeline.transfer_recording", quick),
+            mock.patch.object(maniport, "transfer_recording", quick, create=True),
+        ):
+            yield
+
+    return work
 
 
 def commands(block):
@@ -83,8 +98,7 @@ def run_commands(block):
 
 
 @pytest.mark.filterwarnings("default::maniport.errors.ManiportWarning")
-def test_examples_of_a_page_run(page):
-    """All blocks in their order, each with what those before it made."""
+def test_examples_of_a_page_run(page, short_work):
     names = {"__name__": "__main__"}
     for language, block in BLOCK.findall(page):
         with short_work():

@@ -32,7 +32,6 @@ def test_errors_are_builtin_errors_and_survive_pickling():
 
 
 def test_unknown_names_are_answered_with_those_there_are():
-    """At most twenty are listed."""
     error = unknown_name("frame", "hend", ["base", "hand"], "in 'arm.urdf'")
     assert str(error) == "unknown frame 'hend' in 'arm.urdf'; available, nearest first: 'hand', 'base'"
     message = str(unknown_name("joint", "j", [f"joint{i}" for i in range(30)]))
@@ -50,7 +49,6 @@ def test_unknown_names_are_answered_with_those_there_are():
     ],
 )
 def test_arguments_are_named_as_they_are_given(name, value, called, typed):
-    """As arguments of functions, or as options of commands."""
     assert argument(name, value) == called
     with on_the_command_line():
         assert argument(name, value) == typed

@@ -24,8 +24,6 @@ print([name for name in ("sklearn", "scipy.stats") if name in sys.modules])
 
 
 class Nested(Estimator):
-    """One with another in it."""
-
     def __init__(self, inner=None, count=3):
         self.inner = inner
         self.count = count
@@ -42,7 +40,6 @@ class Nested(Estimator):
     ids=lambda one: type(one).__name__,
 )
 def test_clones_are_those_of_scikit_learn(estimator):
-    """Parameters are alike, and none is shared that could change."""
     ours, theirs = clone(estimator), sklearn_clone(estimator)
     assert repr(ours) == repr(theirs) == repr(estimator)
     for name, value in estimator.get_params(deep=False).items():
@@ -50,7 +47,6 @@ def test_clones_are_those_of_scikit_learn(estimator):
 
 
 def test_parameters_are_set_by_name():
-    """Those of a parameter too; an unknown one is refused, and the known ones are told."""
     one = Nested(Nested(), 1).set_params(inner__count=5, count=2)
     assert one.get_params() == {"count": 2, "inner": one.inner, "inner__count": 5, "inner__inner": None}
     with pytest.raises(InvalidInputError, match=r"Nested has no parameter 'counts'; it has count, inner"):
@@ -58,13 +54,11 @@ def test_parameters_are_set_by_name():
 
 
 def test_scikit_learn_is_told_what_it_asks():
-    """Adapters transform, profiles do not, and neither classifies."""
     tags = get_tags(mp.ParallelTransport())
     assert (tags.estimator_type, tags.transformer_tags is None, tags.target_tags.required) == (None, False, False)
     assert get_tags(mp.ProfileGMM()).transformer_tags is None
 
 
 def test_a_fit_loads_no_scikit_learn():
-    """The first map of a process does not wait for what serves statistics."""
     done = subprocess.run([sys.executable, "-c", FIT], capture_output=True, text=True, check=True, timeout=300)
     assert done.stdout.strip() == "[]"

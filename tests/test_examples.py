@@ -18,7 +18,6 @@ LINKS = tuple(f"panda_link{i}" for i in range(1, 8))
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)
 def test_examples_are_short_and_explain_themselves(example):
-    """Fewer than 80 lines and a docstring with more than a title; the index lists them."""
     text = example.read_text(encoding="utf-8")
     assert len(text.splitlines()) < 80
     assert len((ast.get_docstring(ast.parse(text)) or "").splitlines()) >= 3

@@ -15,7 +15,7 @@ from extensions.spectrum_correspondence import SpectrumCorrespondence
 from extensions.speed_panel import write_page_with_speed
 from maniport.mocap import synthetic_recording
 from maniport.mocap.roles import assign_roles
-from sizes import SMALL, few_places
+from sizes import SMALL, little_search
 
 HERE = Path(__file__).parent
 
@@ -32,7 +32,6 @@ SIX_JOINTS = {
 
 @pytest.fixture(scope="module")
 def moment(second):
-    """A third of a second."""
     return second.crop(10.7, 11)
 
 
@@ -52,7 +51,7 @@ def result(moment, files):
     """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
     recording = mp.read_recording(files / "ladder.pts", up=moment.up)
     method = LogEuclideanShift(damping=0.01)
-    with few_places():
+    with little_search():
         found = mp.transfer_recording(
             recording, person="stiff_shoulder", robot=files / "six.json", method=method, speed_scale=0.5,
             costs=[HeightCost(mp.load_arm(files / "six.json"), "link5", 0.0)], **SMALL,
@@ -78,7 +77,6 @@ def test_the_main_job_takes_all_of_them(result, moment, tmp_path):
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
-    """Points under names of one's own are found, and the trunk's left stays its left."""
     r, other = ("R", "L") if side == "right" else ("L", "R")
     arm = mp.load_arm("myoarm", side=side)
     seen = synthetic_recording(arm, np.linspace(arm.lower, arm.upper, 9)[3:6], [0.0, 0.1, 0.2])
@@ -98,7 +96,6 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
-    """A model of a person is found by its name, scaled as shipped ones are, and keeps its own limits."""
     assert result.arm.fit.arm.name == "stiff_shoulder"
     elevation = result.arm.fit.arm.joint_names.index("shoulder_elv")
     highest = [np.degrees(fit.joint_angles[:, elevation]).max() for fit in (result.arm.fit, mp.fit_arm(moment))]
@@ -118,7 +115,6 @@ def test_a_correspondence_of_ones_own_matches_in_the_main_job(moment):
 
 
 def test_an_own_cost_is_used_by_the_tracker(result):
-    """A cost for the height of the wrist brings it nearer to that height."""
     robot, placed, plan = result.arm.robot, result.arm.placement, result.arm.motion
     heights = []
     for costs in ([], [HeightCost(robot, "link5", 0.0)]):
@@ -131,6 +127,5 @@ def test_an_own_cost_is_used_by_the_tracker(result):
 
 @pytest.mark.parametrize("file", sorted((HERE / "extensions").glob("*.py")), ids=lambda file: file.stem)
 def test_the_page_includes_every_extension(file):
-    """docs/extensions.md includes every file of tests/extensions."""
     page = (HERE.parent / "docs" / "extensions.md").read_text(encoding="utf-8")
     assert f"{{literalinclude}} ../tests/extensions/{file.name}\n" in page

@@ -20,12 +20,10 @@ METHODS = [
 
 @pytest.fixture(scope="module")
 def domains():
-    """A small domain of each arm."""
     return {name: mp.sample_domain(mp.load_arm(name), 64, random_state=0) for name in PAIRS[0]}
 
 
 def assert_same_fit(one, other):
-    """Compare every learned attribute of two adapters bit for bit."""
     first, second = ({k: v for k, v in vars(x).items() if k.endswith("_") and k[0] != "_"} for x in (one, other))
     assert first.keys() == second.keys() >= {"rotation_", "teacher_mean_"}
     for name, value in first.items():

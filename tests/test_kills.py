@@ -13,14 +13,12 @@ TIMES = 4
 
 @pytest.fixture(scope="module")
 def every(tmp_path_factory):
-    """Everything that is killed."""
     return works(tmp_path_factory.mktemp("kills"))
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 @pytest.mark.parametrize("key", ["fit", "folder"])
 def test_what_is_struck_leaves_old_or_new(tmp_path, every, key, number):
-    """Never half, never nothing; Ctrl-C leaves nothing beside it, and the next run cleans what a kill left."""
     work, log = every[key], tmp_path / "log"
     work.warm()
     longest = max(complete(work, which, log) for which in (1, 0)) if isinstance(work, Command) else 0.02

@@ -21,7 +21,6 @@ MARKDOWN = "[a](http://evil.example) ![b](http://evil.example/c.png) \\<b> <http
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_messages_are_printable_and_short(kind):
-    """Control characters are escaped, ends of lines become spaces, and of long text the ends stay, pickled too."""
     message = str(kind(f"arm.urdf: found {ATTACK}, allowed are 'a', 'b'"))
     assert message.isprintable()
     assert message.startswith("arm.urdf: found \\x1b[2J")
@@ -34,7 +33,6 @@ def test_messages_are_printable_and_short(kind):
 
 
 def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
-    """Names of points and of the file itself, in the page of `maniport info`."""
     path = tmp_path / "walk\x1b[2J.npz"
     points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))
     np.savez(path, names=["RSHO", "RELB", f"\x1b[31m{HTML}"], positions=points, rate=10.0, unit="m", up="z")

@@ -6,7 +6,6 @@ from importlib.metadata import metadata
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import pytest
 import yaml
 
 from maniport.version import __version__
@@ -19,7 +18,6 @@ CONDA = {"pin": "pinocchio", "pin-pink": "pink"}
 
 
 def read(name):
-    """A YAML file of the project."""
     return yaml.safe_load((ROOT / name).read_text(encoding="utf-8"))
 
 
@@ -29,24 +27,16 @@ def split(requirement):
     return name.lower(), requirement[len(name) :]
 
 
-@pytest.mark.parametrize(
-    "told",
-    [
-        pytest.param(lambda: read("CITATION.cff")["version"], id="citation"),
-        pytest.param(lambda: read("conda/recipe.yaml")["context"]["version"], id="conda"),
-    ],
-)
-def test_the_version_is_one(told):
-    """Files that must repeat the version have that of the package."""
-    assert told() == __version__
+def test_the_version_is_the_same_everywhere():
+    assert read("CITATION.cff")["version"] == read("conda/recipe.yaml")["context"]["version"] == __version__
 
 
-def test_the_recipe_asks_for_what_the_package_asks_for():
+def test_the_recipe_has_the_dependencies_of_the_package():
     """The recipe for conda-forge has the dependencies of pyproject.toml, by their names there."""
-    asked = {re.sub(r"^[\w-]+", lambda name: CONDA.get(name[0].lower(), name[0].lower()), one).replace(" ", "")
-             for one in PROJECT["dependencies"]}  # fmt: skip
-    told = {one.replace(" ", "") for one in read("conda/recipe.yaml")["requirements"]["run"]}
-    assert {one for one in told if not one.startswith("python")} == asked
+    expected = {re.sub(r"^[\w-]+", lambda name: CONDA.get(name[0].lower(), name[0].lower()), line).replace(" ", "")
+                for line in PROJECT["dependencies"]}  # fmt: skip
+    listed = {line.replace(" ", "") for line in read("conda/recipe.yaml")["requirements"]["run"]}
+    assert {line for line in listed if not line.startswith("python")} == expected
 
 
 def test_workflows_run_nothing_that_others_can_change():
@@ -54,15 +44,14 @@ def test_workflows_run_nothing_that_others_can_change():
     for file in (ROOT / ".github" / "workflows").glob("*.yml"):
         used = re.findall(r"uses: (.*)", file.read_text(encoding="utf-8"))
         assert used
-        assert [one for one in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", one)] == []
+        assert [action for action in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", action)] == []
         steps = [step for job in read(file.relative_to(ROOT))["jobs"].values() for step in job["steps"]]
         assert [step["run"] for step in steps if "${{" in step.get("run", "")] == []
 
 
 def test_the_notice_has_the_license_of_each_dependency():
-    """All dependencies are named; those under the LGPL, by their metadata, with that license."""
     notice = (ROOT / "NOTICE").read_text(encoding="utf-8").partition("Dependencies are not included")[2]
-    for name in (re.match(r"[\w-]+", one)[0] for one in PROJECT["dependencies"]):
+    for name in (re.match(r"[\w-]+", line)[0] for line in PROJECT["dependencies"]):
         assert re.search(rf"\b{name}\b", notice), name
         about = metadata(name)
         licenses = [about.get("License-Expression") or "", *(about.get_all("Classifier") or [])]
@@ -70,14 +59,12 @@ def test_the_notice_has_the_license_of_each_dependency():
             assert re.search(rf"^{name}\n +GNU Lesser General Public License", notice, re.MULTILINE), name
 
 
-def test_the_lock_is_of_what_the_project_asks_for():
-    """The developers' lock was made for these dependencies and extras; all files are from PyPI, with hashes."""
+def test_the_lock_is_up_to_date():
     lock = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))
-    own = next(one for one in lock["package"] if one["name"] == PROJECT["name"])["metadata"]
-    told = {(one["name"], one.get("specifier", ""), one.get("marker", "")) for one in own["requires-dist"]}
-    groups = {"": PROJECT["dependencies"]} | {f"extra == '{extra}'": each for extra, each in EXTRAS.items()}
-    asked = {(*split(one), marker) for marker, each in groups.items() for one in each}
-    assert told == asked, "uv lock brings it up to date"
-    files = [file for one in lock["package"] for file in (one.get("sdist"), *one.get("wheels", ())) if file]
+    own = next(package for package in lock["package"] if package["name"] == PROJECT["name"])["metadata"]
+    locked = {(entry["name"], entry.get("specifier", ""), entry.get("marker", "")) for entry in own["requires-dist"]}
+    groups = {"": PROJECT["dependencies"]} | {f"extra == '{extra}'": lines for extra, lines in EXTRAS.items()}
+    assert locked == {(*split(line), marker) for marker, lines in groups.items() for line in lines}, "run uv lock"
+    files = [file for package in lock["package"] for file in (package.get("sdist"), *package.get("wheels", ())) if file]
     assert {urlsplit(file["url"]).netloc for file in files} == {"files.pythonhosted.org"}
     assert all(file["hash"].startswith("sha256:") for file in files)

@@ -8,7 +8,7 @@ from typing import Any
 
 ONE_THREAD = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 """Environment variables that NumPy reads when it is loaded. One thread suits small matrices: the demo takes 17 s of
-processor time instead of 46 s with two, and sums are rounded alike on any number of processors."""
+processor time instead of 46 s with two, and sums are rounded equally on any number of processors."""
 
 
 class _Output:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from drawn_arms import one_link
 
 from maniport.arms import load_arm, load_arms
 from maniport.arms.collisions import Box, Collisions, read_boxes
@@ -39,14 +40,8 @@ def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
     arms = load_arms("panda", bases=((0, 0.05, 0), (0, -0.05, 0)))
     with pytest.raises(InvalidInputError, match=r"bases: 'left_panda_link0' is 0\.\d+ m deep in 'right_panda_link0'"):
         Collisions.of(arms)
-    path = tmp_path / "one.urdf"
-    path.write_text(
-        '<robot name="one"><link name="base"/><link name="tip"><visual><geometry><sphere radius="0.1"/></geometry>'
-        '</visual></link><joint name="j" type="revolute"><parent link="base"/><child link="tip"/>'
-        '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>'
-    )
     with pytest.raises(InvalidInputError, match=r"table: the plane at z = 1 m touches 'tip' in all"):
-        Collisions.of(load_arm(path), table=1.0)
+        Collisions.of(one_link(tmp_path, '<sphere radius="0.1"/>'), table=1.0)
 
 
 def test_boxes_from_a_file_and_from_rows_are_the_same(panda, tmp_path):

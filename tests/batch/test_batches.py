@@ -46,7 +46,6 @@ def small(recordings, output, **more):
 
 
 def read_table(folder):
-    """The rows of the table of a batch."""
     with open(folder / "table.csv", newline="", encoding="utf-8") as stream:
         return list(csv.DictReader(stream))
 
@@ -69,7 +68,6 @@ def tree(folder):
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Equal recordings in two folders."""
     folder = tmp_path_factory.mktemp("recordings")
     for name in NAMES:
         (folder / name).parent.mkdir(exist_ok=True)
@@ -79,7 +77,6 @@ def recordings(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(recordings, tmp_path_factory):
-    """All of them on two robots, by one process."""
     return small([recordings], tmp_path_factory.mktemp("whole") / "dataset")
 
 
@@ -149,7 +146,6 @@ def test_one_failure_does_not_stop_the_rest(whole, recordings, tmp_path):
 
 
 def test_columns_are_metrics_of_a_summary(whole, tmp_path, small_result):
-    """Each metric of the table is one of the summary of a run, but for what this run does not have."""
     mp.write_results(small_result, tmp_path / "run")
     summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
 
@@ -194,7 +190,6 @@ def test_a_killed_batch_continues(whole, recordings, tmp_path):
 
 
 def test_run_yaml_of_a_pair_repeats_it(whole, tmp_path):
-    """By `maniport batch`, byte for byte."""
     pair = whole.folder / "panda" / "anna" / "1.c3d"
     words = ["batch", "--config", str(pair / "run.yaml"), "-o", str(tmp_path / "again"), "--processes", "1"]
     ended = CliRunner().invoke(app, words)
@@ -206,7 +201,6 @@ def test_run_yaml_of_a_pair_repeats_it(whole, tmp_path):
 
 
 def test_two_arms_of_a_person_go_to_two_of_a_robot(tmp_path):
-    """As by `transfer`: a folder for each arm, a row with the larger of their numbers; a second call keeps it."""
     robot = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
     part = {"start": 5.1, "stop": 5.4, "collisions": False, "processes": 1}
     options = {**SMALL, **part, "move": True}
@@ -227,14 +221,12 @@ class Interrupting:
         self.count, self.act = count, act
 
     def __call__(self, step, fraction, found=""):
-        """Count a pair that ends."""
         self.count -= "→" in step
         if self.count == 0:
             self.act()
 
 
 def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeypatch):
-    """Exit code 130, nothing on standard output; table and page have the pairs that are done; the same continues."""
     run = batch.transfer_batch
 
     def interrupted(*given, progress, **more):
@@ -254,7 +246,6 @@ def test_ctrl_c_ends_the_command_with_what_is_done(recordings, tmp_path, monkeyp
 
 
 def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
-    """Workers of a Dask cluster, of several threads, give what one process does; who is silent is an error."""
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster:
@@ -265,7 +256,6 @@ def test_dask_gives_the_same_bytes(whole, recordings, tmp_path):
 
 
 def test_a_killed_process_takes_one_task_with_it():
-    """Where a worker is killed, its task is reported as lost and all others are done."""
     tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "1 / 0"]
     with executor_for(2, None, False) as executor:
         found = dict(completed(executor, eval, tasks))
@@ -275,7 +265,6 @@ def test_a_killed_process_takes_one_task_with_it():
 
 
 def test_a_lost_cluster_ends_the_batch():
-    """Tasks that are canceled, or have no workers for a while, end in an error that says how to continue."""
     from concurrent.futures import Future
 
     future = Future()
@@ -312,7 +301,6 @@ def test_names_of_recordings(tmp_path, monkeypatch, whole):
 
 
 def test_each_robot_has_a_folder_of_its_own():
-    """Equal robots are one; others have names of their own that are no files of the batch."""
     panda, arms = mp.load_arm("panda"), []
     for k, name in enumerate(("a:b", "a?b", "A-b", "..", "adapters")):
         arms.append(panda.narrowed(panda.lower + 1e-3 * k, panda.upper))
@@ -322,7 +310,6 @@ def test_each_robot_has_a_folder_of_its_own():
 
 
 def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
-    """What was read is what stands in the key, or nothing is written."""
     source = Source("1.c3d", recordings / "anna" / "1.c3d")
     config = BATCH.changed(method="identity", collisions=False, **PART)
     (robot,) = find_robots(["panda"], config, ())
@@ -331,7 +318,6 @@ def test_a_recording_that_changes_meanwhile_is_reported(recordings, tmp_path):
 
 
 def test_tables_hold_no_formulas(tmp_path):
-    """A text that begins like a formula has an apostrophe before it in CSV; invalid characters are escaped."""
     write_tables(tmp_path, [failed_row("=1+1.c3d", "panda", "bad \udcff")])
     line = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[1]
     assert line.startswith("'=1+1.c3d,panda,failed,bad \\udcff")
@@ -361,7 +347,6 @@ def test_digests_tell_contents_apart(tmp_path):
     ],
 )
 def test_wrong_arguments_are_refused_before_work(recordings, tmp_path, error, more):
-    """A folder of other things, unknown formats and settings, and two clusters."""
     (tmp_path / "batch.json").write_text('{"mine": 1}')
     with pytest.raises(error):
         small([recordings], **{"output": tmp_path / "new" if more else tmp_path, **more})

@@ -14,6 +14,7 @@ from maniport.mocap import read_recording, shipped_recording
 from maniport.motion.exports import FORMATS
 from maniport.report import write
 from maniport.util.files import load_ellipsoids, load_path, save_ellipsoids, save_path
+from sizes import little_search
 
 
 @pytest.fixture
@@ -48,6 +49,12 @@ def profile(tmp_path):
     return tmp_path / "p.npz", "--path", tmp_path / "h.npz"
 
 
+@pytest.fixture
+def small_search():
+    with little_search():
+        yield
+
+
 def test_each_step_on_its_own(run, domains):
     """Domain, fit, apply and back: the ellipsoids return; info describes every file; evaluate writes the page."""
     person, panda, adapter = (domains / f"{name}.npz" for name in ("myoarm", "panda", "a"))
@@ -72,6 +79,19 @@ def test_each_step_on_its_own(run, domains):
     assert (code, ".md or .json" in err) == (2, True)
     code, _, err = run("fit", person, panda, "-o", adapter, "--method", "auto")
     assert (code, "use maniport transfer, or name a method" in err) == (2, True)
+
+
+def test_fit_uses_the_robot_where_it_is_named(run, domains):
+    """The length field then takes what the robot can reach instead of its samples, at a lower cost."""
+    adapters = {}
+    for options in ((), ("--robot", "panda")):
+        words = (domains / "panda-half.npz", domains / "panda.npz", "-o", domains / "a.npz", "--method", "length-field")
+        save_ellipsoids(words[0], 0.5 * load_ellipsoids(domains / "panda.npz")[0][:64])
+        assert run("fit", *words, "--quiet", *options)[0] == 0
+        adapters[bool(options)] = maniport.load_adapter(domains / "a.npz")
+    assert adapters[False].from_samples_
+    assert not adapters[True].from_samples_
+    assert adapters[True].cost_ < adapters[False].cost_
 
 
 def test_info_describes_results(run, tmp_path):
@@ -101,6 +121,7 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
     assert (code, printed["arms"]["right"]["lacks"]) == (0, ["shoulder", "elbow", "wrist", "trunk_left"])
     filled = {"shoulder": ["mark 1"], "elbow": ["mark 2"], "wrist": ["mark 3"], "trunk_left": [["mark 1"], ["LeftArm"]]}
     assert filled.keys() == printed["to_complete"]["markers"].keys()
+    assert printed["to_complete"]["markers"]["wrist"] == ["NAME"]
     markers = tmp_path / "markers.json"
     markers.write_text(json.dumps(filled))
     code, out, _ = run("info", file, "--markers", markers)
@@ -112,6 +133,7 @@ def test_the_printed_template_completes_the_arm(run, tmp_path):
     assert "unknown robot 'nobody'" in err  # the recording was accepted
 
 
+@pytest.mark.usefixtures("small_search")
 def test_transfer_writes_a_folder(run, tmp_path):
     """From half a second of a recording, with exports; run.yaml repeats the run byte for byte."""
     out = tmp_path / "out"
@@ -131,13 +153,14 @@ def test_transfer_writes_a_folder(run, tmp_path):
     assert (code, "unknown key 'fsp'" in err) == (2, True)
 
 
+@pytest.mark.usefixtures("small_search")
 def test_track_and_place(run, profile, tmp_path):
     """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
     code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", "--json")
     assert code == 0, err
     ranking = json.loads(out)["placement"]["candidates"]
-    assert [one["rank"] for one in ranking] == list(range(1, len(ranking) + 1))
+    assert [candidate["rank"] for candidate in ranking] == list(range(1, len(ranking) + 1))
     path, time = load_path(tmp_path / "placed" / "path.npz")
     assert np.all(path >= np.array([0.2, -0.3, 0.0]) - 1e-8)
     assert path[:, 1].max() <= 0.3 + 1e-8
@@ -175,7 +198,6 @@ def test_track_and_place(run, profile, tmp_path):
     ],
 )
 def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, found):
-    """Exit code 2, a message that names what is wrong, no traceback, and no file."""
     monkeypatch.chdir(tmp_path)
     contents = {"list.json": "[1, 2]", "half.json": "{", "deep.json": '{"a":' * 40_000}
     contents["tail.bvh"] = (
@@ -196,7 +218,6 @@ def test_wrong_input_ends_with_one_sentence(run, tmp_path, monkeypatch, words, f
 
 @pytest.mark.parametrize("command", ["demo", "transfer", "learn", "track", "place", "reproduce"])
 def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, command):
-    """Before any file is read: exit code 2, the option is named, nothing is touched."""
     own = {"learn": "path.npz", "place": "path.npz", "reproduce": "toy.md"}.get(command, "joints.csv")
     (tmp_path / own).write_text("earlier")
     one_file = {"transfer": ("no.bvh",), "learn": ("no.bvh",), "track": ("no.npz",), "reproduce": ("toy",)}
@@ -211,7 +232,6 @@ def test_an_earlier_result_stays_unless_it_may_be_overwritten(run, tmp_path, com
 
 
 def test_every_command_has_help_with_an_example(run):
-    """Options of a motion are in panels, and --export lists every format with its file."""
     for command in cli.ORDER:
         code, out, _ = run(command, "--help")
         assert code == 0
@@ -250,7 +270,6 @@ def track(run, monkeypatch, tmp_path):
 
 
 def test_units_of_the_command_line_are_converted(track):
-    """Millimeters, degrees and per cent become meters, radians and shares."""
     panda, home = load_arm("panda"), "0,-45,0,-135,0,90,45"
     words = ("--position-tolerance", 12, "--speed-scale", 0.5, "--joint-limit-margin", 5, "--home", home, "--table", 0)
     code, err, asked = track(*words, "--orientation", "0,0,-1")
@@ -282,16 +301,9 @@ def test_units_of_the_command_line_are_converted(track):
     ],
 )
 def test_wrong_options_end_with_one_sentence_before_any_work(track, tmp_path, monkeypatch, words, found):
-    """The message says what, where, what was found and what is allowed, in the units of the command line."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "limits.yaml").write_text("joints: {joint1: {velocity: 1}}")
     code, err, _ = track(*words)
     assert code == 2
     assert found in err
     assert "╭" not in err
-
-
-def test_all_public_names_exist():
-    """Every name in `maniport.__all__` can be reached."""
-    assert [name for name in maniport.__all__ if getattr(maniport, name, None) is None] == []
-    assert {*maniport.__all__} == {"__version__", *maniport._MODULE_OF, *maniport._PACKAGES}

@@ -26,6 +26,8 @@ mocap.read_recording = lambda source, **options: short if source == "freeform" e
 
 for environment, words in json.loads(sys.argv[1]):
     os.environ.update(environment)
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(encoding=environment.get("PYTHONIOENCODING", "utf-8"))
     sys.argv = ["maniport", *words]
     code = 0
     try:
@@ -71,23 +73,28 @@ def verbs(tmp_path_factory):
     return {verb: [word.format(**places) for word in line.split()] for verb, line in lines.items()}
 
 
-def run_in_pipe(plan, **environment):
-    """Return exit code, standard output and standard error of each command of a plan."""
-    command = [sys.executable, "-c", RUNNER, json.dumps(plan)]
-    result = subprocess.run(command, capture_output=True, env=os.environ | environment, timeout=300, check=True)
-    streams = [re.split(r"\n=== (\d+)\n", text.decode()) for text in (result.stdout, result.stderr)]
-    out, err = (parts[:-1:2] for parts in streams)
-    return list(zip(map(int, streams[0][1::2]), out, err, strict=True))
+MODES = {  # options, environment, and verbs if not all
+    "lines": ([], {}, LIGHT),
+    "forced": ([], {"FORCE_COLOR": "1"}, ["fit"]),
+    "quiet": (["--quiet"], {}, ["domain", "fit", "mistake"]),
+    "json": (["--json"], {}, [*LIGHT, *HEAVY, "mistake"]),
+    "both": (["--json", "--quiet"], {}, ["info"]),
+    "ascii": ([], {"PYTHONIOENCODING": "ascii"}, ["fit"]),
+    "ascii json": (["--json"], {"PYTHONIOENCODING": "ascii"}, ["apply"]),
+}
 
 
 @pytest.fixture(scope="module")
 def piped(verbs):
     """Exit code, standard output and standard error in a pipe, by mode and verb."""
-    modes = {"lines": [], "forced": [], "quiet": ["--quiet"], "json": ["--json"], "both": ["--json", "--quiet"]}
-    verbs_of = {"lines": LIGHT, "forced": ["fit"], "quiet": ["domain", "fit", "mistake"], "both": ["info"]}
-    runs = [(mode, verb) for mode in modes for verb in verbs_of.get(mode, verbs)]
-    plan = [[{"FORCE_COLOR": "1"} if mode == "forced" else {}, verbs[verb] + modes[mode]] for mode, verb in runs]
-    return dict(zip(runs, run_in_pipe(plan), strict=True))
+    runs = [(mode, verb) for mode, (*_, names) in MODES.items() for verb in names]
+    plan = [[MODES[mode][1], verbs[verb] + MODES[mode][0]] for mode, verb in runs]
+    result = subprocess.run(
+        [sys.executable, "-c", RUNNER, json.dumps(plan)], capture_output=True, timeout=300, check=True
+    )
+    streams = [re.split(r"\n=== (\d+)\n", text.decode()) for text in (result.stdout, result.stderr)]
+    out, err = (parts[:-1:2] for parts in streams)
+    return dict(zip(runs, zip(map(int, streams[0][1::2]), out, err, strict=True), strict=True))
 
 
 def test_every_verb_is_tested():
@@ -110,7 +117,6 @@ def test_json_is_one_strict_object(piped, verb):
 
 
 def test_quiet_prints_only_json(piped):
-    """With --quiet both streams are empty; with --json as well there is the object alone."""
     assert piped["quiet", "domain"] == piped["quiet", "fit"] == (0, "", "")
     code, out, err = piped["both", "info"]
     assert (code, err) == (0, "")
@@ -119,7 +125,6 @@ def test_quiet_prints_only_json(piped):
 
 @pytest.mark.parametrize("verb", LIGHT)
 def test_a_pipe_gets_plain_lines(piped, verb):
-    """Results come on standard output, steps as whole lines on standard error; no bar and no escape sequence."""
     code, out, err = piped["lines", verb]
     assert code == 0
     assert out.strip()
@@ -128,7 +133,6 @@ def test_a_pipe_gets_plain_lines(piped, verb):
 
 
 def test_colors_can_be_forced_but_no_bar(piped):
-    """With FORCE_COLOR a pipe gets no bar and keeps its cursor."""
     code, _, err = piped["forced", "fit"]
     assert code == 0
     assert "✓" in err
@@ -138,7 +142,6 @@ def test_colors_can_be_forced_but_no_bar(piped):
 
 @pytest.mark.parametrize("mode", ["json", "quiet"])
 def test_errors_are_on_standard_error_alone(piped, mode):
-    """A mistake ends with exit code 2 and a sentence."""
     code, out, err = piped[mode, "mistake"]
     assert (code, out) == (2, "")
     assert "'panda'" in err
@@ -179,10 +182,9 @@ def on_a_terminal(command):
     return b"".join(chunks).decode("utf-8")
 
 
-def test_streams_in_ascii(verbs):
+def test_streams_in_ascii(piped):
     """Where the streams can write ASCII alone, signs become question marks, and JSON escapes them."""
-    plan = [[{}, verbs["fit"]], [{}, [*verbs["apply"], "--json"]]]
-    (_, fitted, steps), (_, applied, _) = run_in_pipe(plan, PYTHONIOENCODING="ascii")
+    _, fitted, steps = piped["ascii", "fit"]
     assert "? Fit transfer" in steps
     assert "adapter ? " in fitted
-    assert json.loads(applied)["ellipsoids"] == 11
+    assert json.loads(piped["ascii json", "apply"][1])["ellipsoids"] == 11

@@ -24,14 +24,12 @@ main()
 
 @pytest.mark.parametrize("name", ["maniport.cli", "numpy", "maniport.cli.view"])
 def test_ctrl_c_during_imports(name):
-    """Exit code 130 and one sentence."""
     code = INTERRUPTED_WHEN_STARTED.format(name=name)
     ended = subprocess.run([sys.executable, "-c", code, "info", "panda"], capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "maniport: interrupted; nothing was written\n")
 
 
 def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
-    """Exit code 130, one sentence, and an empty folder."""
     command = [*COMMAND, "demo", "-o", str(tmp_path / "out")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stderr:
@@ -48,7 +46,6 @@ def test_ctrl_c_in_the_middle_of_the_work_leaves_nothing(tmp_path):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
 @pytest.mark.parametrize("closing", [">/dev/full", "<&- >&-"])
 def test_an_output_that_cannot_be_written_is_an_error(closing):
-    """Full or closed: one sentence, with exit code 1."""
     words = ["sh", "-c", f'exec "$0" "$@" {closing}', *COMMAND, "--version"]
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1)
@@ -57,7 +54,6 @@ def test_an_output_that_cannot_be_written_is_an_error(closing):
 
 @pytest.mark.skipif(os.name != "posix", reason="descriptors of POSIX")
 def test_no_file_takes_the_number_of_a_closed_output(tmp_path):
-    """With all outputs closed, the file of the result holds the result alone."""
     words = ["sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-', *COMMAND, "domain", "panda", "-n", "10", "-o"]
     ended = subprocess.run([*words, str(tmp_path / "domain.npz")], check=False)
     assert ended.returncode == 1
@@ -76,7 +72,6 @@ def test_a_broken_pipe_loses_no_result(tmp_path):
 
 
 def test_importing_the_package_loads_nothing_heavy():
-    """`import maniport` alone brings in none of the large libraries."""
     code = (
         "import sys, maniport; heavy = {'numba', 'pinocchio', 'scipy', 'sklearn', 'matplotlib', 'numpy'}; "
         "print(sorted(heavy & set(sys.modules)))"

@@ -11,34 +11,19 @@ from maniport.evaluation import select_method
 from maniport.report import as_markdown, report_of
 from maniport.transfer.length_field.fit import FieldReport
 
-
-def wrist_arm(path):
-    """Write a six-joint arm with the dimensions of an IRB140: its length field reverses orientation in many places."""
-    offsets = [
-        ("0 0 0", "0 0 1", (-3.14, 3.14)),
-        ("0.07 0 0.352", "0 1 0", (-1.57, 1.92)),
-        ("0 0 0.36", "0 1 0", (-4.01, 0.87)),
-        ("0.1 0 0", "1 0 0", (-3.49, 3.49)),
-        ("0.28 0 0", "0 1 0", (-2.01, 2.01)),
-        ("0.065 0 0", "1 0 0", (-6.98, 6.98)),
-    ]
-    links = "".join(f'<link name="l{i}"/>' for i in range(8))
-    joints = "".join(
-        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="{xyz}"/>'
-        f'<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" velocity="3" effort="10"/></joint>'
-        for i, (xyz, axis, (low, high)) in enumerate(offsets)
-    )
-    fixed = '<joint name="tip" type="fixed"><parent link="l6"/><child link="l7"/></joint>'
-    path.write_text(f'<robot name="six">{links}{joints}{fixed}</robot>')
-    return mp.load_arm(path, frame="l7")
+SIX = mp.Arm.from_dh(  # like a UR5: its length field reverses orientation in many places
+    "six",
+    [[0, 0.089, 0, np.pi / 2], [0, 0, -0.425, 0], [0, 0, -0.392, 0],
+     [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0]],
+    -3.1, 3.1,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=["panda", "six"])
-def chosen(request, tmp_path_factory):
+def chosen(request):
     """A choice for a person and a robot whose length field is good (Panda) or bad (six joints)."""
     person = mp.load_arm("rhuman")
-    folder = tmp_path_factory.mktemp("robots")
-    robot = mp.load_arm("panda") if request.param == "panda" else wrist_arm(folder / "six.urdf")
+    robot = mp.load_arm("panda") if request.param == "panda" else SIX
     domains = mp.sample_domain(person, 1024, 0), mp.sample_domain(robot, 2048, 1)
     path = np.zeros((5, 7))
     path[:, 1], path[:, 3] = np.radians(90.0), np.radians(np.linspace(20.0, 110.0, 5))

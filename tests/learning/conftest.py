@@ -18,13 +18,11 @@ def _scatter(centers, deviations):
 
 @pytest.fixture(scope="session")
 def truth():
-    """The profile (n, 3, 3) at times (n,)."""
     return _truth
 
 
 @pytest.fixture(scope="session")
 def scatter():
-    """Put points about centers."""
     return _scatter
 
 

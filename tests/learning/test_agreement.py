@@ -21,13 +21,11 @@ def judged(profiles, components=2):
 
 @pytest.fixture(scope="module")
 def four(truth):
-    """Four equal profiles, of which one is another motion."""
     one = truth(TIME)
     return judged([one, one, one, spd.powm(one, -1.0)])
 
 
 def test_equal_demonstrations_agree_wholly(truth):
-    """Of equal demonstrations nothing of the variance lies between them, at no pace, and the plain mean is each."""
     found = judged([truth(TIME), truth(TIME), np.repeat(truth(TIME), 2, axis=0)])
     assert found.after == pytest.approx(0.0, abs=1e-6)
     assert found.share == pytest.approx(0.0, abs=1e-6)
@@ -37,7 +35,6 @@ def test_equal_demonstrations_agree_wholly(truth):
 
 
 def test_the_odd_one_is_found(four):
-    """What is not like the others lies farthest from them and is named."""
     assert four.outlier == 3
     assert np.argmax(four.held_out.nearest) == 3
     assert_allclose(four.apart, four.apart.T)

@@ -26,7 +26,6 @@ def cheapest_of_all(costs):
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (4, 1), (3, 4), (5, 5), (6, 4)])
 def test_path_is_the_cheapest_of_all(shape):
-    """The cost is the least over all paths, and the sum along a path that runs from end to end by allowed steps."""
     rng = np.random.default_rng(sum(shape))
     for _ in range(5):
         costs = rng.random(shape)
@@ -40,7 +39,6 @@ def test_path_is_the_cheapest_of_all(shape):
 
 
 def test_known_warp_is_recovered(truth):
-    """A demonstration at another pace and length comes back to the reference's times, with its own positions."""
     time = np.linspace(0.0, 1.0, 60)
     slow = np.linspace(0.0, 1.0, 150)
     pace = slow**1.6
@@ -54,7 +52,6 @@ def test_known_warp_is_recovered(truth):
 
 
 def test_demonstrations_that_differ_in_pace_only_have_no_distance():
-    """Repeating frames changes neither the ellipsoids at the common times nor the distance."""
     rng = np.random.default_rng(0)
     profile = spd.expm(spd.from_vector(rng.standard_normal((8, 6))))
     result = align([profile, np.repeat(profile, [1, 3, 1, 2, 1, 1, 4, 1], axis=0)], reference=0)
@@ -63,7 +60,6 @@ def test_demonstrations_that_differ_in_pace_only_have_no_distance():
 
 
 def test_medoid_is_the_reference(truth, demonstrate):
-    """The demonstration with the least summed distance to the others gives the times."""
     time = np.linspace(0.0, 1.0, 20)
     rng = np.random.default_rng(1)
     demos = demonstrate(rng, 4, time, 0.1)

@@ -8,7 +8,6 @@ from sklearn.mixture import GaussianMixture
 
 from maniport import spd
 from maniport.learning import ProfileGMM
-from maniport.learning.mixture import log_density, regress
 
 TIME = np.linspace(0.0, 1.0, 40)
 
@@ -24,7 +23,6 @@ def taught(demonstrate):
 
 
 def test_mean_profile_is_recovered_within_the_noise(taught, truth):
-    """The prediction lies closer to the true profile than the demonstrations do, everywhere within their noise."""
     time, amplitude, demos, model = taught
     error = spd.distance(model.predict(time), truth(time))
     assert error.mean() < 0.4 * spd.distance(demos, truth(time)).mean()
@@ -32,7 +30,6 @@ def test_mean_profile_is_recovered_within_the_noise(taught, truth):
 
 
 def test_covariance_is_larger_where_demonstrations_differ(taught):
-    """The standard deviation follows the demonstrators', large in the middle and small at the ends."""
     time, amplitude, _, model = taught
     _, covariance = model.predict(time, return_covariance=True)
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 6)
@@ -41,7 +38,6 @@ def test_covariance_is_larger_where_demonstrations_differ(taught):
 
 
 def test_one_component_is_a_geodesic_regression(scatter):
-    """One component of noise-free points on a geodesic predicts the geodesic, inside and outside its times."""
     rng = np.random.default_rng(1)
     base, slope = spd.expm(spd.from_vector(rng.standard_normal(6))), rng.standard_normal(6)
     time = np.linspace(-1.0, 1.0, 21)
@@ -77,7 +73,6 @@ def _in_flat(model, small):
 
 
 def test_likelihood_rises_in_em(demonstrate):
-    """The likelihood falls in no EM step by more than curvature allows, and the best mixture is kept."""
     time = np.linspace(0.0, 1.0, 30)
     demos = demonstrate(np.random.default_rng(4), 3, time, 0.3)
     inputs, points = np.tile(time, 3), demos.reshape(-1, 3, 3)
@@ -90,7 +85,6 @@ def test_likelihood_rises_in_em(demonstrate):
 
 @pytest.mark.parametrize("count", [1, 4])
 def test_bic_finds_the_number_of_separate_components(count, scatter):
-    """BIC chooses the true number of well separated Gaussians."""
     rng = np.random.default_rng(count)
     centers = spd.expm(spd.from_vector(1.5 * rng.standard_normal((count, 6))))
     which = np.arange(160) % count
@@ -103,13 +97,11 @@ def test_bic_finds_the_number_of_separate_components(count, scatter):
 
 @pytest.fixture(scope="module")
 def demos(demonstrate):
-    """Times and ellipsoids of three demonstrations together."""
     return np.tile(TIME, 3), demonstrate(np.random.default_rng(0), 3, TIME, 0.2).reshape(-1, 3, 3)
 
 
 @pytest.fixture(scope="module")
 def model(demos):
-    """A model of three components."""
     return ProfileGMM(3, random_state=0).fit(*demos, groups=np.repeat([0, 1, 2], 40))
 
 
@@ -134,20 +126,3 @@ def test_congruence_of_the_data_is_congruence_of_the_prediction(demos, model):
     found = covariance_tensor(mean_moved, covariance_moved)
     assert_allclose(found, tensor, atol=1e-6 * np.abs(tensor).max())
     assert moved.log_likelihood_ == pytest.approx(model.log_likelihood_, abs=1e-8)
-
-
-def test_prediction_is_the_fixed_point_of_the_regression(model):
-    """At the prediction the weighted tangents toward the components' own predictions cancel."""
-    mixture = model._mixture()
-    centers, _ = regress(mixture, TIME[:, None])
-    for center, time in zip(centers, TIME, strict=True):
-        total = np.zeros((3, 3))
-        away = time - mixture.inputs[:, 0]
-        density = log_density(away[:, None, None], mixture.covariances[:, :1, :1])[0]
-        shares = mixture.weights * np.exp(density) / np.sum(mixture.weights * np.exp(density))
-        for k, share in enumerate(shares):
-            base, sigma = mixture.ellipsoids[k], mixture.covariances[k]
-            whitened = spd.from_vector(sigma[1:, 0] / sigma[0, 0] * away[k])
-            ahead = spd.transport(spd.sqrtm(base) @ whitened @ spd.sqrtm(base), base, center)
-            total += share * (spd.log(center, base) + ahead)
-        assert np.abs(total).max() < 1e-7

@@ -58,6 +58,5 @@ ONE, HALF = ProfileGMM(1), TIME[:, None, None] > 0.5
     ],
 )
 def test_wrong_arguments_are_rejected(call, words, error):
-    """The error has the type and the name of the argument."""
     with pytest.raises(error, match=words):
         call()

@@ -9,7 +9,6 @@ from maniport.learning.tangent import coordinates, on_vectors, turns
 
 
 def test_weights_are_the_precision_without_damping():
-    """Without damping the weights are proportional to the inverse covariance."""
     factors = np.random.default_rng(0).standard_normal((7, 6, 6)) * np.linspace(0.1, 1.0, 7)[:, None, None]
     covariance = factors @ np.swapaxes(factors, -1, -2)
     ratio = tracking_weights(covariance, damping=0.0) @ covariance
@@ -17,7 +16,6 @@ def test_weights_are_the_precision_without_damping():
 
 
 def test_coordinates_at_both_ends_differ_by_a_rotation():
-    """The whitened log at one end is minus the turned whitened log at the other, at any distance."""
     wanted, achieved = spd.expm(spd.from_vector(1.5 * np.random.default_rng(1).standard_normal((2, 9, 6))))
     at_wanted, at_achieved = coordinates(wanted, achieved), coordinates(achieved, wanted)
     basis = on_vectors(turns(wanted, achieved))

@@ -32,7 +32,6 @@ def test_a_frame_by_name_or_in_order_is_the_same(t, positions):
 
 
 def test_masked_points_are_not_seen():
-    """As nan, which they become."""
     masked = np.ma.masked_array(np.ones((2, 3), dtype=int), mask=[[True] * 3, [False] * 3])
     for points in (masked, {"wrist": [1, 1, 1], "elbow": None}):
         np.testing.assert_array_equal(as_frame(points, ("elbow", "wrist")), [[np.nan] * 3, [1.0] * 3])
@@ -71,7 +70,6 @@ def test_masked_points_are_not_seen():
     ],
 )
 def test_other_lines_are_refused(text, word):
-    """The message is short, and goes back as one line of JSON."""
     with pytest.raises(InvalidInputError) as caught:
         read_frame(text, NAMES)
     assert word in str(caught.value)
@@ -79,13 +77,11 @@ def test_other_lines_are_refused(text, word):
 
 
 def blocks(language):
-    """Fenced blocks of a language in docs/live.md."""
     page = (Path(__file__).parents[2] / "docs" / "live.md").read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
 
 
 def test_the_page_shows_the_lines():
-    """Frames of the page are read; its client is answered by lines with the fields of the page."""
     first, frames, state, error = blocks("json")
     names = json.loads(first)["points"]
     named, listed = (read_frame(line.encode(), names) for line in frames.splitlines())

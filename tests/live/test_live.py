@@ -11,7 +11,6 @@ import maniport as mp
 from maniport.errors import InvalidInputError
 from maniport.live.state import FAR, FOLLOWING, HOLDING, LAGGING, NEAR, REACHING, RECOVERING, STATES
 from maniport.mocap import shipped_recording
-from sizes import SMALL
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +24,6 @@ def frames(small_result):
 
 @pytest.fixture
 def live(small_result):
-    """A robot in simulated time."""
     return mp.Live.of(small_result, clock=None)
 
 
@@ -90,13 +88,12 @@ def test_a_person_is_followed_as_offline(small_result, live, frames):
     require_safe(small_result.arm.motion, small_result.arm.collisions, time, states)
 
 
-def test_both_arms_lead_two_robots():
+def test_both_arms_lead_two_robots(two_arm_result):
     """Both end effectors come to their paths; while a single arm is hidden, the whole robot rests."""
-    recording = mp.read_recording("both-arms").crop(5.1, 5.6)
-    arms = mp.load_arms("panda", bases=[(0, 0.3, 0), (0, -0.3, 0)])
-    result = mp.transfer_recording(recording, robot=arms, method="parallel-transport", speed_scale=0.5, **SMALL)
+    result, arms = two_arm_result, two_arm_result.robot
+    recording = result.recording
     live = mp.Live.of(result, clock=None)
-    slow, time = np.arange(0.0, 0.5, 0.005), recording.time - recording.time[0]
+    slow, time = np.arange(0.0, 0.3, 0.003), recording.time - recording.time[0]
     columns = [
         np.interp(slow, time[~np.isnan(x)], x[~np.isnan(x)]) for name in live.points for x in recording.point(name).T
     ]
@@ -135,7 +132,6 @@ def test_who_is_not_seen_is_waited_for(live, frames):
 
 
 def test_points_that_leap_are_not_followed(live, frames):
-    """A hand that is elsewhere for a frame, half a metre away, changes nothing of what is believed of the person."""
     points, time = frames
     before = played(live, points[:20], time[:20])[-1]
     leaping = points[20].copy()
@@ -146,7 +142,6 @@ def test_points_that_leap_are_not_followed(live, frames):
 
 
 def test_the_robot_comes_from_where_it_is(small_result, frames):
-    """From another start the arm gets to the person's within its limits; names may be given, in any order."""
     start = 0.5 * (small_result.arm.robot.lower + small_result.arm.robot.upper)
     live = mp.Live.of(small_result, start=start, clock=None)
     time = 0.02 * np.arange(1, 300)
@@ -159,7 +154,6 @@ def test_the_robot_comes_from_where_it_is(small_result, frames):
 
 
 def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
-    """Made of its parts, without a path and with a planned start, the arm is near its targets."""
     points, time = frames
     arm = small_result.arm
     live = mp.Live(arm.fit, arm.adapter, arm.robot, clock=None)
@@ -170,7 +164,6 @@ def test_without_a_path_ellipsoids_alone_are_followed(small_result, frames):
 
 
 def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames):
-    """The error names what is wrong; the next good frame is processed as if nothing had happened."""
     other = mp.Live.of(small_result, clock=None)
     live.step(frames[0][0], 0.0), other.step(frames[0][0], 0.0)
     for points, time, words in (
@@ -208,13 +201,11 @@ def test_wrong_frames_are_refused_and_change_nothing(small_result, live, frames)
     ],
 )
 def test_wrong_arguments_are_errors(small_result, options, word):
-    """Before anything moves."""
     with pytest.raises(InvalidInputError, match=word):
         mp.Live.of(small_result, **options)
 
 
 def test_wrong_types_are_errors(small_result):
-    """A recording is no fitted person, and two arms need two adapters."""
     arm = small_result.arm
     pair = mp.ArmGroup(arm.robot, mp.load_arm("ur5"))
     for arguments, name in (
@@ -242,7 +233,6 @@ def test_a_robot_whose_tip_is_far_away_is_said_to_lag(live, frames):
 
 
 def test_neither_unit_nor_axes_of_frames_matter(small_result, live, frames):
-    """Turned about any axis, moved, and in millimeters, the same frames give the same joint positions."""
     turn, other = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(), mp.Live.of(small_result, clock=None)
     for points, t in zip(frames[0][:15], frames[1][:15], strict=True):
         there = 1e3 * points @ turn.T + [50.0, -7.0, 300.0]

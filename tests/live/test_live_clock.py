@@ -66,7 +66,6 @@ def test_a_long_step_is_not_made_up_for(small_result, led):
 
 
 def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
-    """It moves on when the clock is where it was."""
     clock, (make, frames) = FakeClock(), led
     live, states = make(clock), []
     back = np.where(np.arange(100) % 20 == 9, 5.0, 0.0)
@@ -79,7 +78,6 @@ def test_a_clock_that_goes_back_stops_the_robot(small_result, led):
 
 
 def test_frames_need_no_times(led):
-    """Without a time a frame is of now; a step without a frame needs none. A robot that sees nobody rests in time."""
     clock, (make, frames) = FakeClock(), led
     live = make(clock)
     for points in [*frames[:30], *[None] * 60]:

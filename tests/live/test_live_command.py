@@ -64,7 +64,6 @@ def test_every_line_is_answered(run, recorded, small_result):
 
 
 def test_ctrl_c_brings_the_robot_to_rest(run, recorded):
-    """While frames come by UDP; then it ends with exit code 0."""
     path, lines, _ = recorded
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
@@ -110,7 +109,6 @@ def test_ctrl_c_brings_the_robot_to_rest(run, recorded):
     ],
 )
 def test_wrong_options_are_refused(run, words, word):
-    """With exit code 2, before anything is read."""
     code, out, err = run(*words)
     assert (code, out) == (2, [])
     assert word in err
@@ -126,7 +124,6 @@ def test_wrong_options_are_refused(run, words, word):
     ],
 )
 def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, capsys, closed, words, text):
-    """Streams as where a shell was given `<&-` or `>&-`; robots before the recording is transferred."""
     if closed is not None:
         monkeypatch.setattr(sys, closed, None)
     monkeypatch.setattr(sys, "argv", ["maniport", "live", *words])

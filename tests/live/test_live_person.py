@@ -30,7 +30,6 @@ def estimates(person, recording, hidden=(), near=None):
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_joint_angles_are_those_that_move_the_arm(side):
-    """A model's own motion is found to a tenth of a degree, causally, of either arm."""
     arm, q, time = moving(side)
     recording = synthetic_recording(arm, q, time)
     found = estimates(Person(mp.fit_arm(recording.crop(0.0, 0.5))), recording)
@@ -38,7 +37,6 @@ def test_joint_angles_are_those_that_move_the_arm(side):
 
 
 def test_unseen_joints_come_to_rest():
-    """Where markers of the elbow's axis are missing and the arm is straight, nothing drifts away."""
     arm, q, time = moving("right")
     q[:, 3] = 0.0
     recording = synthetic_recording(arm, q, time)
@@ -51,7 +49,6 @@ def test_unseen_joints_come_to_rest():
 @pytest.mark.parametrize("axes", [(), ("hand", "elbow_axis", "wrist_axis")])
 @pytest.mark.parametrize("person", ["myoarm", "rhuman"])
 def test_one_frame_is_compiled_as_many_are(person, axes):
-    """Cost, gradient and Hessian are those of `Directions.residual`, unseen markers included."""
     arm, draw, names = human_arm(person), np.random.default_rng(0), ("upper arm", "forearm", *axes)
     q, targets = arm.sample(4, 1), draw.normal(size=(4, len(names), 3))
     targets /= np.linalg.norm(targets, axis=-1, keepdims=True)

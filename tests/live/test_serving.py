@@ -28,7 +28,6 @@ def frame(t, x=0.0):
 
 
 def wait(condition, seconds=60.0):
-    """Wait until a condition is met."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it was not met"
@@ -48,28 +47,23 @@ class Ends(contextlib.ExitStack):
         return super().__enter__()
 
     def write(self, *lines):
-        """Write lines, at once."""
         os.write(self._to, b"".join(line if isinstance(line, bytes) else line.encode() + b"\n" for line in lines))
 
     def read(self):
-        """The next answer."""
         return json.loads(self.lines.readline())
 
     def end(self):
-        """Write no more."""
         os.close(self._to)
 
 
 @pytest.fixture
 def ends():
-    """Pipes to a server and back."""
     with Ends() as both:
         yield both
 
 
 @pytest.fixture
 def guest():
-    """A UDP socket of a user."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("127.0.0.1", 0))
         link.settimeout(60.0)
@@ -77,7 +71,6 @@ def guest():
 
 
 def test_every_frame_is_answered_on_request(ends):
-    """However many wait, none before its time; at the end of the input the robot is brought to rest."""
     with serving(Toy(), ends.transport, every=True) as summaries:
         assert ends.read()["points"] == [*NAMES]
         began = time.monotonic()
@@ -136,7 +129,6 @@ def test_a_robot_without_frames_brakes_until_it_rests(ends):
 
 
 def test_junk_is_answered_and_the_loop_continues(ends):
-    """Other lines, too long ones, and times that go back: each is answered with its number."""
     bad = {
         "must be JSON": "nonsense",
         "at most": b"x" * (3 * FRAME_BYTES) + b"\n",
@@ -158,8 +150,6 @@ def test_junk_is_answered_and_the_loop_continues(ends):
 
 
 def test_a_full_disk_is_an_error():
-    """It is no reader that leaves."""
-
     class Full(io.BytesIO):
         def flush(self):
             raise OSError(errno.ENOSPC, "No space left on device")
@@ -185,7 +175,6 @@ def test_a_line_without_end_takes_no_memory(ends, guest):
 
 
 def test_a_reader_that_leaves_ends_it(ends):
-    """With nobody to answer, the robot is left at its last answer."""
     with serving(Toy(), ends.transport) as summaries:
         ends.read()
         ends.lines.close()
@@ -195,7 +184,6 @@ def test_a_reader_that_leaves_ends_it(ends):
 
 
 def test_a_reader_that_does_not_read_is_not_waited_for(ends):
-    """The robot goes on; lost answers are counted, those that come are whole, and it ends."""
     fcntl.fcntl(ends.lines, fcntl.F_SETPIPE_SZ, 8192)
     toy = Toy()
     with serving(toy, ends.transport) as summaries:
@@ -231,7 +219,6 @@ def test_datagrams_are_answered_to_their_sender_or_one_port(guest):
 
 @pytest.mark.parametrize(("port", "send"), [("taken", None), (99_999, None), (0, 0), (9000, 9000)])
 def test_impossible_ports_are_refused(guest, port, send):
-    """Taken, none, or the same for frames and answers."""
     with pytest.raises(InvalidInputError, match=r"Port 0 takes a free one|udp|send"):
         Datagrams(guest.getsockname()[1] if port == "taken" else port, send=send)
 
@@ -246,17 +233,14 @@ class Script:
         os.close(end)
 
     def fileno(self):
-        """Always ready."""
         return self._ready
 
     def receive(self):
-        """The lines of the next event, at its time."""
         at, lines = next(self._events, (0.0, None))
         self.clock.now = max(self.clock.now, at)
         return None if lines is None else [Line(line.encode()) for line in lines]
 
     def send(self, text, receiver=None):
-        """Keep an answer."""
         self.answers.append((self.clock.now, json.loads(text)))
         return True
 

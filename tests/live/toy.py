@@ -24,7 +24,6 @@ class Toy:
         self.joint_positions, self.change, self.times, self.steps = np.zeros(2), 0.0, [], 0
 
     def step(self, points, time=None):
-        """Take a frame."""
         if points is not None and points[2, 0] > 1e11:
             raise InvalidInputError("the wrist is too far away")
         self.steps += 1
@@ -65,7 +64,6 @@ class FakeClock:
         self.now, self.delays = 1000.0, []
 
     def __call__(self):
-        """Return the time [s]."""
         if self.delays:
             self.now += self.delays.pop(0)
         return self.now

@@ -1,8 +1,9 @@
 """The robot that most tests of tracking move, and what is known of it."""
 
+import numpy as np
 import pytest
 
-from maniport.arms import VELOCITY, load_arm
+from maniport.arms import VELOCITY, Arm, load_arm
 from maniport.arms.collisions import Collisions
 from maniport.motion import MotionLimits, Planner, ReachabilityMap, SeedBank
 from maniport.motion.plan.arm_planner import ArmPlanner
@@ -12,6 +13,13 @@ from maniport.motion.plan.arm_planner import ArmPlanner
 def panda():
     """The Panda to its flange."""
     return load_arm("panda", frame="panda_link8")
+
+
+@pytest.fixture(scope="session")
+def crane():
+    """A small arm of a slide and three revolute joints."""
+    rows = [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]]
+    return Arm.from_dh("crane", rows, [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3])
 
 
 @pytest.fixture(scope="session")

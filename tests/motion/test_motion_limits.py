@@ -90,9 +90,9 @@ def test_use_is_found_where_it_is(crane):
     q = np.column_stack([np.sin(2.0 * time + 1.0), np.full(len(time), 0.75)])
     use = limits.use(time, q)
     assert use.joint_names == crane.joint_names
-    assert_allclose(use.shares[:, 0], [0.5, 1.0, 0.4, 0.08], atol=1e-4)
-    assert_allclose(use.shares[:, 1], [0.5, 0.0, 0.0, 0.0], atol=1e-12)
-    assert_allclose(use.times[1:, 0], [np.pi / 2 - 0.5, np.pi / 4 - 0.5, np.pi / 2 - 0.5], atol=2e-2)
+    assert_allclose(use.shares[:, 0], [0.5, 1.0, 0.4, 0.08, 0.0, 0.0], atol=1e-4)
+    assert_allclose(use.shares[:, 1], [0.5, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-12)
+    assert_allclose(use.times[1:4, 0], [np.pi / 2 - 0.5, np.pi / 4 - 0.5, np.pi / 2 - 0.5], atol=2e-2)
     joint, share, _ = use.largest["velocity"]
     assert (joint, round(share, 3)) == ("joint1", 1.0)
     assert use.within

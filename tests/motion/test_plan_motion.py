@@ -8,17 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import CubicSpline
 
 from maniport import motion
-from maniport.arms import Arm, EllipsoidSpec
-from maniport.arms.dynamics import point_mass
+from maniport.arms import EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
 
-CRANE = Arm.from_dh(
-    "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
-    [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
-)  # fmt: skip
 TIME = 3.0 + np.linspace(0.0, 1.2, 13)
 
 
@@ -104,9 +99,9 @@ def test_clearance_is_measured_between_the_waypoints(planned, planner):
 
 
 @pytest.mark.parametrize("name", ["panda", "crane"])
-def test_any_arm_follows_itself(panda, planner, name):
+def test_any_arm_follows_itself(panda, crane, planner, name):
     """With 7 or 4 joints, revolute or prismatic: an arm's own motion is made again, within its limits."""
-    arm = {"panda": panda, "crane": CRANE}[name]
+    arm = {"panda": panda, "crane": crane}[name]
     plan = plan_motion(arm, **targets_of(arm), rate=500.0, planner=planner if name == "panda" else None)
     result = require_laws(plan)
     assert np.median(result.distance) < 0.1
@@ -228,10 +223,10 @@ def test_bad_arguments_are_named(panda, targets, change, error, words):
         plan_motion(panda, **{"collisions": False} | targets | change)
 
 
-def test_a_planner_of_another_arm_is_refused(planner, targets):
+def test_a_planner_of_another_arm_is_refused(crane, planner, targets):
     """It would move another robot, or use other ellipsoids."""
     with pytest.raises(InvalidInputError, match=r"planner was made for 'panda'.*does not fit 'crane'"):
-        plan_motion(CRANE, **targets, planner=planner)
+        plan_motion(crane, **targets, planner=planner)
     with pytest.raises(InvalidInputError, match="does not fit"):
         plan_motion(planner.limits.arm, **targets, planner=planner, spec=EllipsoidSpec(part="rotation"))
 
@@ -239,9 +234,7 @@ def test_a_planner_of_another_arm_is_refused(planner, targets):
 @pytest.mark.parametrize("kind", ["force", "acceleration"])
 def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
     """With effort limits, gravity and a payload as weights the motion follows feasible ellipsoids, as any."""
-    inertia = [point_mass(2.0, np.array([0.05, 0.0, 0.1])) + 0.01 * np.diag([0, 0, 0, 1, 1, 1])] * 8
-    chain = replace(panda.chain, inertia=np.array(inertia), effort_limits=np.array([87.0] * 4 + [12.0] * 3))
-    robot, spec = Arm(chain).with_payload(1.0, (0.0, 0.0, 0.1)), EllipsoidSpec(kind, joint_weights="joint-limits")
+    robot, spec = panda.with_payload(1.0, (0.0, 0.0, 0.1)), EllipsoidSpec(kind, joint_weights="joint-limits")
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))
     options = {"kind": kind, "joint_weights": "joint-limits"}

@@ -5,6 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm
+from maniport.arms.chain import pose
+from maniport.arms.restriction import standing
 from maniport.motion.objective import Objective
 from maniport.motion.plan.reachability_map import IN_PLACE, ReachabilityMap
 from maniport.motion.plan.roadmap import shortest_path
@@ -14,23 +16,7 @@ SIX_ROWS = [
     [0, 0.109, 0, np.pi / 2], [0, 0.095, 0, -np.pi / 2], [0, 0.082, 0, 0],
 ]  # fmt: skip
 SIX = Arm.from_dh("six", SIX_ROWS, -3.1, 3.1)
-CRANE = Arm.from_dh(
-    "crane", [[0, 0, 0, np.pi / 2], [0, 0.1, 0.5, 0], [0, 0, 0.4, 0.7], [0, 0, 0.2, 0]],
-    [-0.5, -2, -2, -2], [0.5, 2, 2, 2], kinds=["prismatic", *["revolute"] * 3],
-)  # fmt: skip
-SHOULDER = """<robot name="shoulder"><link name="base"/>{}</robot>"""
-JOINT = """<link name="l{0}"/><joint name="j{0}" type="revolute"><parent link="{1}"/><child link="l{0}"/>
-<origin xyz="{2}"/><axis xyz="{3}"/><limit lower="-2" upper="2" velocity="2" effort="1"/></joint>"""
-
-
-@pytest.fixture(scope="module")
-def shoulder(tmp_path_factory):
-    """An arm of four joints that hangs on a horizontal axis, beside the origin."""
-    rows = [("base", "0.1 0.2 0.3", "0 1 0"), ("l0", "0 0.1 0", "1 0 0"), ("l1", "0 0 -0.3", "0 1 0"),
-            ("l2", "0 0 -0.25", "1 0 0"), ("l3", "0.2 0 -0.1", "0 1 0")]  # fmt: skip
-    path = tmp_path_factory.mktemp("shoulder") / "shoulder.urdf"
-    path.write_text(SHOULDER.format("".join(JOINT.format(i, *row) for i, row in enumerate(rows))))
-    return load_arm(path, frame="l4")
+SHOULDER = Arm(standing(SIX.chain, pose((0.1, 0.2, 0.3), (-np.pi / 2, 0.0, 0.0))))  # its first axis is horizontal
 
 
 def targets_of(arm, count=6, spec=VELOCITY, seed=3):
@@ -40,9 +26,9 @@ def targets_of(arm, count=6, spec=VELOCITY, seed=3):
 
 
 @pytest.mark.parametrize("name", ["panda", "shoulder"])
-def test_arms_turn_about_their_first_axis(panda, shoulder, name):
+def test_arms_turn_about_their_first_axis(panda, name):
     """A turn of the first joint turns the tip about the axis that is found: beside and along it nothing changes."""
-    arm = {"panda": panda, "shoulder": shoulder}[name]
+    arm = {"panda": panda, "shoulder": SHOULDER}[name]
     axis = ReachabilityMap(arm, VELOCITY, 64).axis
     assert_allclose(axis.frame @ axis.frame.T, np.eye(3), atol=1e-12)
     assert_allclose(axis.frame[2], [0, 1, 0] if name == "shoulder" else [0, 0, 1], atol=1e-12)
@@ -67,9 +53,9 @@ def test_joints_without_effect_stay_in_the_middle(panda):
 
 
 @pytest.mark.parametrize("name", ["panda", "crane", "shoulder"])
-def test_nodes_have_their_tips_in_place(panda, shoulder, name):
+def test_nodes_have_their_tips_in_place(panda, crane, name):
     """Nodes are within the limits and 0.1 mm, cost what the objective says, and are no more than were wanted."""
-    arm = {"panda": panda, "crane": CRANE, "shoulder": shoulder}[name]
+    arm = {"panda": panda, "crane": crane, "shoulder": SHOULDER}[name]
     targets = targets_of(arm)
     nodes = ReachabilityMap(arm, VELOCITY, 10_000).nodes(targets, 40, np.random.default_rng(0))
     counts = np.diff(nodes.first)

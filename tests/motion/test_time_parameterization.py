@@ -1,14 +1,16 @@
 """A path is passed as soon as the person did or the limits allow, from rest to rest, and from a home posture."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linprog
 
-from maniport.arms import Arm
+from maniport.arms import Arm, load_arm
 from maniport.errors import InvalidInputError
+from maniport.motion.arm_model import robot_model
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.plan.joint_path import fill_speeds
 from maniport.motion.plan.time_parameterization import retime, with_approach
@@ -38,6 +40,32 @@ def require_laws(limits, time, q, timed, rate=1000.0):
     assert_array_equal(np.diff(positions[-4:], axis=0), 0.0)
     assert np.all(np.diff(timed.time) >= np.diff(time) * (1.0 - 1e-9))  # never faster than the person
     assert 0.0 <= timed.time[0] < timed.time[-1] <= timed.control_time[-1]
+
+
+@pytest.mark.parametrize(("payload", "share"), [(0.0, 1.0), (3.0, 1.0), (0.0, 0.45)])
+def test_torques_of_samples_keep_their_limits(payload, share):
+    """By Pinocchio, at every sample; little torque makes a motion slower, and the file has the torques."""
+    arm = load_arm("panda").with_payload(payload)
+    entries = {name: {"effort": share * own} for name, own in zip(arm.joint_names, arm.effort_limits, strict=True)}
+    limits, q = MotionLimits.of(arm, {"joints": entries}), np.array([[0, -0.6, 0, -2.2, 0, 1.6, 0.5]] * 9)
+    q[:, :6] += 0.4 * np.sin(np.outer(np.linspace(0.0, 3.0, 9), np.arange(1, 7)))
+    timed = retime(limits, np.linspace(0.0, 1.0, 9), q)
+    require_laws(limits, timed.time, q, timed)
+    model = robot_model(arm)
+    states = zip(timed.control_positions, timed.control_velocities, timed.control_accelerations, strict=True)
+    torques = np.array([pin.rnea(model, model.createData(), *state) for state in states])
+    assert_allclose(timed.control_torques, torques, atol=1e-9)
+    assert np.all(np.abs(torques) <= limits.effort)
+    use = limits.use(timed.control_time, timed.control_positions).largest
+    assert use["torque"][1] == pytest.approx(np.max(np.abs(torques) / limits.effort))
+    assert use["torque rate"][1] <= 1.0
+
+
+def test_a_payload_that_cannot_be_held_is_refused():
+    """The message has the joint, the torque and the limit."""
+    limits = MotionLimits.of(load_arm("panda").with_payload(20.0))
+    with pytest.raises(InvalidInputError, match=r"panda_joint\d needs .* N m, its limit is"):
+        retime(limits, [0.0, 1.0], [[0.0, 0.5, 0.0, -1.5, 0.0, 1.5, 0.0], [0.2, 0.6, 0.0, -1.3, 0.0, 1.5, 0.0]])
 
 
 @pytest.mark.parametrize("arm", [CRANE, SIX], ids=lambda arm: arm.name)
@@ -169,14 +197,15 @@ def test_speeds_are_the_largest_of_linear_programs():
     random, n, m = np.random.default_rng(3), 12, 8
     a, b = random.standard_normal((n, m)), 3.0 * random.standard_normal((n, m))
     a[::3, :3] = 0.0
+    low, high = -random.uniform(0.2, 1.5, (n, m)), random.uniform(0.2, 1.5, (n, m))
     steps, limits, speeds = random.uniform(0.02, 0.1, n), random.uniform(0.1, 1.0, n + 1), np.empty(n + 1)
-    fill_speeds(a, b, steps, limits, speeds)
+    fill_speeds(a, b, low, high, steps, limits, speeds)
 
     def program(i, cost, end, fixed):
         sides = np.stack([a[i], b[i]], axis=1)
         rows = np.concatenate([sides, -sides, [[2.0 * steps[i], 1.0], [-2.0 * steps[i], -1.0]]])
         bounds = [(None, None), fixed]
-        return linprog(cost, rows, np.append(np.ones(2 * m), [end, 0.0]), bounds=bounds).x
+        return linprog(cost, rows, np.concatenate([high[i], -low[i], [end, 0.0]]), bounds=bounds).x
 
     expected = np.zeros(n + 1)
     for i in range(n - 1, -1, -1):

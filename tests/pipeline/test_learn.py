@@ -15,7 +15,7 @@ from maniport.report.metrics import report_of
 from maniport.report.renderings import files_of
 from maniport.report.write import LEARNED_FILES
 from maniport.util.files import load_ellipsoids, load_path
-from sizes import SMALL, few_places
+from sizes import SMALL, little_search
 
 REACHES = [(1.4, 2.1), (2.5, 3.2), (6.8, 7.7)]
 """Times at which the person of the shipped recording reaches out to the right."""
@@ -101,7 +101,7 @@ def test_left_and_right_are_mirrored_and_said(people):
 
 def test_a_robot_follows_what_was_learned(people):
     """The main job takes a learned profile in place of a recording: its ellipsoids, its path, the learned arm."""
-    with few_places():
+    with little_search():
         result = mp.transfer_recording(people, method="identity", **SMALL)
     assert_allclose(result.arm.demonstrated_profile, people.profile)
     placed = result.arm.placement

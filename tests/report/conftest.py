@@ -28,13 +28,11 @@ def motion():
 
 @pytest.fixture(scope="session")
 def result(small_result):
-    """A transfer to one arm, on a small scale."""
     return small_result
 
 
 @pytest.fixture(scope="session")
 def alone(small_result):
-    """The motion of its robot without a person."""
     return motion_alone(small_result)
 
 

@@ -20,17 +20,14 @@ class Page(HTMLParser):
         self.close()
 
     def handle_starttag(self, tag, attrs):
-        """Keep an element."""
         self.elements.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
 
     def handle_endtag(self, tag):
-        """Require that it closes the last open element."""
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        """Keep texts, scripts and styles."""
         self.text.append(data)
         if self.open[-1:] == ["script"]:
             self.scripts.append((self.elements[-1][1], data))

@@ -31,13 +31,11 @@ def terminal(monkeypatch):
 
 
 def test_json_has_no_nan(capsys):
-    """Nan and infinity become null, at any depth."""
     Console(as_json=True).finish({"a": float("nan"), "b": [1.0, (float("inf"),)], "c": {"d": -float("inf")}}, "")
     assert json.loads(capsys.readouterr().out) == {"a": None, "b": [1.0, [None]], "c": {"d": None}}
 
 
 def test_an_error_ends_the_progress_on_a_terminal(terminal):
-    """The bar that an error interrupts is removed, the cursor is visible again, and the error is raised."""
     stream = terminal(80)
     with pytest.raises(RuntimeError), progress() as report:  # noqa: PT012 - the context must end with the error
         report("walk", 0.25)
@@ -49,7 +47,6 @@ def test_an_error_ends_the_progress_on_a_terminal(terminal):
 
 @pytest.mark.parametrize("width", [24, 80])
 def test_lines_on_a_terminal_are_wrapped_between_words(terminal, width):
-    """On a terminal no word is cut, continued lines are indented, and no line is wider."""
     stream, result = terminal(width), " ".join(f"[fact{i}]" for i in range(20))
     with progress() as report:
         report("walk", 1.0, result)
@@ -63,7 +60,6 @@ def test_lines_on_a_terminal_are_wrapped_between_words(terminal, width):
 
 
 def test_lines_in_a_pipe(capsys):
-    """Each warning and each step that ends is a line without markup; nothing with --quiet."""
     for quiet in (False, True):
         with Console(quiet=quiet).progress() as report:
             for _ in range(2):

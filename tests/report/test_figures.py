@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 import maniport as mp
 from maniport.errors import FileFormatError, InvalidInputError, ManiportError, MissingPackageError, OutputError
 from maniport.report import figures
-from maniport.report.write import FIGURES
+from maniport.report.renderings import FIGURES, LEARNED
 from maniport.spd.ellipsoid import lengths
 from maniport.util.optional import matplotlib
 
@@ -31,7 +31,6 @@ def test_every_view_has_a_row_of_ellipses_for_each_profile(motion, d, views):
 
 
 def test_curves_are_the_numbers_of_the_profile(motion):
-    """The first panel has the semi-axes, broken where time jumps; flat ellipsoids can be drawn."""
     time, profile = motion()
     figure = figures.curves(time, {"person": profile, "robot": 2 * profile}, unit="N")
     values = figure.axes[0].lines[0].get_ydata()
@@ -43,7 +42,6 @@ def test_curves_are_the_numbers_of_the_profile(motion):
 
 
 def test_arms_have_one_scale_and_share_a_panel(motion):
-    """Skeletons are drawn where they are, in panels of equal extent; arms within one name share a panel."""
     _, profile = motion(count=8)
     line = np.cumsum(np.full((8, 4, 3), 0.1), axis=1)
     skeletons = {"left": line, "right": -line, "other": 0.5 * line}
@@ -69,13 +67,11 @@ def test_arms_have_one_scale_and_share_a_panel(motion):
     ],
 )
 def test_invalid_arguments_are_errors(motion, draw):
-    """Wrong shapes, names, roles and endings."""
     with pytest.raises(InvalidInputError):
         draw(*motion())
 
 
 def test_figures_are_saved_whole_and_alike(tmp_path, monkeypatch):
-    """PNG and SVG without an ending; the same bytes each time; missing folders and a missing package are errors."""
     figure = Figure(figsize=(1.0, 1.0))
     figure.subplots().plot([0, 1], [0, 1])
     first, again = (figures.save(figure, tmp_path / name) for name in ("a", "b"))
@@ -89,7 +85,6 @@ def test_figures_are_saved_whole_and_alike(tmp_path, monkeypatch):
 
 
 def test_the_figures_of_a_saved_result(small_result, tmp_path):
-    """They are drawn from the page of the result, into its folder, which may be replaced as before."""
     with pytest.raises(ManiportError):
         mp.write_figures(tmp_path)
     (tmp_path / "report.html").write_text("<html></html>")
@@ -98,7 +93,7 @@ def test_the_figures_of_a_saved_result(small_result, tmp_path):
     mp.write_results(small_result, tmp_path / "out")
     assert not list((tmp_path / "out").glob("*.png"))
     files = mp.write_figures(tmp_path / "out")
-    assert {file.stem for file in files} == set(FIGURES)
+    assert {file.stem for file in files} == set(FIGURES) - {LEARNED}
     assert all(file.stat().st_size > 10_000 for file in files)
     with pytest.raises(OutputError):
         mp.write_results(small_result, tmp_path / "out")

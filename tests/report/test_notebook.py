@@ -16,7 +16,6 @@ from sizes import motion_alone
 
 @pytest.fixture(scope="module")
 def objects(small_result):
-    """Objects of all kinds by name."""
     panda, person = mp.load_arm("panda"), mp.load_arm("myoarm")
     teacher, student = mp.sample_domain(person, 64, 0), mp.sample_domain(panda, 96, 1)
     joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
@@ -55,7 +54,6 @@ def test_html_is_small_and_colorless(objects):
 
 
 def test_texts_are_escaped():
-    """Names from files cannot become tags."""
     names, notes = ("<script>alert(1)</script>",), ("a & b",)
     html = mp.Recording(names, np.zeros((2, 1, 3)), np.arange(2.0), source="<img>", notes=notes)._repr_html_()
     assert "<script" not in html
@@ -67,7 +65,6 @@ def test_texts_are_escaped():
 
 
 def test_the_prompt_of_an_adapter_makes_it_again(objects):
-    """It is code for the unfitted adapter, as in scikit-learn."""
     icp = objects["RiemannianICP"]
     again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP, "Search": Search})
     assert again.get_params() == icp.get_params()

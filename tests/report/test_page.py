@@ -18,7 +18,6 @@ from maniport.report.values import Metric, Table
 
 @pytest.fixture(scope="module")
 def animation(motion):
-    """An arm of three joints, curves and a map."""
     time, teacher = motion(3, 40)
     skeleton = np.cumsum(np.ones((40, 4, 3)) * np.linspace(0.1, 0.2, 40)[:, None, None], axis=1)
     panels = {"Ellipsoids": semi_axis_panels({"person": teacher, "target": 2 * teacher}, "m/s")}
@@ -27,7 +26,6 @@ def animation(motion):
 
 
 def read(text):
-    """The data of the first motion of a page, with its arrays."""
     return unpacked(json.loads(next(data for names, data in Page(text).scripts if names.get("id") == "motion-0")))
 
 
@@ -53,7 +51,6 @@ def test_the_page_loads_nothing(animation):
 
 
 def test_data_are_the_arrays_of_the_animation(animation):
-    """Times, skeletons, ellipsoids, curves and the map, in single precision."""
     data, body = read(page_of(animation)), animation.stages[0].bodies[0]
     (decoded,) = data["stages"][0]["bodies"]
     assert data["start"] == animation.time[0]
@@ -70,7 +67,6 @@ def test_data_are_the_arrays_of_the_animation(animation):
 
 
 def test_the_page_of_a_long_motion_is_small():
-    """Twenty thousand frames with two arms of eight corners and fifty lines stay below six megabytes."""
     count = 20_000
     time, values = np.arange(count) / 100.0, np.random.default_rng(0).normal(size=count)
     skeleton = np.random.default_rng(1).normal(size=(count, 8, 3))
@@ -90,7 +86,6 @@ def test_the_page_of_a_long_motion_is_small():
 
 
 def test_texts_cannot_become_elements(animation):
-    """Names with angle brackets stay text, in the page and in its data."""
     evil = "</script><script>alert(1)</script>"
     stage = Stage(evil, (Body(evil, animation.stages[0].bodies[0].skeleton),))
     text = page_of(Animation(animation.time, (stage,)), Metric(evil, evil, evil), warnings=(evil,), title=evil)
@@ -100,7 +95,6 @@ def test_texts_cannot_become_elements(animation):
 
 
 def test_panels_are_the_semi_axes_of_the_ellipsoids():
-    """The longest first; the target is wide."""
     points = np.stack([np.diag([4.0, 1.0, 9.0]), np.diag([4.0, 0.0, 9.0])])
     panels = semi_axis_panels({"target": points, "achieved": points}, "m/s")
     axes = np.stack([panel.lines[0].values for panel in panels], axis=1)
@@ -121,6 +115,5 @@ def test_panels_are_the_semi_axes_of_the_ellipsoids():
     ],
 )
 def test_invalid_content_is_an_error(make):
-    """Wrong roles and lengths."""
     with pytest.raises(InvalidInputError):
         make()

@@ -40,14 +40,12 @@ def page(motion, tmp_path_factory):
 
 @pytest.fixture
 def opened(browser, page):
-    """The page in a light window of a laptop, at its first time."""
     browser.dress()
     browser.open(page)
     return browser
 
 
 def test_the_page_is_drawn_without_errors(opened):
-    """All elements are there, no error is logged, and nothing but the file itself is requested."""
     counts = {".stage canvas": 2, ".chart": 4, ".map canvas": 3, "input[type=range]": 1, ".mind li": 1, ".marker": 2}
     assert {name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts} == counts
     assert opened.run("document.title") == "A <b>title</b>"
@@ -65,7 +63,6 @@ def test_the_page_is_drawn_without_errors(opened):
 
 
 def test_keys_move_the_time(opened):
-    """Arrows step from frame to frame, End and Home go to the ends, and space plays until space stops."""
     for key, condition in (
         ("ArrowRight", "> 0"),
         ("ArrowLeft", "== 0"),
@@ -84,7 +81,6 @@ def test_keys_move_the_time(opened):
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark")])
 def test_the_page_fits_narrow_and_dark_screens(browser, page, width, scheme, tmp_path):
-    """Nothing is wider than the screen, and the background is light or dark as the browser prefers."""
     browser.dress(width=width, height=844, scheme=scheme, touch=width < 500)
     browser.open(page)
     assert browser.run("document.documentElement.scrollWidth") <= width
@@ -97,14 +93,12 @@ def test_the_page_fits_narrow_and_dark_screens(browser, page, width, scheme, tmp
 
 @pytest.fixture(scope="module")
 def results(small_result, tmp_path_factory):
-    """The page of a small transfer."""
     path = tmp_path_factory.mktemp("first") / "report.html"
     write_page(path, report_of(small_result), {"motion": [animation_of(small_result)]})
     return path
 
 
 def test_the_first_screen_has_the_summary(browser, results, small_result):
-    """Summary, cards, slider and strip are in this order above the fold, and links to times go there."""
     browser.dress(1024, 768)
     browser.open(results)
     order = [".summary", ".cards", ".controls input", ".states", ".stages"]
@@ -118,7 +112,6 @@ def test_the_first_screen_has_the_summary(browser, results, small_result):
 
 
 def test_all_arms_are_drawn_in_one_view(browser, several, tmp_path):
-    """All fit into the view; curves of arms are side by side."""
     animation = animation_of(several(2))
     curves = {"Distance": animation.panels["Distance and position error"]}
     (tmp_path / "report.html").write_text(page_of(replace(animation, panels=curves)), encoding="utf-8")
@@ -142,7 +135,6 @@ def test_all_arms_are_drawn_in_one_view(browser, several, tmp_path):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_has_no_violations(browser, results, axe, scheme):
-    """Accessibility of the page with all details open."""
     browser.dress(1280, 900, scheme)
     browser.open(results)
     browser.run("for (const one of document.querySelectorAll('details')) one.open = true")

@@ -16,7 +16,6 @@ QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 @pytest.fixture(scope="module")
 def animation(result):
-    """The animation of a small transfer."""
     return animation_of(result)
 
 
@@ -46,7 +45,6 @@ def test_a_transfer_has_stages_of_person_and_robot(result, animation):
 
 
 def test_a_transfer_has_all_curves(result, animation):
-    """Distances with the best pointwise ones, the position error, the ellipsoids and every joint in degrees."""
     panels, motion = animation.panels, result.arm.motion
     distance, position = panels["Distance and position error"]
     np.testing.assert_array_equal(distance.lines[0].values, motion.distance)
@@ -90,7 +88,6 @@ def test_unmoved_robots_and_other_ellipsoids_are_drawn(second, options):
 
 
 def test_a_motion_without_a_person_is_drawn(alone, changed):
-    """It has one stage, no map, and no error of a path that does not exist."""
     motion = changed(alone, path=None, position_error=None)
     animation = animation_of(motion)
     assert [stage.name for stage in animation.stages] == ["panda"]
@@ -99,9 +96,8 @@ def test_a_motion_without_a_person_is_drawn(alone, changed):
     assert "The motion of panda" in page_of(motion)
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_every_arm_is_drawn(several, count):
-    """Each arm has a body with its own ellipsoids and panels that name it; equal surfaces are drawn once."""
+def test_every_arm_is_drawn(several):
+    count = 3
     animation = animation_of(several(count))
     assert [len(stage.bodies) for stage in animation.stages] == [count, count]
     bodies = animation.stages[1].bodies

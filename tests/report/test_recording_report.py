@@ -12,17 +12,8 @@ from maniport.report.recording import recording_report
 from maniport.report.renderings import as_markdown, as_numbers
 
 
-@pytest.fixture(scope="module")
-def bare():
-    """The ladder without the points of wrist and neck."""
-    recording = read_recording("ladder").crop(10, 11)
-    return recording.select([name for name in recording.names if name not in ("RightHand", "Neck")])
-
-
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_reported_roles_are_an_input():
-    """The roles in the numbers, as `markers`, give the same arm."""
-
     def prefixed(names):
         return f"p{names}" if isinstance(names, str) else [prefixed(one) for one in names]
 
@@ -33,25 +24,8 @@ def test_reported_roles_are_an_input():
     np.testing.assert_array_equal(fit_arm(renamed, markers=markers).joint_angles, fit_arm(recording).joint_angles)
 
 
-def test_the_template_of_missing_roles_completes_an_arm(bare):
-    """It names the roles that are missing; filled in, it completes the arm."""
-    report = recording_report(bare, command="'my walk.bvh' --fps 30")
-    assert report.warnings == ("No arm is complete, so that none can be fitted.",)
-    template = as_numbers(report)["to_complete"]["markers"]
-    assert template == {"wrist": ["NAME"], "trunk_up": [["LOW"], ["HIGH"]]}
-    page = as_markdown(report)
-    assert json.dumps(template) in page
-    assert "The right arm lacks wrist, trunk_up." in page
-    assert "`maniport transfer 'my walk.bvh' --fps 30 --markers markers.json -o results`" in page
-    filled = {"wrist": ["RightFingerBase"], "trunk_up": [["Spine"], ["EndSiteNeck"]]}
-    completed = recording_report(bare, filled)
-    assert as_numbers(completed)["arms"]["right"]["complete"]
-    assert not completed.warnings
-
-
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_additional_roles_are_those_of_the_fitted_arm(side):
-    """Of two complete arms."""
     recording = read_recording("both-arms").crop(2, 3)
     few = recording.select([name for name in recording.names if not name.endswith(("FIN", "OHAND", "IHAND"))])
     page = as_markdown(recording_report(few, side=side))

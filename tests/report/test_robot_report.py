@@ -16,26 +16,22 @@ from real_robots import NEEDS_ROBOTS
 
 @pytest.fixture
 def crane(tmp_path):
-    """A crane with an eye beside its hook."""
     path = tmp_path / "crane.urdf"
     path.write_text(CRANE)
     return path
 
 
 def info(*words: str) -> str:
-    """The output of `maniport info`, with exit code 0."""
     result = CliRunner().invoke(app, ["info", *words])
     assert result.exit_code == 0, result.exception
     return result.stdout
 
 
 def warnings_of(*words: str) -> dict[str, str]:
-    """The warnings of `maniport info`, by key."""
     return {one["key"]: one["text"] for one in json.loads(info(*words, "--json"))["warnings"]}
 
 
 def test_info_describes_chain_and_other_ends(crane):
-    """Base, end effector, joints with limits, fixed ones, and further ends."""
     text = info(str(crane), "--lock", "up=0.25")
     for part in (
         "Base: base.", "End effector: hook.", "Fixed joints: up at 0.25 m.",
@@ -48,11 +44,10 @@ def test_info_describes_chain_and_other_ends(crane):
 
 
 def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
-    """Limits that the file lacks are warnings with their values, and so are shapes that it lacks."""
     warned = warnings_of(str(crane))
     limits = {"position": "-3.14 to 3.14 rad for turn", "velocity": "1 rad/s for turn",
               "acceleration": "4 rad/s² for turn", "jerk": "100 rad/s³ for turn"}  # fmt: skip
-    assert set(warned) == {*(f"assumed-{one}-limits" for one in limits), "unchecked-collisions"}
+    assert set(warned) == {*(f"assumed-{one}-limits" for one in limits), "unchecked-collisions", "unchecked-torques"}
     assert all(text in warned[f"assumed-{one}-limits"] for one, text in limits.items())
     assert all(text in info(str(crane)).split("## Warnings")[1] for text in warned.values())
     assert warnings_of("panda") == warnings_of("myoarm") == {}
@@ -64,12 +59,10 @@ def test_info_warns_of_assumptions_and_omitted_checks(crane, tmp_path):
 
 @NEEDS_ROBOTS
 def test_info_warns_of_pairs_of_links_that_hulls_cannot_decide():
-    """With the names of the links."""
     assert "left_lowerarm against left_hand" in warnings_of("human_left_arm")["unchecked-links"].lower()
 
 
 def test_an_arm_is_the_same_after_a_configuration_file(crane, tmp_path):
-    """An arm that a saved configuration loads has the same Jacobians to 1e-6."""
     arm = load_arm(crane, base="post", lock={"nod": -0.3})
     Config().changed(robot=arm).save(tmp_path / "run.yaml")
     again = Config.load(tmp_path / "run.yaml").robot.load()
@@ -80,7 +73,6 @@ def test_an_arm_is_the_same_after_a_configuration_file(crane, tmp_path):
 
 
 def test_a_robot_with_two_arms_lists_its_ends():
-    """Without a choice nothing fails: the ends are listed, and the names of the arms."""
     if not PACKAGES["example-robot-data"].installed():
         pytest.skip("example-robot-data is not installed")
     text = info("talos")
@@ -102,7 +94,6 @@ def test_a_robot_with_two_arms_lists_its_ends():
     ],
 )
 def test_invalid_options_are_named(words, message):
-    """Degrees beyond the limits, unknown joints and frames."""
     result = CliRunner().invoke(app, ["info", *words])
     with pytest.raises(ValueError, match=message):
         raise result.exception

@@ -10,7 +10,6 @@ from maniport.report.scene_file import write_scene
 
 
 def test_the_recording_has_the_content_of_the_page(alone, tmp_path):
-    """Ellipsoids at the end effector, links and curves, value for value, as Rerun's own reader returns them."""
     chunk = pytest.importorskip("rerun.chunk")
     file, motion = tmp_path / "motion.rrd", animation_of(alone)
     write_scene(file, motion)

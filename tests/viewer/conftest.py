@@ -17,19 +17,16 @@ from maniport.viewer.state import Playback, Side, ViewState
 
 @pytest.fixture(scope="session")
 def arms():
-    """A person's arm and a robot's."""
     return load_arm("rhuman"), load_arm("panda")
 
 
 @pytest.fixture(scope="session")
 def bank(arms):
-    """Seed configurations of the robot."""
     return SeedBank.build(arms[1], 2048, 0)
 
 
 @pytest.fixture(scope="session")
 def domains(arms):
-    """Small domains of both arms."""
     return sample_domain(arms[0], 256, 0), sample_domain(arms[1], 512, 1)
 
 
@@ -44,7 +41,6 @@ def place():
 
 @pytest.fixture(scope="session")
 def fitted(domains):
-    """Maps of all methods at the identity."""
     maps = Maps(*domains)
     return {name: maps.fit(name, np.eye(3)) for name in maps.names}
 

@@ -19,7 +19,6 @@ encode = msgspec.msgpack.encode
 
 @pytest.fixture(scope="module")
 def page(make_state):
-    """One page for all attacks."""
     view = LiveView(make_state(), "parallel-transport", np.eye(3))
     yield view
     view.stop()
@@ -34,7 +33,6 @@ def view(page, running):
 
 
 def wait(condition, seconds=60.0):
-    """Wait until a condition holds."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
@@ -71,7 +69,6 @@ def test_only_the_whole_address_is_answered(page):
 
 
 def test_pages_of_other_origins_cannot_connect(page):
-    """Only the page that is served here can, and programs without an origin; all need the token."""
     here = urlsplit(page.url).netloc
     for origin in ("http://evil.example", "null", f"https://{here}", "http://localhost:1", "file://"):
         with pytest.raises(errors.InvalidStatus) as refused, connected(page.url, origin):
@@ -85,7 +82,6 @@ def test_pages_of_other_origins_cannot_connect(page):
 
 
 def test_an_open_page_is_open_to_its_own_origin_only():
-    """Served to other machines under any name, a page of another origin is refused all the same."""
     from websockets.datastructures import Headers
 
     access = AccessControl("0.0.0.0")
@@ -136,7 +132,6 @@ def test_invalid_messages_are_dropped_with_a_line(view, caplog):
 
 
 def test_invalid_values_of_controls_change_nothing(view, caplog):
-    """They are taken back on the page; the loop that reads them goes on."""
     panel, refused = view._panel, view._access._counts
     with caplog.at_level(logging.WARNING, "maniport.viewer"), connected(view.url) as guest:
         guest.send(encode(CAMERA))
@@ -167,7 +162,6 @@ def test_a_flood_is_survived(view, caplog):
 
 
 def test_the_number_of_pages_is_limited(view):
-    """One more is refused; afterwards pages are served again."""
     wait(lambda: view._access._pages == 0)
     with contextlib.ExitStack() as stack:
         for _ in range(MAX_PAGES):

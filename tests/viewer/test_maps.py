@@ -16,7 +16,6 @@ FEW = ("parallel-transport", "identity")
 
 
 def test_an_adapter_file_keeps_its_base_orientation(arms, domains):
-    """It maps alike at any base rotation, with a note; it must map 3×3 ellipsoids."""
     adapter = ParallelTransport(damping=0.05).fit(*domains)
     maps, ellipsoid = Maps(*domains, loaded=adapter), domains[0][0]
     assert maps.names[0] == LOADED
@@ -29,7 +28,6 @@ def test_an_adapter_file_keeps_its_base_orientation(arms, domains):
 
 
 def test_all_methods_are_fitted_at_a_new_base_orientation(domains):
-    """Every map then belongs to the last base rotation; an equal one is not fitted again."""
     maps = Maps(*domains, first=FEW)
     maps.names = maps._order = FEW
     try:
@@ -48,7 +46,6 @@ def test_all_methods_are_fitted_at_a_new_base_orientation(domains):
 
 
 def test_errors_of_fits_are_raised_by_the_maps(domains, monkeypatch):
-    """Those of the thread, too."""
     maps, gate = Maps(*domains, first=("identity",)), threading.Event()
 
     def fail(name, base_rotation):

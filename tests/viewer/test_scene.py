@@ -16,13 +16,11 @@ angles = st.lists(st.floats(-180.0, 180.0), min_size=3, max_size=3)
 
 @given(angles)
 def test_roll_pitch_and_yaw_give_the_rotation(angles):
-    """Also where they are not unique."""
     rotation = from_roll_pitch_yaw(np.array(angles))
     assert from_roll_pitch_yaw(roll_pitch_yaw(rotation)) == pytest.approx(rotation, abs=1e-7)
 
 
 def test_a_scaled_and_rotated_ball_is_the_ellipsoid():
-    """Semi-axes and rotation together give the matrix, in the size that it is drawn in; flat ones can be seen."""
     root = np.random.default_rng(0).normal(size=(3, 3))
     semi_axes, quaternion = shell(root @ root.T)
     rotation = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -32,7 +30,6 @@ def test_a_scaled_and_rotated_ball_is_the_ellipsoid():
 
 
 def test_missing_surfaces_have_a_reason(monkeypatch):
-    """Missing meshes and descriptions without shapes: one line, and no error."""
     planar = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]])
     assert find_surfaces(planar) == ([()], "the description of planar names no shapes")
     panda = load_arm("panda")

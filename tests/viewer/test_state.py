@@ -17,7 +17,7 @@ from maniport.viewer.maps import LOADED, Maps
 from maniport.viewer.scene import find_surfaces
 from maniport.viewer.state import Command, Playback, Side, ViewState
 from real_robots import NEEDS_ROBOTS
-from sizes import few_places
+from sizes import little_search
 
 STEP = 1.0 / 30.0
 POSE = np.radians([60.0, 50.0, 0.0, 80.0, 0.0, 0.0, 0.0])
@@ -32,7 +32,6 @@ def advance(state, method="icp", joints=POSE, seconds=STEP, base_rotation=None, 
 
 
 def test_every_method_can_be_chosen(make_state):
-    """Each has its own target, and the robot keeps its limits; a base rotation changes targets after new fits."""
     state, targets = make_state(), {}
     for name in state.methods:
         frame = advance(state, name)
@@ -51,7 +50,6 @@ def test_every_method_can_be_chosen(make_state):
 
 
 def test_the_robot_approaches_within_its_speed(make_state):
-    """Without jumps, even after a long stop; the best configuration found is no worse."""
     state = make_state()
     before = advance(state, "identity", seconds=0.0).student_joints
     for seconds in (STEP, 10.0):
@@ -65,7 +63,6 @@ def test_the_robot_approaches_within_its_speed(make_state):
 
 
 def test_the_end_effector_follows_on_request(make_state, place):
-    """Within 2 mm, once a placement is found."""
     state = make_state()
     state.sides[0].place = None
     frame = advance(state, follow_hand=True)
@@ -91,12 +88,11 @@ def test_an_ellipsoid_without_image_leaves_the_last_target(make_state, domains):
 
 
 def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
-    """Until the length field is fitted parallel transport is shown, with a note."""
     gate, fit = threading.Event(), Maps.fit
     monkeypatch.setattr(Maps, "fit", lambda *args: (args[1] == METHOD or gate.wait(60.0)) and fit(*args))
     for name, size in {"TEACHER_SAMPLES": 128, "STUDENT_SAMPLES": 256, "BANK_SIZE": 512}.items():
         monkeypatch.setattr(prepare, name, size)
-    with few_places():
+    with little_search():
         state, method, rotation = prepare.prepare("rhuman", "panda")
         maps = state.sides[0].maps
         try:
@@ -111,7 +107,6 @@ def test_the_view_begins_before_all_methods_are_fitted(monkeypatch):
 
 
 def test_a_recording_plays_in_a_loop():
-    """DirectedCorrespondence stays within the ends, and joints lie on straight lines."""
     player = Playback(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0], [1.0, 1.0], [3.0, -1.0]]))
     assert player.duration == 3.0
     player.advance(2.0)
@@ -124,7 +119,6 @@ def test_a_recording_plays_in_a_loop():
 
 @pytest.fixture(scope="module")
 def pandas():
-    """Two robots side by side."""
     return load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
 
 
@@ -146,7 +140,7 @@ def test_both_arms_move_as_each_alone(pandas):
             expected = advance(state, METHOD, joints, 1.0 / 60.0)
             np.testing.assert_array_equal(frame.target.ellipsoid, expected.target.ellipsoid)
             np.testing.assert_allclose(frame.student_joints, expected.student_joints, atol=1e-5)
-    with few_places():
+    with little_search():
         pair.find_place([side.teacher.sample(4, 0) for side in pair.sides], METHOD)
     left, right = pair.frames(Command(np.tile(POSE, 2), METHOD, np.eye(3), True), STEP)
     hands = [frame.teacher_skeleton[-1] + base for frame, base in zip((left, right), BASES, strict=True)]
@@ -158,7 +152,6 @@ def test_both_arms_move_as_each_alone(pandas):
 
 @NEEDS_ROBOTS
 def test_a_shared_torso_is_in_one_place():
-    """Frames agree on shared joints, which keep their limits; the surfaces of the trunk are the left arm's."""
     humanoid = load_arms("talos")
     pair = ViewState(humanoid, list(sides_of(humanoid)))
     both = Command(np.tile(POSE, 2), METHOD, np.eye(3))
@@ -185,6 +178,5 @@ def test_a_shared_torso_is_in_one_place():
     ],
 )
 def test_options_that_make_no_pair_are_errors(options, word, pandas):
-    """Before anything is sampled."""
     with pytest.raises(ManiportError, match=word):
         prepare.prepare(**{"robot": pandas} | options)

@@ -34,8 +34,6 @@ entry_point.main()
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    """Call the command in this process; return exit code, standard output and standard error."""
-
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["maniport", "view", *map(str, words)])
         with pytest.raises(SystemExit) as stop:
@@ -76,7 +74,6 @@ def test_it_starts_and_ends_with_ctrl_c(tmp_path):
 
 
 def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
-    """With --host; without it there is none."""
     page = SimpleNamespace(no_surface="", url="http://here", run=lambda stop: None, stop=lambda: None)
     monkeypatch.setattr("maniport.viewer.prepare.prepare", lambda *_, **__: (None, None, None))
     monkeypatch.setattr("maniport.viewer.server.LiveView", lambda *_: page)
@@ -99,7 +96,6 @@ def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
     ],
 )
 def test_invalid_options_end_with_one_sentence(run, words, message):
-    """Before anything is listened to, with exit code 2."""
     code, out, err = run(*words)
     assert (code, out) == (2, "")
     assert message in err

@@ -25,7 +25,6 @@ pytest.importorskip("viser")
 
 @pytest.fixture
 def make_view(make_state):
-    """Make pages that stop with the test."""
     with contextlib.ExitStack() as stack:
 
         def make(**options):
@@ -37,7 +36,6 @@ def make_view(make_state):
 
 
 def test_the_page_is_served_on_this_machine_only(make_view, make_state, capsys, monkeypatch):
-    """Each page at a port of its own, without output; taken ports, unknown hosts and a missing viser are errors."""
     view = make_view()
     assert view.url.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(view.url, timeout=60) as answer:
@@ -123,7 +121,6 @@ def test_frames_arrive_whole_and_meshes_once(make_view, running):
 
 
 def test_a_browser_shows_the_page(make_view, running, browser):
-    """It draws without errors or requests of the network; controls become commands."""
     view = make_view()
     panel = view._panel
 

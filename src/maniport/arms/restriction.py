@@ -84,8 +84,7 @@ def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
     others, inertia, poses = chain.others, None, _resting_poses(chain)
     if chain.inertia is not None:
         inertia = chain.inertia[first : last + 1].copy()
-        for own, pose in zip(chain.inertia[last + 1 :], poses[last + 1 :], strict=True):
-            inertia[-1] += moved_inertia(own, np.linalg.inv(poses[last]) @ pose)
+        inertia[-1] += carried_inertia(chain, last)
     if others is not None:
         bodies = {
             name: Body(place.joint, place.placement[None], name)
@@ -109,6 +108,15 @@ def _segment(chain: Chain, first: int, last: int, tip: str) -> Chain:
         inertia=inertia,
     )  # fmt: skip
     return _with_coordinates(segment, np.any(segment.coupling != 0, axis=0))
+
+
+def carried_inertia(chain: Chain, link: int) -> Array:
+    """Spatial inertia (6, 6) of all links beyond a link, in their resting poses, about the origin of that link."""
+    assert chain.inertia is not None
+    poses, total = _resting_poses(chain), np.zeros((6, 6))
+    for own, pose in zip(chain.inertia[link + 1 :], poses[link + 1 :], strict=True):
+        total += moved_inertia(own, np.linalg.inv(poses[link]) @ pose)
+    return total
 
 
 def _resting_poses(chain: Chain) -> list[Array]:

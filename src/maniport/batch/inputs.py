@@ -139,7 +139,7 @@ def find_robots(robots: Sequence[RobotInput], config: Config, taken: Collection[
         job = settings_of(config.changed(**{"robot": name, **own}))
         values = {name: job.config.value(name) for name, (_, option) in OPTIONS.items() if not option.is_file}
         values |= {"maniport": __version__, "robot": job.robot, "markers": job.config.human.roles()}
-        if job.control is not None:  # contents stand for files
+        if job.control is not None:  # contents replace files
             values |= {"limits": job.control.motion_limits, "collisions": job.control.collisions}
         texts = {name: as_setting(value) for name, value in values.items()}
         if (key := digest(texts)) not in distinct:

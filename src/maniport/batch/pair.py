@@ -123,7 +123,7 @@ def work(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     rows, humans = list[dict[str, Any]](), list[tuple[Any, Human, Warnings]]()
     with ExitStack() as stack:
         stack.enter_context(_alone)
-        stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round alike
+        stack.enter_context(threadpool_limits(1))  # as many threads everywhere, so that sums round equally
         if pairs[0].typed:
             stack.enter_context(on_the_command_line())
         for pair in pairs:

@@ -165,7 +165,7 @@ def command(
 
 
 def _annotation(option: Option, usual: Config) -> Any:
-    """Make the annotation of an option's parameter; None stands for a value that was not typed."""
+    """Make the annotation of an option's parameter; None is a value that was not typed."""
     section, default = OPTIONS[option.name][0], usual.value(option.name)
     panel = {"human": "Recording and person", "robot": "Robot", "transfer": "Transfer", "motion": "Motion"}.get(section)
     words = "|".join(option.choices)

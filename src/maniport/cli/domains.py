@@ -166,7 +166,7 @@ def reproduce(
 
 
 def _rows(methods: str | None) -> tuple[str, ...]:
-    """Split names of rows at commas; "all" stands for every row, None for the default rows."""
+    """Split names of rows at commas; "all" means every row, None the default rows."""
     from maniport.transfer import METHODS
     from maniport.util.validation import as_choice
 

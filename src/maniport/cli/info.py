@@ -8,12 +8,13 @@ from typing import Annotated, Any
 import typer
 
 from maniport.cli.application import command
-from maniport.errors import InvalidInputError
+from maniport.errors import InvalidInputError, UnknownNameError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
 from maniport.report.metrics import report_of
 from maniport.report.renderings import PAGE, SUMMARY
-from maniport.report.values import Metric, Report, Section, warning
+from maniport.report.values import Metric, Report, Section, numbers, warning
+from maniport.report.values import info as info_metric
 from maniport.util.defaults import AUTO, RECORDINGS
 
 
@@ -52,7 +53,7 @@ def figures(
 
 
 def _description(what: str, config: Config) -> Report:
-    """Describe what a name or a path stands for."""
+    """Describe the thing with a name or a path."""
     if all((Path(what) / name).is_file() for name in (SUMMARY, PAGE)):
         _require_none(config, "human", f"{what!r} is a folder of results")
         _require_none(config, "robot", f"{what!r} is a folder of results")
@@ -103,9 +104,17 @@ def _is_recording(what: str) -> bool:
 def _of_robot(what: str, config: Config) -> Report:
     """Describe an arm and the limbs of its robot; the limbs alone if none of several was chosen."""
     from maniport.arms.loaders import robot_limbs
+    from maniport.mocap.readers import SHIPPED
     from maniport.report.robot import robot_report
 
-    limbs, default = robot_limbs(what)
+    try:
+        limbs, default = robot_limbs(what)
+    except UnknownNameError as error:
+        if Path(what).exists():
+            raise
+        raise UnknownNameError(
+            f"{what!r} is no file, no result folder and no bundled recording ({', '.join(SHIPPED)}): {error}"
+        ) from None
     robot = replace(config.robot, robot=(what,))
     if limbs and default is None and not robot.frame and not robot.joints:
         return robot_report(what, limbs, None)
@@ -114,24 +123,26 @@ def _of_robot(what: str, config: Config) -> Report:
 
 
 def _of_arrays(path: str) -> Report:
-    """Describe an adapter, ellipsoids or a path."""
+    """Describe an adapter, ellipsoids, a path or a robot motion."""
     from maniport.transfer import load_adapter
-    from maniport.util.files import array_names, load_ellipsoids, load_path
+    from maniport.util.files import array_names, load_arrays, load_ellipsoids, load_path
 
     names = array_names(path, "file")
     if "adapter" in names:
         return report_of(load_adapter(path))
-    key = "ellipsoids" if "manipulability" in names else "path"
-    values, time = (load_ellipsoids if key == "ellipsoids" else load_path)(path)
+    is_path = "manipulability" not in names
+    values, time = (load_path if is_path else load_ellipsoids)(path)
     n, d = values.shape[:2]
-    text = f"{n} of {d} × {d}" if key == "ellipsoids" else f"{n} positions"
-    metrics = [Metric(key.capitalize(), text, key="count", value=n)]
-    if key == "ellipsoids":
-        metrics.append(Metric("", "", key="dimension", value=d))
+    metrics = [Metric("Path", f"{n} positions", key="count", value=n)]
+    if not is_path:
+        metrics = [Metric("Ellipsoids", f"{n} of {d} × {d}", key="count", value=n), *numbers(dimension=d)]
+    if "joint_names" in names:
+        joints = load_arrays(path, "file", ("joint_names",))["joint_names"].tolist()
+        metrics.insert(0, info_metric("Robot motion", "joints", joints))
     if time is not None:
         seconds = round(float(time[-1] - time[0]), 3)
         metrics.append(Metric("Duration", f"{seconds:g} s", key="duration", value=seconds, unit="s"))
-    return Report(path, "", (Section("", tuple(metrics), key=key),))
+    return Report(path, "", (Section("", tuple(metrics), key="path" if is_path else "ellipsoids"),))
 
 
 def _of_results(folder: Path) -> Report:
@@ -152,5 +163,5 @@ def _of_results(folder: Path) -> Report:
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise FileFormatError(f"{file}: is no summary of a run: {error}") from None
     page = str(folder / PAGE)
-    facts = Metric("Status", status, key="status", value=status), Metric("Page", page, "For any browser.", "page", page)
+    facts = Metric("Status", status, key="status", value=status), Metric("Page", page, key="page", value=page)
     return Report(str(title), lead, (Section("", facts),), data_warnings=quality_warnings)

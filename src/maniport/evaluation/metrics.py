@@ -22,6 +22,15 @@ from maniport.util.validation import Array, as_count, as_finite, as_points
 STILL = 1e-9  # Largest distance that counts as rounding
 
 
+def statistics_of(values: ArrayLike, time: ArrayLike | None = None) -> dict[str, Any]:
+    """Return median, 95th percentile and maximum of values with its time [s] or index; nan is ignored."""
+    array = np.asarray(values, dtype=float)
+    index = int(np.nanargmax(array))
+    where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
+    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
+    return {"median": median, "p95": p95, "max": float(array[index]), **where}
+
+
 @dataclass(frozen=True)
 class RMSE:
     """Root mean squared distance between the truth and the mapped ellipsoids, in three forms.
@@ -116,7 +125,9 @@ def smoothness(mapped: ArrayLike, original: ArrayLike) -> Smoothness:
     steps, own_steps = (distance_unchecked(points[:-1], points[1:]) for points in (images, own))
     moving = own_steps > STILL
     if not np.any(moving):
-        raise InvalidInputError(f"original stands still: its {len(own)} ellipsoids are equal; steps compare motion")
+        raise InvalidInputError(
+            f"original does not move: its {len(own)} ellipsoids are equal; successive distances need motion"
+        )
     largest, median = float(np.max(steps)), float(np.median(steps[moving]))
     return Smoothness(largest, median, largest / float(np.max(own_steps)), median / float(np.median(own_steps[moving])))
 

@@ -48,7 +48,7 @@ class Summary:
         median, rare, largest = 1e3 * np.quantile(self.times, [0.5, 0.999, 1.0])
         held, lagging = (count / (self.answered + self.unprompted) for count in (self.held, self.lagging))
         text += f"; {median:.2f} ms (median), {rare:.2f} ms (99.9 %), {largest:.2f} ms (largest)"
-        text += f"; held {held:.1%}, lagged {lagging:.1%}"
+        text += f"; held {100 * held:.1f} %, lagged {100 * lagging:.1f} %"
         if not self.lags:
             return text
         median, high = 1e3 * np.quantile([lag for lag, _ in self.lags], [0.5, 0.95])

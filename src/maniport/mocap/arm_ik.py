@@ -242,7 +242,7 @@ def _fit(
         quality_warnings=tuple(filter(None, texts)),
     )
     differences, small = model_differences(fit)
-    fit = replace(fit, notes=(*notes, *small), quality_warnings=(*differences, *fit.quality_warnings))
+    fit = replace(fit, quality_warnings=(*differences, *small, *fit.quality_warnings))
     return fit, differences
 
 

@@ -52,7 +52,7 @@ def in_order(
     if repeated > most_repeated * len(time):
         raise InvalidInputError(
             f"{repeated} of {len(time)} frames have the time of another one, the first at index "
-            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {most_repeated:.0%} may. If times are rounded, "
+            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {100 * most_repeated:.0f} % may. If times are rounded, "
             f"give the frames per second ({spoken('rate')})"
         )
     notes = [f"{int((late > 0).sum())} frames were out of order in time and were sorted"] if (late > 0).any() else []

@@ -61,7 +61,8 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
     share[list(fixed)] = 0.0
     reasons = [
         fixed.get(
-            joint, "" if part > 0.5 else f"observable in {part:.0%} of the frames; elsewhere interpolated smoothly"
+            joint,
+            "" if part > 0.5 else f"observable in {100 * part:.0f} % of the frames; elsewhere interpolated smoothly",
         )
         for joint, part in enumerate(share)
     ]
@@ -69,12 +70,12 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
 
 
 def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> tuple[list[str], list[str]]:
-    """Return the warnings and the notes on how the model differs from the person; none where it follows well.
+    """Return the large and the small differences of the model and the person as warnings; none where it follows well.
 
-    Observable joints that exceed a limit in over 20 % of the frames by more than `large` [degrees] cause a warning, by
-    more than `small` a note. Residuals of segments are large from 5° (median). Rotations about a segment's axis have up
-    to 15° in good recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers:
-    large is 25°.
+    Differences are large where observable joints exceed a limit in over 20 % of the frames by more than `large`
+    [degrees], small from more than `small`. Residuals of segments are large from 5° (median). Rotations about a
+    segment's axis have up to 15° in good recordings, as markers lie at some distance from the joints, and 36° to 169°
+    with exchanged markers: large is 25°.
     """
 
     def beyond(excess: float) -> list[int]:
@@ -85,16 +86,19 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> t
         return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda limit: abs(limit - q)))
 
     def text(joint: int, excess: float) -> str:
-        degrees = fit.beyond_limit[:, joint]
-        often, limit = degrees > excess, np.degrees(exceeded_limit(joint))
+        degrees, limit = fit.beyond_limit[:, joint], np.degrees(exceeded_limit(joint))
+        often = degrees > excess
         return (
-            f"{JOINTS[joint]} would go beyond its limit of {limit:.0f}° by more than {excess:.0f}° in "
-            f"{100 * often.mean():.0f} % of the frames (median of these {np.median(degrees[often]):.0f}°, "
-            f"largest {degrees.max():.0f}°)"
+            f"{JOINTS[joint]} beyond its limit of {limit:.0f}° in {100 * often.mean():.0f} % of the frames "
+            f"(by {np.median(degrees[often]):.0f}°, at most {degrees.max():.0f}°)"
         )
 
+    others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
+    other_model = [f"try another model ({argument('person', name)})" for name in others[:1]]
     far = beyond(large)
-    notes = [text(joint, small) for joint in beyond(small) if joint not in far]
+    near = [text(joint, small) for joint in beyond(small) if joint not in far]
+    less = [f"joint limits of the model are exceeded: {', '.join(near)}. Advice: {', '.join(other_model)}"]
+    small_differences = less if near else []
     rotations = {about_axis(segment): axis for axis, segment in AROUND.items()}
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
     medians = {name: median for name, median in medians.items() if median > (25.0 if name in rotations else 5.0)}
@@ -109,7 +113,7 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> t
                 f"if that does not help omit them: {argument('markers', {axis: None})}"
             )
     if exchanged or not (far or medians):
-        return exchanged, notes
+        return exchanged, small_differences
     texts = [text(joint, large) for joint in far]
     texts += [f"the {name} is {median:.1f}° (median) from the measured one" for name, median in medians.items()]
     segments = bool(medians.keys() & {"upper arm", "forearm"})
@@ -120,10 +124,9 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> t
         advice.append(f"check the roles of the points (maniport info) and assign others with {argument('markers')}")
     if segments:
         advice.append(f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})")
-    others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
-    advice += [f"try another model ({argument('person', name)})" for name in others[:1]]
+    advice += other_model
     differ = f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
-    return [differ], notes
+    return [differ], small_differences
 
 
 def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:

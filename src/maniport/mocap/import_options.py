@@ -86,7 +86,9 @@ class ImportOptions:
         if missing.any():
             never = np.flatnonzero(missing.all(axis=0)).tolist()
             names = ", ".join(unique[i] for i in never[:20]) + (", …" if len(never) > 20 else "")
-            notes.append(f"{missing.mean():.1%} of all points are missing{f'; always: {names}' if never else ''}")
+            notes.append(
+                f"{100 * missing.mean():.1f} % of all points are missing{f'; always: {names}' if never else ''}"
+            )
         if self.rate is not None:
             notes.insert(0, f"frames per second set by the caller: {self.rate:g}")
             time = np.arange(len(points)) / self.rate
@@ -218,7 +220,11 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     """Mark keypoints of low confidence as missing, in place; `least` is that of MediaPipe's own drawings."""
     low = confidence < least
     positions[low] = np.nan
-    return [f"{low.mean():.1%} of all points have a confidence below {least} and count as missing"] if low.any() else []
+    return (
+        [f"{100 * low.mean():.1f} % of all points have a confidence below {least} and count as missing"]
+        if low.any()
+        else []
+    )
 
 
 def _implausible(arm: tuple[str, float], unit: str, cause: str) -> str:

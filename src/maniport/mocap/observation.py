@@ -75,7 +75,7 @@ def observe(
     lost["trunk"] = np.asarray(np.isnan(trunk).any(axis=(1, 2)))
     out = np.any(list(lost.values()), axis=0)
     if out.all():
-        worst = ", ".join(f"{role} in {gone.mean():.0%}" for role, gone in lost.items() if gone.any())
+        worst = ", ".join(f"{role} in {100 * gone.mean():.0f} %" for role, gone in lost.items() if gone.any())
         raise RecordingError(f"no frame of {used.source!r} has all required points; missing are: {worst} of the frames")
     for start, stop in runs_of(out):
         missing = ", ".join(role for role, gone in lost.items() if gone[start:stop].any())

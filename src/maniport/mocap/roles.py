@@ -133,9 +133,9 @@ def find_side(
     similar = 1.1  # ratio of paths up to which the right arm is taken
     moving = LEFT if paths[LEFT] > similar * paths[RIGHT] else RIGHT
     other = SIDES[moving == RIGHT]
-    alike = moving == RIGHT and paths[RIGHT] <= similar * paths[LEFT]
+    similar_paths = moving == RIGHT and paths[RIGHT] <= similar * paths[LEFT]
     reason = (
-        f"{'both arms move similarly' if alike else 'larger motion'}: wrist path relative to the trunk "
+        f"{'both arms move similarly' if similar_paths else 'larger motion'}: wrist path relative to the trunk "
         f"{paths[moving]:.2f} m, {other} wrist {paths[other]:.2f} m; {argument('side', other)} selects the {other} arm"
     )
     return moving, reason, roles[moving]

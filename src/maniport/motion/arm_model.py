@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.chain import PRISMATIC
+from maniport.arms.restriction import carried_inertia
 from maniport.errors import InvalidInputError
 from maniport.util.validation import Array
 
@@ -16,9 +17,9 @@ from maniport.util.validation import Array
 def robot_model(arm: Arm | ArmGroup) -> pin.Model:
     """Make a Pinocchio model of an arm or a group of arms.
 
-    Its configuration vector and limits are those of the arm; velocity limits are infinite where none is known. Frames
-    keep their names, and locked joints are fixed. Shared joints of a group exist once; frames of several robots
-    have the prefixes of the group's joints.
+    Its configuration vector, limits and gravity are those of the arm; limits of velocity and effort are infinite where
+    unknown, and masses zero where the description has none. Frames keep their names, and locked joints are fixed.
+    Shared joints of a group exist once; frames of several robots have the prefixes of the group's joints.
 
     Parameters
     ----------
@@ -48,8 +49,12 @@ def robot_model(arm: Arm | ArmGroup) -> pin.Model:
         before = group.common[i, :i]
         shared = places[int(before.argmax())][: int(before.max()) + 1] if i else ()
         places.append(_add_arm(model, member, prefix, shared))
+        _add_masses(model, group, i, places[-1])
+    model.gravity.linear = np.array(group.arms[0].chain.gravity)
     model.lowerPositionLimit, model.upperPositionLimit = arm.lower, arm.upper
-    model.velocityLimit = np.full(arm.dof, np.inf) if arm.velocity_limits is None else arm.velocity_limits
+    unknown = np.full(arm.dof, np.inf)
+    model.velocityLimit = unknown if arm.velocity_limits is None else arm.velocity_limits
+    model.effortLimit = unknown if arm.effort_limits is None else arm.effort_limits
     return model
 
 
@@ -77,6 +82,24 @@ def _add_arm(model: pin.Model, arm: Arm, prefix: str, shared: Sequence[Place]) -
             pose = place * pin.SE3(frame.placement)
             model.addFrame(pin.Frame(prefix + name, parent, 0, pose, pin.FrameType.OP_FRAME))
     return parents
+
+
+def _add_masses(model: pin.Model, group: ArmGroup, arm: int, places: Sequence[Place]) -> None:
+    """Add the masses of an arm of a group to its links that no earlier arm has."""
+    chain = group.arms[arm].chain
+    if chain.inertia is None:
+        return
+    inertia, shared = chain.inertia.copy(), int(group.common[arm, :arm].max(initial=0))
+    for other in range(arm + 1, len(group)):  # has masses of its own beyond the common links
+        fork = int(group.common[arm, other])
+        if fork and (theirs := group.arms[other].chain).inertia is not None:
+            inertia[fork] -= carried_inertia(theirs, fork)
+    for k in range(shared + 1 if shared else 1, len(inertia)):  # the base does not move
+        joint, place = places[k]
+        if (mass := inertia[k, 0, 0]) > 1e-9:
+            center = inertia[k, [5, 3, 4], [1, 2, 0]] / mass
+            about_center = inertia[k, 3:, 3:] + mass * pin.skewSquare(center, center)
+            model.appendBodyToJoint(joint, pin.Inertia(mass, center, about_center), place)
 
 
 def model_prefixes(group: ArmGroup) -> tuple[str, ...]:
@@ -111,7 +134,9 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) 
     _own_coordinates(arm)
 
 
-def require_alike(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool) -> None:
+def require_compatible(
+    what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool
+) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
     mine, other = arms
     own, expected = (

@@ -24,7 +24,7 @@ from maniport.util.optional import mcap_writer, parquet_writer, pyarrow, rerun
 from maniport.util.validation import Array, as_choice
 
 SCENE = "rerun"
-DECIMALS = 9, 7, 5  # of positions, velocities and accelerations in messages
+DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in messages
 Columns = dict[str, tuple[Array, str]]  # values and their unit, by name
 
 
@@ -36,10 +36,10 @@ def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int
     time = motion.control_time - motion.control_time[0]
     stride = max(1, round((len(time) - 1) / (time[-1] * rate)))
     for row in np.unique(np.append(np.arange(0, len(time), stride), len(time) - 1)):
-        states = zip(motion.control_states, DECIMALS, strict=True)
+        states = zip(motion.control_states.values(), DECIMALS, strict=False)
         yield (
             *divmod(round(1e9 * time[row]), 10**9),
-            [np.round(state[1][row], digits).tolist() for state, digits in states],
+            [np.round(values[row], digits).tolist() for (values, _), digits in states],
         )
 
 
@@ -47,12 +47,12 @@ def write_ros2(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | Ar
     """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
     names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
     with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, and those for each second and second squared]\n")
+        stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, per second, per second squared; N m or N]\n")
         stream.write("header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\n")
         stream.write(f"joint_names: {names}\npoints:\n")
-        keys = ("- positions", "  velocities", "  accelerations")
+        keys = ("- positions", "  velocities", "  accelerations", "  effort")
         for sec, nanosec, states in _samples(motion):
-            for key, values, digits in zip(keys, states, DECIMALS, strict=True):
+            for key, values, digits in zip(keys, states, DECIMALS, strict=False):
                 stream.write(f"{key}: [{', '.join(f'{value:.{digits}f}' for value in values)}]\n")
             stream.write(f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n")
 
@@ -60,7 +60,7 @@ def write_ros2(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | Ar
 def write_mcap(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
     """Write messages named as in sensor_msgs/msg/JointState, as JSON."""
     stamp = {key: {"type": "integer"} for key in ("sec", "nsec")}
-    quantities = [name for name, *_ in motion.control_states]
+    quantities = list(motion.control_states)
     properties = {
         "timestamp": {"type": "object", "title": "time", "properties": stamp},
         "name": {"type": "array", "items": {"type": "string"}},
@@ -117,9 +117,9 @@ def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -
         return {f"{prefix}_{axis}": (column, "m") for axis, column in zip("xyz", values.T, strict=True)}
 
     columns: Columns = {"time": (time - time[0], "s")}
-    for quantity, values, per in motion.control_states:
-        for name, unit, column in zip(motion.joint_names, motion.joint_units, values.T, strict=True):
-            columns[f"{name}_{quantity}"] = column, unit + per
+    for quantity, (values, units) in motion.control_states.items():
+        for name, unit, column in zip(motion.joint_names, units, values.T, strict=True):
+            columns[f"{name}_{quantity}"] = column, unit
     columns |= vectors("end_effector", robot.forward(q)[:, :3, 3])
     columns |= _entries("achieved", robot.ellipsoids(q, spec), spec)
     columns |= _entries("target", spread(target.ellipsoids), spec)

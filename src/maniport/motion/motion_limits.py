@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import FileFormatError, InvalidInputError
+from maniport.motion.inverse_dynamics import InverseDynamics
 from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
 from maniport.util.files import read_settings, require_mapping
 from maniport.util.validation import Array, as_finite, as_number, as_times
 
 DERIVATIVES = ("velocity", "acceleration", "jerk")
-QUANTITIES = ("position", *DERIVATIVES)
+TORQUES = ("torque", "torque rate")
+QUANTITIES = ("position", *DERIVATIVES, *TORQUES)
+LIMITS = (*DERIVATIVES, "effort", "effort_rate")  # keys of limits of a joint
 PANDA = {
-    f"panda_joint{i}": {"acceleration": acceleration, "jerk": 500.0 * acceleration}
+    f"panda_joint{i}": {"acceleration": acceleration, "jerk": 500.0 * acceleration, "effort_rate": 1000.0}
     for i, acceleration in enumerate((15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0), 1)
 }
-"""[rad/s² and rad/s³], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
+"""[rad/s², rad/s³, N m/s], by joint: Franka Control Interface, "Limits for Franka Emika Robot (FER)"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +38,22 @@ class MotionLimits:
         With narrowed position limits, which include the margin.
     velocity, acceleration, jerk : ndarray, shape (dof,)
         Largest magnitudes, positive and finite [rad or m, per second, second² and second³].
+    effort, effort_rate : ndarray, shape (dof,)
+        Largest magnitudes of torques [N m] or forces [N] and of their derivatives [N m/s or N/s]; infinite where
+        unknown.
     sources : dict of str to str
         For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` a sentence on the source of the numbers.
     assumed : dict of str to tuple of str
-        For each of `QUANTITIES` the joints whose limit is neither in `source`, nor the maker's, nor in the robot's
-        description.
+        For position, velocity, acceleration and jerk the joints whose limit is neither in `source`, nor the maker's,
+        nor in the robot's description.
     """
 
     arm: Any
     velocity: Array
     acceleration: Array
     jerk: Array
+    effort: Array
+    effort_rate: Array
     sources: dict[str, str]
     assumed: dict[str, tuple[str, ...]]
 
@@ -61,9 +70,10 @@ class MotionLimits:
         ----------
         arm : Arm or ArmGroup
         source : path, mapping or None
-            A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, lower:, upper:}}`` and
-            ``default: {velocity:, acceleration:, jerk:}`` for the other joints, all of it optional. The Panda's
-            accelerations and jerks are known, and recognized by the names of its joints.
+            A YAML file or a mapping with ``joints: {name: {velocity:, acceleration:, jerk:, effort:, effort_rate:,
+            lower:, upper:}}`` and ``default: {velocity:, acceleration:, jerk:, effort:, effort_rate:}`` for the other
+            joints, all of it optional. The Panda's accelerations, jerks and torque rates are known, and recognized by
+            the names of its joints.
         joint_limit_margin : float
             Share of each joint's range that is kept free at either end, in [0, 0.4], unless ``lower`` or ``upper`` is
             specified.
@@ -91,21 +101,25 @@ class MotionLimits:
                 own_names[column] = name
         inside = share * (arm.upper - arm.lower)
         ends = np.stack([arm.lower + inside, arm.upper - inside])
-        limits: dict[str, Array] = {quantity: np.zeros(arm.dof) for quantity in DERIVATIVES}
+        limits: dict[str, Array] = {quantity: np.full(arm.dof, np.inf) for quantity in LIMITS}
         joints_by_source: dict[str, dict[str, list[str]]] = {quantity: {} for quantity in DERIVATIVES}
-        assumed: dict[str, list[str]] = {quantity: [] for quantity in QUANTITIES}
+        assumed: dict[str, list[str]] = {quantity: [] for quantity in ("position", *DERIVATIVES)}
         for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, own_names, strict=True)):
             numbers = joints.get(name, {})
             ends[:, i] = numbers.get("lower", ends[0, i]), numbers.get("upper", ends[1, i])
             if own in free and not {"lower", "upper"} <= numbers.keys():
                 assumed["position"].append(name)
-            described = np.inf if arm.velocity_limits is None else float(arm.velocity_limits[i])
+            described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
             sources = {
                 where: numbers,
                 f"{where} (default)": default,
                 "Franka's limits of the Panda (FER)": PANDA.get(own, {}),
-                "the robot's description": {"velocity": described} if np.isfinite(described) else {},
+                "the robot's description": {
+                    key: float(own[i]) for key, own in described.items() if own is not None and np.isfinite(own[i])
+                },
             }
+            for key in ("effort", "effort_rate"):
+                limits[key][i] = next((values[key] for values in sources.values() if key in values), np.inf)
             for quantity in DERIVATIVES:
                 source = next((source for source, values in sources.items() if quantity in values), None)
                 if source is not None:
@@ -129,7 +143,7 @@ class MotionLimits:
         names = [self.arm.joint_names[column] for column in columns]
         own = dict(zip(names, arm.joint_names, strict=True))
         assumed = {quantity: tuple(own[n] for n in joints if n in own) for quantity, joints in self.assumed.items()}
-        theirs = {name: getattr(self, name)[columns] for name in DERIVATIVES}
+        theirs = {name: getattr(self, name)[columns] for name in LIMITS}
         return MotionLimits(arm, sources=self.sources, assumed=assumed, **theirs)
 
     @property
@@ -142,11 +156,27 @@ class MotionLimits:
         """Largest positions with the margin, shape (dof,) [rad] or [m]."""
         return np.asarray(self.arm.upper)
 
+    @cached_property
+    def dynamics(self) -> InverseDynamics | None:
+        """Inverse dynamics; None where the description of an arm has no masses."""
+        return (
+            InverseDynamics(self.arm) if all(arm.chain.inertia is not None for arm in as_group(self.arm).arms) else None
+        )
+
+    def torques(self, positions: Array, rate: float) -> Array:
+        """Torques [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after, shape (m, dof).
+
+        With central differences. Requires `dynamics`.
+        """
+        assert self.dynamics is not None
+        ends = np.concatenate([positions[:1], positions, positions[-1:]])
+        return self.dynamics.torques(positions, 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0))
+
     def use(self, time: ArrayLike, q: ArrayLike) -> "LimitUse":
         """Largest share of each limit that a motion uses.
 
         Velocity, acceleration and jerk are first, second and third differences of neighboring samples, at the middle
-        of these samples.
+        of these samples; shares of torques and their rates are zero where limits or masses are unknown.
 
         Parameters
         ----------
@@ -168,14 +198,19 @@ class MotionLimits:
                 f"time must have a constant rate; found steps of {steps.min():g} to {steps.max():g} s"
             )
         middle, half = 0.5 * (self.lower + self.upper), np.maximum(0.5 * (self.upper - self.lower), 1e-12)
-        shares, at = np.zeros((4, self.arm.dof)), np.full((4, self.arm.dof), times[0])
-        for order, quantity in enumerate(QUANTITIES):
-            if order:
-                values = np.diff(values, axis=0) / step
-            if len(values):
-                share = np.abs(values) / getattr(self, quantity) if order else np.abs(values - middle) / half
-                shares[order] = share.max(axis=0)
-                at[order] = times[share.argmax(axis=0)] + 0.5 * order * step
+        series = [(np.abs(values - middle) / half, 0.0)]
+        derivative = values
+        for order, quantity in enumerate(DERIVATIVES, 1):
+            derivative = np.diff(derivative, axis=0) / step
+            series.append((np.abs(derivative) / getattr(self, quantity), 0.5 * order * step))
+        if self.dynamics is not None:
+            torques = self.torques(values, 1.0 / step)
+            series.append((np.abs(torques) / self.effort, 0.0))
+            series.append((np.abs(np.diff(torques, axis=0)) / step / self.effort_rate, 0.5 * step))
+        shares, at = np.zeros((len(QUANTITIES), self.arm.dof)), np.full((len(QUANTITIES), self.arm.dof), times[0])
+        for row, (share, offset) in enumerate(series):
+            if len(share):
+                shares[row], at[row] = share.max(axis=0), times[share.argmax(axis=0)] + offset
         return LimitUse(self.arm.joint_names, shares, at)
 
 
@@ -187,9 +222,9 @@ class LimitUse:
     ----------
     joint_names : tuple of str
         Names of the degrees of freedom.
-    shares, times : ndarray, shape (4, dof)
-        Largest shares of `QUANTITIES` (position, velocity, acceleration, jerk), and when [s]. A share of a position
-        is measured from the middle of the joint's range.
+    shares, times : ndarray, shape (6, dof)
+        Largest shares of `QUANTITIES` (position, velocity, acceleration, jerk, torque, torque rate), and when [s]. A
+        share of a position is measured from the middle of the joint's range.
     """
 
     joint_names: tuple[str, ...]
@@ -198,11 +233,12 @@ class LimitUse:
 
     @property
     def largest(self) -> dict[str, tuple[str, float, float]]:
-        """For each of `QUANTITIES` the joint that uses most, the share, and when [s]."""
+        """For each of `QUANTITIES` the joint that uses most, the share, and when [s]; torques only where known."""
         joint = self.shares.argmax(axis=1)
         return {
             quantity: (self.joint_names[j], float(self.shares[i, j]), float(self.times[i, j]))
             for i, (quantity, j) in enumerate(zip(QUANTITIES, joint, strict=True))
+            if quantity not in TORQUES or self.shares[i, j] > 0.0
         }
 
     @property
@@ -216,18 +252,18 @@ def _checked(content: Any, arm: Arm | ArmGroup, where: str) -> tuple[dict[str, d
 
     def numbers(content: Any, keys: tuple[str, ...], name: str) -> dict[str, float]:
         return {
-            key: as_number(value, f"{name}: {key}", **({"above": 0.0} if key in DERIVATIVES else {}))
+            key: as_number(value, f"{name}: {key}", **({"above": 0.0} if key in LIMITS else {}))
             for key, value in require_mapping(content, keys, name).items()
         }
 
     content = dict(content) if isinstance(content, Mapping) else content
     content = require_mapping(content, ("joints", "default"), where)
-    default = numbers(content.get("default", {}), DERIVATIVES, f"{where}: default")
+    default = numbers(content.get("default", {}), LIMITS, f"{where}: default")
     entries = require_mapping(content.get("joints", {}), arm.joint_names, f"{where}: joints of {arm.name!r}")
     joints = {}
     for name, entry in entries.items():
         own, i = f"{where}: joints: {name}", arm.joint_names.index(name)
-        joints[name] = numbers(entry, (*DERIVATIVES, "lower", "upper"), own)
+        joints[name] = numbers(entry, (*LIMITS, "lower", "upper"), own)
         bounds = {"lower": float(arm.lower[i]), "upper": float(arm.upper[i])}
         for key in bounds.keys() & joints[name].keys():
             as_number(joints[name][key], f"{own}: {key}", minimum=bounds["lower"], maximum=bounds["upper"])

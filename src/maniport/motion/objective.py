@@ -34,7 +34,7 @@ steps, which use first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same of the pointwise optimum, with a position error of less than 0.1 mm."""
 
-HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids alike"
+HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids"
 
 
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:

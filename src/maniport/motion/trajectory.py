@@ -3,6 +3,7 @@
 import csv
 import os
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,14 @@ class Trajectory(NotebookDisplay):
         """Largest shares of the limits; None without limits."""
         return None if self.limits is None else self.limits.use(self.control_time, self.control_positions)
 
+    @cached_property
+    def control_torques(self) -> Array | None:
+        """Torques [N m] or forces [N] at the control steps, shape (m, dof); None without limits or without masses."""
+        if self.limits is None or self.limits.dynamics is None:
+            return None
+        states = self.control_positions, self.control_velocities, self.control_accelerations
+        return self.limits.dynamics.torques(*states)
+
     @property
     def jerk(self) -> Array:
         """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
@@ -102,19 +111,23 @@ class Trajectory(NotebookDisplay):
         return float(np.sqrt(np.mean(self.jerk**2))) if len(self.control_time) > 3 else 0.0
 
     @property
-    def control_states(self) -> tuple[tuple[str, Array, str], ...]:
-        """Name, values (m, dof) and derivative of the unit of each quantity at the control steps."""
-        return (
-            ("position", self.control_positions, ""),
-            ("velocity", self.control_velocities, "/s"),
-            ("acceleration", self.control_accelerations, "/s2"),
-        )
+    def control_states(self) -> dict[str, tuple[Array, tuple[str, ...]]]:
+        """Values (m, dof) and units at the control steps by name: position, velocity, acceleration, effort."""
+        states = {
+            "position": (self.control_positions, self.joint_units),
+            "velocity": (self.control_velocities, tuple(f"{unit}/s" for unit in self.joint_units)),
+            "acceleration": (self.control_accelerations, tuple(f"{unit}/s2" for unit in self.joint_units)),
+        }
+        if self.control_torques is not None:
+            states["effort"] = self.control_torques, tuple({"rad": "Nm", "m": "N"}[unit] for unit in self.joint_units)
+        return states
 
     def save_joints_csv(self, path: str | os.PathLike[str]) -> None:
         """Write the control steps as a table with a header; the first column is the time from 0 [s].
 
-        The other columns are positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``)
-        and accelerations (``NAME_rad/s2``). An apostrophe precedes names that a spreadsheet would evaluate.
+        The other columns are positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``),
+        accelerations (``NAME_rad/s2``) and, where masses are known, torques (``NAME_Nm``) or forces (``NAME_N``). An
+        apostrophe precedes names that a spreadsheet would evaluate.
 
         Raises
         ------
@@ -122,11 +135,12 @@ class Trajectory(NotebookDisplay):
             When the file cannot be written.
         """
         states, formulas = self.control_states, ("=", "+", "-", "@", "\t", "\r")
-        units = [unit + per for _, _, per in states for unit in self.joint_units]
         names = ["'" + name if name.startswith(formulas) else name for name in self.joint_names]
-        header = ["time_s", *(f"{name}_{unit}" for name, unit in zip(3 * names, units, strict=True))]
-        line = ",".join(["%.6f", *len(names) * ["%.12f"], *2 * len(names) * ["%.6f"]]) + "\n"
-        columns = self.control_time - self.control_time[0], *(values for _, values, _ in states)
+        header = ["time_s"]
+        for _, units in states.values():
+            header += [f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]
+        line = ",".join(["%.6f", *len(names) * ["%.12f"], *(len(states) - 1) * len(names) * ["%.6f"]]) + "\n"
+        columns = self.control_time - self.control_time[0], *(values for values, _ in states.values())
         with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerow(header)
             stream.write("".join([line % tuple(row) for row in np.column_stack(columns).tolist()]))
@@ -135,6 +149,8 @@ class Trajectory(NotebookDisplay):
         """Return the arrays that files contain, by name; times are from the first control step."""
         begin = self.control_time[0]
         arrays = {name: getattr(self, name) for name in ("joint_positions", *_CONTROL)}
+        if self.control_torques is not None:
+            arrays["control_torques"] = self.control_torques
         return arrays | {
             "joint_names": np.array(self.joint_names),
             "joint_units": np.array(self.joint_units),

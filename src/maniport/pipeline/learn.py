@@ -57,7 +57,7 @@ def learn(
     One arm or both are fitted to each recording. The ellipsoids of both are blocks of one matrix, of which d² is the
     sum of the d² of the arms, so that the arms are aligned together. Demonstrations are brought to common times by
     `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives the ellipsoid at each time and how much
-    it may vary. How alike the demonstrations are is measured, also by leaving each one out. Left and right may be
+    it may vary. Their agreement is measured, also by leave-one-out. Left and right may be
     mixed: the rarer are mirrored.
 
     Parameters

@@ -77,7 +77,7 @@ class LearnedProfile(SavedResult):
     path : ndarray, shape (n, 3 a)
         Mean of the hands, smoothed over time [m].
     agreement : Agreement
-        How alike the demonstrations are.
+        Agreement of the demonstrations.
     random_state : int
     """
 

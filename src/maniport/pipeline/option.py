@@ -33,7 +33,7 @@ class Option:
     name: str = ""
     kind: Any = str  # bool, int, float, str, tuple or Mapping
     element: type = str  # of a tuple
-    required: bool = False  # None stands for the default
+    required: bool = False  # None: the default
     default: Any = None
 
     @property

@@ -70,7 +70,7 @@ def transfer_recording(
     config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
     config = _with_source(config, recording)
     settings = settings_of(config, progress)
-    with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round alike with any number of cores
+    with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round equally with any number of cores
         if not isinstance(recording, LearnedProfile):
             recording = stages.load(recording, settings)
         human = stages.fit_human(recording, settings)

@@ -53,14 +53,20 @@ METRICS = {
     "duration": Definition(
         "Duration", "Time-scaled to satisfy the limits; other times are demonstrated.", "s", main=True,
         text="{robot:.1f} s (human {person:.1f} s)"),
-    "limits": Definition(
-        "Limits", "Largest value relative to the limit.", main=True, text="{_text}",
-        level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
-        warning_key="limits-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}"),
+    **{
+        key: Definition(
+            label, description, main=True, text="{_text}",
+            level=lambda value: max(use["share"] for use in value["used"].values()), warn_above=1.001, severity=ERROR,
+            warning_key=f"{key}-exceeded", warning="the motion exceeds limits of the robot: {_exceeded}")
+        for key, label, description in (
+            ("limits", "Limits", "Largest value relative to the limit."),
+            ("torques", "Torques", "Largest value relative to the limit, by inverse dynamics."),
+        )
+    },
     "collisions": Definition(
         "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
         level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
-        warning="the robot collides in {share:.1%} of the time: {_pair}"),
+        warning="the robot collides {_when}: {_pair}"),
     "mean_distance": Definition(
         "Mean distance", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
         "Motion: added by limits.", main=True, text="{_text}"),

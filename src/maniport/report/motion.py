@@ -8,7 +8,7 @@ import numpy as np
 
 from maniport.errors import argument
 from maniport.motion import ArmMotion, RobotMotion
-from maniport.motion.motion_limits import MotionLimits
+from maniport.motion.motion_limits import TORQUES, MotionLimits
 from maniport.motion.plan.arm_planner import FAR
 from maniport.motion.status import REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -121,22 +121,24 @@ def _of_trajectory(
     used = dict[str, dict[str, Any]]()
     for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
-    exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
-                for name, use in used.items() if use["share"] > 1.001]  # fmt: skip
-    text = listed(f"{name} {use['share']:.0%}" for name, use in used.items())
-    metrics += measure("limits", used=used, sources=limits.sources, _text=text, _exceeded=listed(exceeded))
-    checked, at = (
-        clearance.checked and np.isfinite(clearance.distance),
-        np.interp(clearance.time, trajectory.time, time),
-    )
-    pair, text = "", "none possible" if clearance.checked else "not checked"
+    torques = {name: used.pop(name) for name in TORQUES if name in used}
+    for key, shares in (("limits", used), ("torques", torques)):
+        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
+                    for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
+        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in shares.items())
+        if shares:
+            values: dict[str, Any] = {"sources": limits.sources} if key == "limits" else {}
+            metrics += measure(key, used=shares, **values, _text=text, _exceeded=listed(exceeded))
+    checked = clearance.checked and np.isfinite(clearance.distance)
+    at = np.interp(clearance.time, trajectory.time, time)
+    pair, when, text = "", "", "none possible" if clearance.checked else "not checked"
     if checked:
         pair = f"{' and '.join(clearance.pair)} {at_time(float(at))}"
-        colliding = f"in {clearance.share:.1%} of the time" if clearance.share else "none"
-        text = f"{colliding}; clearance {1e3 * clearance.distance:.0f} mm ({pair})"
+        when = f"in {100 * clearance.share:.1f} % of the time" if clearance.share else ""
+        text = f"{when or 'none'}; clearance {1e3 * clearance.distance:.0f} mm ({pair})"
     return metrics + measure(
         "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
-        clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair,
+        clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair, _when=when,
     )  # fmt: skip
 
 

@@ -19,6 +19,13 @@ from maniport.util.atomic_io import written_whole
 SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
+LEARNED = "learned"
+FIGURES = {
+    name: f"maniport.report.figures.results:{name}"
+    for name in ("arms", "ellipsoids", "curves", "motion", "diffusion_map", LEARNED)
+}
+"""Module and function of each figure of a result, which takes the data of the page; `maniport figures` adds them."""
+
 ENDINGS = (".png", ".svg")  # Formats of the files of a figure
 
 # Begins HTML tags, entities, links, headings and quotations in Markdown, and escapes of such signs.
@@ -109,13 +116,14 @@ def as_terminal(report: Report, folder: str, width: int = 80, table_only: bool =
     if table_only:
         return "\n".join(table)
 
-    def wrapped(*texts: str) -> list[str]:
-        return [line for text in texts if text for line in textwrap.wrap(printable(text), width)]
+    def wrapped(*texts: str, **options: Any) -> list[str]:
+        whole = [re.sub(r"(?<=\d) (?=%)", "\xa0", printable(text)) for text in texts if text]  # "84 %" in one line
+        return [line.replace("\xa0", " ") for text in whole for line in textwrap.wrap(text, width, **options)]
 
     lines = wrapped(f"Result: {summary.title[:1].lower()}{summary.title[1:]}", report.status_text)
     lines += [*table, *wrapped(summary.text)]
     for text in report.warnings[:most_warnings]:
-        lines += textwrap.wrap(f"! {printable(text)}", width, subsequent_indent="  ", max_lines=2, placeholder=" …")
+        lines += wrapped(f"! {text}", subsequent_indent="  ", max_lines=2, placeholder=" …")
     if (more := len(report.warnings) - most_warnings) > 0:
         lines.append(f"! {more} more warning{'s'[: more != 1]} in summary.md")
     joints = Path(folder, "joints.csv")
@@ -179,7 +187,8 @@ def _section(section: Section) -> list[str]:
     for metric in (metric for metric in metrics if not metric.is_statistics):
         text = escaped(metric.text)
         if metric.severity == INFO and metric.label:
-            text = f"{sentence(escaped(f'{metric.label}: {metric.text}'))} {escaped(metric.description)}".rstrip()
+            text = sentence(f"{escaped(metric.label)}: {text}")  # without a full stop at its end, which may be a path
+            text = f"{text} {escaped(metric.description)}" if metric.description else text.rstrip(".")
         texts.append(f"- {text}")
     lines += [*(_table(statistics) if rows else []), *texts, *([""] if texts else [])]
     return [*lines, *(line for table in section.tables for line in _table(table))]

@@ -14,7 +14,7 @@ from maniport.arms.loaders.limbs import Limb
 from maniport.arms.loaders.packages import arm_names, packages_with
 from maniport.errors import argument
 from maniport.motion import FeasibleEllipsoids, Placement
-from maniport.motion.motion_limits import QUANTITIES, MotionLimits
+from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
 from maniport.report.metrics import describe, measure
 from maniport.report.values import Metric, Report, Section, Table, info, listed, numbers, table_of, warning
@@ -89,7 +89,7 @@ def chain_metrics(arm: Arm) -> list[Metric]:
 def assumed_limits(limits: MotionLimits) -> list[Metric]:
     """Warn of limits that are assumed, with their values and how to give real ones."""
     arm, warned, advice = limits.arm, [], f"Give the real ones with {argument('motion_limits', option='--limits')}"
-    for suffix, quantity in zip(("", "/s", "/s²", "/s³"), QUANTITIES, strict=True):
+    for suffix, quantity in zip(("", "/s", "/s²", "/s³"), ("position", *DERIVATIVES), strict=True):
         joints_of: dict[str, list[str]] = {}
         for name in limits.assumed[quantity]:
             i = arm.joint_names.index(name)
@@ -101,6 +101,13 @@ def assumed_limits(limits: MotionLimits) -> list[Metric]:
                      for text, joints in joints_of.items()]  # fmt: skip
             text = f"{quantity} limits are assumed: {'; '.join(texts)}. {advice}"
             warned.append(warning(f"assumed-{quantity}-limits", text))
+    unknown = [name for name, effort in zip(arm.joint_names, limits.effort, strict=True) if np.isinf(effort)]
+    if limits.dynamics is None:
+        text = "torques are not checked: the robot's description has no masses"
+        warned.append(warning("unchecked-torques", text))
+    elif unknown:
+        text = f"torques of {listed(unknown)} are not checked: effort limits are unknown. {advice}"
+        warned.append(warning("unchecked-torques", text))
     return warned
 
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 INFO, NOTE, WARNING, ERROR = SEVERITIES = ("info", "note", "warning", "error")
@@ -109,7 +108,7 @@ class Summary:
     title: str  # the outcome in one sentence
     text: str = ""  # what prevents a better outcome
     advice: str = ""  # the next step
-    command: str = ""  # its command, in which ``{folder}`` stands for the folder of the results
+    command: str = ""  # its command, with ``{folder}`` for the folder of the results
     graded: bool = True  # whether the result has a status
 
     def command_for(self, folder: str = "results") -> str:
@@ -225,12 +224,11 @@ def sentence(text: str) -> str:
 
 def statistics(label: str, key: str, values: ArrayLike, time: ArrayLike | None = None, unit: str = "") -> Metric:
     """Return median, 95th percentile and maximum of values over time [s] as a metric; nan is ignored."""
-    array = np.asarray(values, dtype=float)
-    index = int(np.nanargmax(array))
-    where = {"max_at": index} if time is None else {"max_at_s": float(np.asarray(time)[index])}
-    median, p95 = np.nanpercentile(array, [50.0, 95.0]).tolist()
-    metric = Metric(label, "", "", key, {"median": median, "p95": p95, "max": float(array[index]), **where}, unit)
-    suffix, place = "°" if unit == "°" else f" {unit}".rstrip(), metric.where or f"at index {index}"
+    from maniport.evaluation.metrics import statistics_of  # slow to load
+
+    metric = Metric(label, "", "", key, statistics_of(values, time), unit)
+    suffix = "°" if unit == "°" else f" {unit}".rstrip()
+    place = metric.where or f"at index {metric.value['max_at']}"
     names = ("median", "95th percentile", f"max {place}")
     texts = [f"{cell}{suffix} ({name})" for cell, name in zip(metric.cells, names, strict=True)]
     return replace(metric, text=listed(texts))

@@ -12,22 +12,19 @@ from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
 from maniport.report.metrics import report_of
-from maniport.report.renderings import PAGE, SUMMARY, files_of, write_report
+from maniport.report.renderings import FIGURES, LEARNED, PAGE, SUMMARY, files_of, write_report
 from maniport.report.values import Report
 from maniport.util.atomic_io import folder_written_whole, require_free
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice
 
 SUMMARIES = ("summary.md", SUMMARY, PAGE, CONFIG)
-FIGURES = ("ellipsoids", "curves", "diffusion_map", "arms", "motion")
-"""Figures of results, which `maniport figures` adds to the folder."""
-
 EXPORTS = tuple(exporter.file for exporter in FORMATS.values())
 REPORT_FILES = (*SUMMARIES, *EXPORTS, *files_of(*FIGURES))
 RUN_FILES = (*TRANSFER_FILES, *REPORT_FILES)
 """Files of a transfer to one arm. A folder with other files is not replaced."""
 EXECUTION_FILES = (*MOTION_FILES, *REPORT_FILES)
-LEARNED_FILES = (*LEARNED_DATA, *SUMMARIES, *files_of("learned"))
+LEARNED_FILES = (*LEARNED_DATA, *SUMMARIES, *files_of(LEARNED))
 
 
 def write_results(

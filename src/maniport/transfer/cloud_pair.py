@@ -80,7 +80,10 @@ class CloudPair:
         if nearer or self.coincidence(self.nearest(start), self.nearest(end)).certainty >= certainty:
             return True, ""
         if gain.mean > 0.0:
-            return False, f"brings the domains nearer by {gained:.1%} ± {gained / gain.certainty:.1%} only"
+            return (
+                False,
+                f"brings the domains nearer by {100 * gained:.1f} % ± {100 * (gained / gain.certainty):.1f} % only",
+            )
         return False, "does not bring the domains nearer"
 
     def nearest(self, rotation: Array) -> Array:

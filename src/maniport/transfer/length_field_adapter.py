@@ -64,7 +64,7 @@ class LengthField(DomainAdapter):
         is taken off each eigenvalue: y is what `y (y + ε) / (y + κ ε)` damps, ε the student's and κ = 1e-4.
     projector : callable, optional
         Finds the nearest feasible ellipsoids: `maniport.FeasibleProjector` of an arm, or any function of ellipsoids
-        with the student's damping, shape (n, d, d), that returns the nearest ones, damped alike; see
+        with the student's damping, shape (n, d, d), that returns the nearest ones with the same damping; see
         `maniport.transfer.length_field.fit.Projector`. Default: the student's samples; images are then at least as far
         away as neighboring samples. It is not saved with the adapter.
     n_samples : int
@@ -205,8 +205,8 @@ class LengthField(DomainAdapter):
         inverse = Inverse.of(self._field())
         if inverse.near_singular > MAX_NEAR_SINGULAR:
             raise NotInvertibleError(
-                f"the map has no inverse: its derivative is nearly singular at {inverse.near_singular:.0%} of centers "
-                f"(limit {MAX_NEAR_SINGULAR:.0%})"
+                "the map has no inverse: its derivative is nearly singular at "
+                f"{100 * inverse.near_singular:.0f} % of centers (limit {100 * MAX_NEAR_SINGULAR:.0f} %)"
             )
         back = inverse(points)
         lost = np.flatnonzero(np.isnan(back[:, 0, 0]))
@@ -270,7 +270,7 @@ class LengthField(DomainAdapter):
 
 
 def _split(base: LengthsMap, teacher: Array, most: int) -> tuple[Array, Array]:
-    """Split ellipsoids (n, d, d) into at most `most` to fit to, and an eighth that is held out; alike in any order."""
+    """Split ellipsoids (n, d, d) into at most `most` to fit to, and a held-out eighth; the same in any order."""
     values, vectors = base.base(teacher)
     keys = np.column_stack([values.sum(axis=1), values, to_vector(compose(values, vectors))])
     order = np.lexsort(np.round(keys / TIE).T[::-1])  # the axes decide between samples of equal eigenvalues

@@ -93,7 +93,7 @@ class RiemannianICP(RigidAdapter):
         How ellipsoids are matched: the largest score of direction and shape (the paper's), the same with shapes
         compared by ratio, the nearest ellipsoid on the manifold, or the least sum of squared distances with every
         ellipsoid taken once or with equal masses; the last two match at most 2000 ellipsoids of each domain. A name
-        stands for the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", exponent=0)``, has its
+        means the defaults; an object, such as ``EllipsoidCorrespondence(direction="both", exponent=0)``, has its
         own options.
     search : Search
         Initial rotations, iterations and acceptance, such as ``Search(n_starts=0, require_improvement=False)``.

@@ -87,7 +87,7 @@ def as_finite(value: ArrayLike, name: str) -> Array:
 
 
 def require_shape(array: NDArray[Any], name: str, shape: tuple[Any, ...], note: str = "") -> None:
-    """Raise unless an array has a shape of numbers and names (any size ≥ 1); a leading ``...`` stands for any axes."""
+    """Raise unless an array has a shape of numbers and names (any size ≥ 1); a leading ``...`` means any axes."""
     axes = shape[1:] if shape[0] is ... else shape
     sizes = array.shape if axes is shape else array.shape[-len(axes) :]
     pairs = list(zip(sizes, axes, strict=False))

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -140,7 +141,7 @@ def reduced(mesh: Mesh, most: int, *, for_display: bool = True) -> Mesh:
     simplify: Any = None
     if for_display:
         with suppress(ImportError):
-            from fast_simplification import simplify
+            simplify = import_module("fast_simplification").simplify
     a, b, c = (mesh[0][column] for column in mesh[1].T)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     edge = np.sqrt(area / max(most, 1))

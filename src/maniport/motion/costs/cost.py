@@ -15,8 +15,8 @@ class Cost(Protocol):
     """One term of a motion problem: the sum of its squared residuals, at each waypoint.
 
     Weights are inside the residual, whose unit is that of a distance between ellipsoids: a cost of a position error has
-    a weight in 1/m, one of an angle in 1/rad. The planner multiplies the squares by the time that a waypoint stands
-    for. Pass own costs as ``plan_motion(costs=[...])``; the controller takes the same objects.
+    a weight in 1/m, one of an angle in 1/rad. The planner multiplies the squares by the time around a waypoint.
+    Pass own costs as ``plan_motion(costs=[...])``; the controller takes the same objects.
     """
 
     def residual(self, q: Array, time: Array) -> Array:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.arm_model import require_alike
+from maniport.motion.arm_model import require_compatible
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.placement.placement import Placement
 from maniport.motion.placement.problem import (
@@ -98,7 +98,7 @@ def place_path(  # type: ignore[misc]
         With several arms `path`, `profile`, `collisions`, `reachability_map` and `bank` are sequences with one value
         for each arm.
     time : array_like, shape (n,), optional
-        Times of the waypoints [s], which weigh them. Default: all count alike.
+        Times of the waypoints [s], which weigh them. Default: equal weights.
     turn : array_like, shape (3, 3), optional
         Rotation that the adapter turned the ellipsoids by, and the path is yet to be turned by. Default: the identity.
     scale : float or (float, float), optional
@@ -151,7 +151,7 @@ def place_path(  # type: ignore[misc]
         for own, model, samples in zip(arms, models, maps, strict=True)
     ]
     for own, samples in zip(arms, maps, strict=True):
-        require_alike("the reachability_map was built for", (samples.arm, own), (samples.spec, spec), limits=True)
+        require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec), limits=True)
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
     objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
     for i, objective in enumerate(objectives):

@@ -4,7 +4,7 @@ It minimizes, over joint positions q_i at times t_i,
 
     Σ_i w_i f_i(q_i) + ∫ λ_v |q̇|² + λ_j |q⃛|² dt,
 
-with f of `maniport.motion.objective`, w_i the time that a waypoint stands for, and derivatives by divided differences
+with f of `maniport.motion.objective`, w_i the time around a waypoint, and derivatives by divided differences
 of neighboring waypoints. The third differences couple each waypoint with three before it, so that the normal equations
 have a band of 4 · dof − 1 diagonals. Penalties are added for pairs of solids nearer than the clearance c, w_c² Σ
 (c − distance)², and for what exceeds limits, ∫ w_l Σ (|q̇| / limit − 1)² + (|q̈| / limit − 1)² dt. Steps are damped after
@@ -72,7 +72,7 @@ def optimize_to_tolerance(
 
 
 def time_weights(time: Array) -> Array:
-    """Time that each waypoint stands for [s], shape (n,): half of that to both neighbors."""
+    """Time around each waypoint [s], shape (n,): half of that to both neighbors."""
     halves = 0.5 * np.diff(time)
     return np.asarray(np.append(halves, 0.0) + np.append(0.0, halves))
 

@@ -10,7 +10,7 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.arm_model import require_alike
+from maniport.motion.arm_model import require_compatible
 from maniport.motion.motion_limits import MotionLimits
 from maniport.motion.objective import Targets
 from maniport.motion.plan.arm_planner import ArmPlanner, Coarse, time_parameterized
@@ -84,7 +84,7 @@ class Planner:
         if len(own) != len(other):
             raise InvalidInputError(f"the planner was made for {len(own)} arms; found {len(other)}")
         for pair in zip(own, other, strict=True):
-            require_alike("the planner was made for", pair, (self.spec, spec), limits=False)
+            require_compatible("the planner was made for", pair, (self.spec, spec), limits=False)
 
     def solve(
         self,

@@ -23,7 +23,7 @@ from maniport.spd.kernels import compose, congruence, distances, eigh
 from maniport.util.validation import SPD_TOLERANCE, Array, as_count, as_generator
 
 SAMPLES = 100_000  # With 30 000 the planned motion of the demo's recording is 3 % farther from its targets
-GAP_WEIGHT = 30.0  # Weight of the distance between a position and the sample that stands for it [1/m]
+GAP_WEIGHT = 30.0  # Weight of the distance between a position and its nearest sample [1/m]
 MIN_NODES = 16  # Where fewer nodes reach a position, the nearest so many are taken: the position may be out of reach
 BLOCK = 1024  # Number of targets compared with their samples at a time: their data stays in the processor's cache
 
@@ -136,7 +136,7 @@ class ReachabilityMap:
         bring the end effector to its position, and turn it where its orientation counts. Where the first joint may turn
         more than once, the same configurations a turn away are nodes, too.
         """
-        # few samples next to a position are oriented alike: more are needed where the orientation counts
+        # few samples next to a position have similar orientations: more are needed where the orientation counts
         q, distance = self._near(targets, (8 if targets.turned else 2) * count)
         order = np.argsort(distance, axis=1, kind="stable")
         half = count // 2

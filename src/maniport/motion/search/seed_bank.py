@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.arms.collisions import free_configurations
-from maniport.motion.arm_model import require_alike
+from maniport.motion.arm_model import require_compatible
 from maniport.motion.objective import Damping, Targets, as_damping
 from maniport.spd.matrix_functions import apply, congruence, roots, to_vector
 from maniport.util.defaults import DAMPING
@@ -144,7 +144,7 @@ class SeedBank(NotebookDisplay):
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this bank is of the same arm, whatever its limits, and ellipsoids."""
-        require_alike("the seed bank was built for", (self.arm, arm), (self.spec, spec), limits=False)
+        require_compatible("the seed bank was built for", (self.arm, arm), (self.spec, spec), limits=False)
 
     def _log_vectors(self, damped: Array) -> Array:
         return to_vector(apply(congruence(self._whitening, damped), np.log))

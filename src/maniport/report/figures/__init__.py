@@ -8,20 +8,17 @@ a paper. Profiles and domains are mappings from names to arrays. Colors follow r
 import json
 import os
 import re
-from collections.abc import Iterator
+from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from maniport.errors import FileFormatError, InvalidInputError, OutputError
-from maniport.report.page.content import ACHIEVED, HUMAN_JOINTS, PERSON, Line, Panel, unpacked
-from maniport.report.renderings import ENDINGS, PAGE
+from maniport.report.page.content import unpacked
+from maniport.report.renderings import ENDINGS, FIGURES, LEARNED, PAGE
 from maniport.util.atomic_io import written_whole
 from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 from maniport.util.optional import matplotlib
-from maniport.util.validation import Array
 
 matplotlib()  # raises MissingPackageError
 
@@ -33,7 +30,6 @@ from maniport.report.figures.drawing import (  # noqa: E402
     curves,
     diffusion_map,
     ellipsoids,
-    map_figure,
     panel_figure,
 )
 
@@ -96,12 +92,17 @@ def write_figures(result: str | os.PathLike[str], folder: str | os.PathLike[str]
         When the folder cannot be written.
     """
     target = Path(result if folder is None else folder)
-    drawn = dict(_figures(_motion(Path(result) / PAGE)))
+    data = _motion(Path(result) / PAGE)
+    drawn = {}
+    for name, where in FIGURES.items():
+        module, function = where.split(":")
+        if (name == LEARNED) != bool(data["stages"]):
+            drawn[name] = getattr(import_module(module), function)(data)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {str(target)!r}: {error.strerror}") from None
-    return [file for name, figure in drawn.items() for file in save(figure, target / name)]
+    return [file for name, figure in drawn.items() if figure is not None for file in save(figure, target / name)]
 
 
 def _motion(page: Path) -> dict[str, Any]:
@@ -113,41 +114,3 @@ def _motion(page: Path) -> dict[str, Any]:
         return {**data, "time": data["start"] + data["time"]}
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise FileFormatError(f"{str(page)!r} is not the page of a result: {error}") from None
-
-
-def _figures(data: dict[str, Any]) -> Iterator[tuple[str, Figure]]:
-    """Draw what a page has: arms, ellipsoids, curves, and the map."""
-    stages, time, unit, size = data["stages"], data["time"], data["unit"], data["size"]
-    groups = {
-        name: [Panel(**panel | {"lines": tuple(Line(**line) for line in panel["lines"])}) for panel in panels]
-        for name, panels in data["panels"].items()
-    }
-    if not stages:
-        yield "learned", panel_figure(time, [panel for panels in groups.values() for panel in panels])
-        return
-    columns = 2 if any(len(stage["bodies"]) > 1 for stage in stages) else 1
-    if any(body["ellipsoids"] for stage in stages for body in stage["bodies"]):
-        skeletons, shells, roles, within, profiles = {}, {}, {}, {}, dict[str, Array]()
-        for stage in stages:
-            rotation = np.eye(3) if stage["rotation"] is None else np.reshape(stage["rotation"], (3, 3))
-            for k, body in enumerate(stage["bodies"]):
-                # symmetric matrices (n, 3, 3) of their entries xx, xy, xz, yy, yz, zz
-                drawn = {role: six[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-                         for role, six in body["ellipsoids"].items()}  # fmt: skip
-                name, role = f"{stage['name']}, arm {k + 1}", PERSON.name if PERSON.name in drawn else ACHIEVED.name
-                skeletons[name], shells[name] = body["skeleton"], drawn[role]
-                roles[name], within[name] = role, stage["name"]
-                targets = {name: points for name, points in drawn.items() if name != ACHIEVED.name}
-                profiles |= {name: rotation.T @ points @ rotation for name, points in targets.items()}
-        yield "arms", arms(skeletons, shells, size=size, unit=unit, roles=roles, within=within)
-        if columns == 1 and len(profiles) > 1:  # all in the frame of the person
-            yield "ellipsoids", ellipsoids(time, profiles, unit=unit, roles={role: role for role in profiles})
-        yield "curves", panel_figure(time, groups["Ellipsoids"], columns)
-    omitted = "Ellipsoids", HUMAN_JOINTS
-    if moved := [panel for name, panels in groups.items() if name not in omitted for panel in panels]:
-        yield "motion", panel_figure(time, moved, columns)
-    if data["map"]:
-        clouds, lines = data["map"]["domains"], data["map"]["profiles"]
-        names = {cloud["name"]: cloud["role"] for cloud in [*clouds, *lines]}
-        domains, paths = ({cloud["name"]: cloud["coordinates"] for cloud in sets} for sets in (clouds, lines))
-        yield "diffusion_map", map_figure(domains, paths, time, names)

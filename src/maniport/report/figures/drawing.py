@@ -249,7 +249,7 @@ def column_figure(height: float, columns: int = 1, layout: Any = "constrained") 
 
 
 def laid_out(figure: Figure) -> Figure:
-    """Compute the layout once, so that all files of the figure are alike."""
+    """Compute the layout once, so that all files of the figure have the same."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

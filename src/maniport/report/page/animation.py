@@ -119,7 +119,7 @@ def _robot(result: TransferResult | MotionResult, spec: EllipsoidSpec, notes: li
 
 
 def _is_same(part: Part, other: Part) -> bool:
-    """Return whether two surfaces move alike and have the same bounds [m]; they may be simplified differently."""
+    """Return whether two surfaces have the same motion and the same bounds [m]; they may be simplified differently."""
     first, second = ((item.points.min(axis=0), item.points.max(axis=0)) for item in (part, other))
     return np.allclose(part.poses, other.poses, atol=1e-6) and np.allclose(first, second, atol=0.01)
 

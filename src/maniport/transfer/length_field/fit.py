@@ -23,7 +23,7 @@ from maniport.util.sampling import rank_correlation
 from maniport.util.validation import Array, as_finite, as_points, require_shape
 
 Projector = Callable[[Array], Any]
-"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones, damped alike.
+"""Takes ellipsoids with the student's damping, shape (n, d, d), and returns the nearest feasible ones with it.
 
 An attribute `axis` is a direction (3,) in the student's frame about which every feasible ellipsoid may be turned. An
 attribute `damping`, relative to the mean eigenvalue of a domain, is the field's default.
@@ -222,11 +222,13 @@ class FieldReport:
     def failures(self) -> tuple[str, ...]:
         """Return the checks that the map fails, with value and limit; empty where it may be used."""
         at_most = (
-            ("orientation-reversing at {:.0%} of the samples", self.reversing, MAX_REVERSING),
-            ("own-axis slope not positive at {:.0%}", self.nonmonotone, MAX_NONMONOTONE),
-            (f"longest axis moved by more than {AXIS_MOVED:g}° at {{:.0%}}", self.moved_axes, MAX_MOVED),
+            ("orientation-reversing at {:.0f} % of the samples", self.reversing, MAX_REVERSING),
+            ("own-axis slope not positive at {:.0f} %", self.nonmonotone, MAX_NONMONOTONE),
+            (f"longest axis moved by more than {AXIS_MOVED:g}° at {{:.0f}} %", self.moved_axes, MAX_MOVED),
         )
-        failed = [f"{text.format(value)} (limit {limit:.0%})" for text, value, limit in at_most if value > limit]
+        failed = [
+            f"{text.format(100 * value)} (limit {100 * limit:.0f} %)" for text, value, limit in at_most if value > limit
+        ]
         if self.rank_correlation < MIN_RANK_CORRELATION:
             failed.append(f"rank correlation of distances {self.rank_correlation:.2f} (limit {MIN_RANK_CORRELATION:g})")
         return tuple(failed)
@@ -238,10 +240,9 @@ class FieldReport:
         return (
             f"{where}: gap {self.gap:.3f} (95 % below {self.gap_p95:.3f}), lengths moved by {self.moved:.3f}, steps "
             f"{self.step:.2f} of their own, rank correlation {self.rank_correlation:.3f}, longest axis rotated by "
-            f"{self.turn:.1f}° "
-            f"(median) and moved by more than {AXIS_MOVED:g}° at {self.moved_axes:.0%}, orientation-reversing at "
-            f"{self.reversing:.0%}, own-axis slope not positive at {self.nonmonotone:.0%}, least singular value "
-            f"{self.singular_value:.2f} ({folds})"
+            f"{self.turn:.1f}° (median) and moved by more than {AXIS_MOVED:g}° at {100 * self.moved_axes:.0f} %, "
+            f"orientation-reversing at {100 * self.reversing:.0f} %, own-axis slope not positive at "
+            f"{100 * self.nonmonotone:.0f} %, least singular value {self.singular_value:.2f} ({folds})"
         )
 
     def __repr__(self) -> str:

@@ -102,7 +102,7 @@ class Chart {
     return text;
   }
 
-  // Where the axis has numbers: how far down [%], and what stands there.
+  // Where the axis has numbers: distance from the top [%] and label.
   ticks() {
     const ticks = this.panel.logarithmic ? logarithmicTicks(this.low, this.high) : roundTicks(this.low, this.high, 3.5);
     return ticks.map((tick) => [100 - (100 * (tick - this.low)) / (this.high - this.low), readable(this.panel.logarithmic ? 10 ** tick : tick)]);

@@ -98,7 +98,7 @@ class DomainChart {
       for (let k = 0; k < set.coordinates.shape[0]; k++) {
         const [x, y] = this.place(set.coordinates.data, k);
         if (set.role !== "achieved") { pen.fillRect(x - 1.1, y - 1.1, 2.2, 2.2); continue; }
-        pen.fillRect(x - 2.5, y - 0.5, 5, 1); // a cross: blue and green dots are alike to some eyes
+        pen.fillRect(x - 2.5, y - 0.5, 5, 1); // a cross: some people cannot distinguish blue and green dots
         pen.fillRect(x - 0.5, y - 2.5, 1, 5);
       }
     }
@@ -114,7 +114,7 @@ class DomainChart {
     this.show(this.index);
   }
 
-  // What is around now, above all that stands still.
+  // What moves, above what does not.
   drawNow() {
     const { above, canvas, motion } = this, { time } = motion, pen = above.getContext("2d"), scale = window.devicePixelRatio || 1;
     if (above.width !== canvas.width || above.height !== canvas.height) Object.assign(above, { width: canvas.width, height: canvas.height });

@@ -43,7 +43,7 @@ class Player {
 
   build() {
     const { host, motion } = this, seek = (time) => this.seek(time);
-    const stages = make("div", { class: "stages" }), note = [...host.childNodes]; // stands below what it is about
+    const stages = make("div", { class: "stages" }), note = [...host.childNodes]; // below its subject
     const several = motion.stages.some(({ bodies }) => bodies.length > 1);
     host.append(this.controls());
     if (this.strip) host.append(this.strip.key());
@@ -274,7 +274,7 @@ class Player {
     });
   }
 
-  // The base frame, seen through what stands on it.
+  // The base frame, visible through the robot.
   drawAxes(stage, letters) {
     const { gl } = stage, length = 0.22 * stage.radius;
     gl.disable(gl.DEPTH_TEST);

@@ -1,4 +1,4 @@
-"""Laws of the measures."""
+"""Measures of evaluation."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent
 from maniport.evaluation import distance_preservation, rmse, smoothness
+from properties.strategies import FORMS, ROUNDED, TAME, cases, congruent
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 forms = st.sampled_from(sorted(FORMS | ROUNDED))
@@ -22,8 +22,7 @@ def numbers(measured):
 
 @measures
 @given(case=TAME.filter(lambda case: case.condition > 1.5), disguises=st.tuples(forms, forms))
-def test_measures_see_numbers(measure, case, disguises):
-    """The same ellipsoids are measured alike, bit by bit, in whatever form."""
+def test_dtype_and_memory_order_do_not_matter(measure, case, disguises):
     given_to = [(FORMS | ROUNDED)[form](case.spd(6)) for form in disguises]
     plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
     assert measure(*given_to) == measure(*plain)
@@ -32,8 +31,7 @@ def test_measures_see_numbers(measure, case, disguises):
 
 @measures
 @given(case=cases(least=0.2, most=8.0))
-def test_measures_go_along_with_a_turn_and_have_no_unit(measure, case):
-    """Seen from another frame or in another unit, the same profiles measure the same; backwards, too."""
+def test_measures_do_not_depend_on_frame_unit_and_direction(measure, case):
     mapped, original = case.spd(2, 6)
     wanted, rounding = numbers(measure(mapped, original)), 1e-6 + 100.0 * case.rounding
     turn = np.linalg.qr(case.rng.standard_normal((case.d, case.d)))[0]

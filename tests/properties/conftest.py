@@ -1,4 +1,4 @@
-"""The robot that the laws of bodies and motions are tried on."""
+"""The robot of these tests."""
 
 import pytest
 
@@ -8,11 +8,9 @@ from maniport.motion import SeedBank
 
 @pytest.fixture(scope="session")
 def panda():
-    """The Panda to its flange."""
     return load_arm("panda", frame="panda_link8")
 
 
 @pytest.fixture(scope="session")
 def bank(panda):
-    """A few starts for it."""
     return SeedBank.build(panda, 512)

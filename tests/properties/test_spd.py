@@ -1,4 +1,4 @@
-"""Laws of the space of SPD matrices at every condition, unit, kind of number and order in memory."""
+"""SPD matrices at every condition, unit, dtype and memory order."""
 
 import math
 
@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws.strategies import (
+from maniport import spd
+from maniport.errors import ConvergenceWarning
+from properties.strategies import (
     FORMS,
     ROUNDED,
     TAME,
@@ -19,8 +21,6 @@ from laws.strategies import (
     require_same_for_every_form,
     results_of,
 )
-from maniport import spd
-from maniport.errors import ConvergenceWarning
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
@@ -66,8 +66,7 @@ def arguments(case, kinds, *shape):
 
 @functions
 @given(case=TAME, shape=st.sampled_from([(), (3,), (2, 3)]))
-def test_neither_kind_of_numbers_nor_order_in_memory_matters(name, case, shape):
-    """A function sees numbers: the same ones give the same bits in any form, new float64 arrays, and stay."""
+def test_dtype_and_memory_order_do_not_matter(name, case, shape):
     kinds, function = CALLS[name]
     require_same_for_every_form(function, arguments(case, kinds, *shape), FORMS | ROUNDED)
 
@@ -104,8 +103,7 @@ def test_distance_is_a_metric_at_every_condition(case):
 
 
 @given(case=cases())
-def test_distance_is_blind_to_every_congruence(case):
-    """C A Cᵀ and C B Cᵀ are as far apart as A and B; never nearer than their logarithms."""
+def test_distance_is_invariant_under_congruence(case):
     a, b = case.spd(2, 4)
     change = case.change()
     assert_allclose(spd.distance(congruent(change, a), congruent(change, b)), spd.distance(a, b), atol=case.rounding)
@@ -114,8 +112,7 @@ def test_distance_is_blind_to_every_congruence(case):
 
 
 @given(case=cases())
-def test_tangents_lead_where_they_point(case):
-    """The tangent log_A(B) is as long as d(A, B); along it one arrives at B, and halfway at the geodesic's middle."""
+def test_exponential_inverts_the_logarithm(case):
     a, b = case.spd(2, 4)
     with refused_only_above(case.rounding):
         tangent, middle, apart = spd.log(a, b), spd.geodesic(a, b, 0.5), spd.distance(a, b)
@@ -159,8 +156,7 @@ def test_powers_are_multiples_of_the_logarithm(case):
 
 
 @given(case=cases())
-def test_axes_are_what_the_ellipsoid_is_made_of(case):
-    """Ascending lengths on orthonormal axes give the matrix, its condition and, all together, its volume."""
+def test_axes_give_the_ellipsoid_back(case):
     x = case.spd(4)
     lengths, directions = spd.axes(x)
     assert np.all(np.diff(lengths) >= 0.0)
@@ -175,8 +171,7 @@ def test_axes_are_what_the_ellipsoid_is_made_of(case):
 
 @fewer(0.7)
 @given(case=cases(most=8.0))
-def test_mean_and_dispersion_go_along_with_a_congruence(case):
-    """C X Cᵀ have the mean C M Cᵀ and the same dispersion about it; neither depends on the order of the points."""
+def test_mean_and_dispersion_are_equivariant_under_congruence(case):
     x, weights, change = case.spd(5), case.rng.uniform(0.0, 1.0, 5), case.change()
     center, order = spd.mean(x, weights), case.rng.permutation(5)
     moved = spd.mean(congruent(change, x), 7.0 * weights)
@@ -190,7 +185,7 @@ def test_mean_and_dispersion_go_along_with_a_congruence(case):
 
 @fewer(0.7)
 @given(case=cases())
-def test_mean_is_within_reach_of_its_points_or_says_so(case):
+def test_mean_is_no_farther_from_points_than_they_are_apart(case):
     """At any condition the mean is no farther from any point than the points are from one another, and is SPD."""
     x = case.spd(5)
     try:
@@ -204,8 +199,7 @@ def test_mean_is_within_reach_of_its_points_or_says_so(case):
 
 
 @given(case=cases())
-def test_whitening_is_undone(case):
-    """Whitening takes the center to the identity, keeps distances to it, and unwhitening brings all back."""
+def test_unwhitening_inverts_whitening(case):
     x, center = case.spd(4), case.spd()
     with refused_only_above(case.rounding_between):
         whitened = spd.whiten(x, center)

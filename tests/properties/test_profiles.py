@@ -1,4 +1,4 @@
-"""Laws of profiles at every condition, unit, kind of number and order in memory."""
+"""Profiles of demonstrations."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer
 from maniport import spd
 from maniport.learning import ProfileGMM, align, tracking_weights
+from properties.strategies import FORMS, ROUNDED, TAME, cases, congruent, fewer
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 forms = st.sampled_from(sorted(FORMS | ROUNDED))
@@ -52,8 +52,7 @@ def test_alignment_runs_from_start_to_end(case, reference):
 
 @fewer(0.4)
 @given(case=TAME.filter(lambda case: case.d <= 3), form=forms)
-def test_a_mixture_sees_numbers(case, form, tmp_path_factory):
-    """The same numbers give the same model, bit by bit, in whatever form; so does its file."""
+def test_dtype_and_memory_order_do_not_matter_for_mixtures(case, form, tmp_path_factory):
     disguise = (FORMS | ROUNDED)[form]
     given_to = [disguise(np.tile(np.arange(24.0), 3)), disguise(demonstrations(case).reshape(72, case.d, case.d))]
     plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
@@ -75,8 +74,7 @@ def test_a_mixture_sees_numbers(case, form, tmp_path_factory):
 
 @fewer(0.4)
 @given(case=cases(most=4.0, sizes=(2, 3, 4)))
-def test_order_of_demonstrations_does_not_matter(case):
-    """Demonstrations in another order have the same profile; of another unit or a congruence, one that went along."""
+def test_profiles_do_not_depend_on_order_and_follow_congruences(case):
     data, time = demonstrations(case), np.linspace(0.0, 1.0, 24)
     d, order, change = case.d, case.rng.permutation(3), case.change()
 
@@ -92,8 +90,7 @@ def test_order_of_demonstrations_does_not_matter(case):
 
 @fewer(0.7)
 @given(case=cases(), damping=st.floats(1e-3, 10.0))
-def test_weights_have_no_unit_and_a_mean_of_one(case, damping):
-    """Weights are symmetric, of mean one, at most 1 + 1/ρ for the mean variance's; a unit or a turn goes through."""
+def test_weights_are_free_of_units_and_have_mean_one(case, damping):
     covariance = covariances(case)
     weights, m = tracking_weights(covariance, damping), covariance.shape[-1]
     assert_array_equal(weights, np.swapaxes(weights, -1, -2))

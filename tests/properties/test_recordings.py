@@ -1,13 +1,13 @@
-"""Laws of recordings."""
+"""Recordings."""
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from laws.strategies import FORMS
 from maniport.mocap import Recording, read_recording
+from properties.strategies import FORMS
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 UP = ("x", "y", "z", "-x", "-y", "-z")
@@ -15,7 +15,6 @@ UP = ("x", "y", "z", "-x", "-y", "-z")
 
 @st.composite
 def recordings(draw):
-    """Draw points over time, some of which are missing."""
     frames, points, seed = draw(st.integers(2, 30)), draw(st.integers(1, 5)), draw(st.integers(0, 2**32 - 1))
     rng = np.random.default_rng(seed)
     positions = rng.standard_normal((frames, points, 3))
@@ -25,7 +24,6 @@ def recordings(draw):
 
 
 def same(one, other):
-    """Whether two recordings hold the same points, frames and times."""
     assert one.names == other.names
     assert one.up == other.up
     assert_array_equal(one.positions, other.positions)
@@ -33,8 +31,7 @@ def same(one, other):
 
 
 @given(recording=recordings())
-def test_a_recording_holds_numbers_of_its_own(recording):
-    """The same numbers make the same recording in any form; it is read-only, and shares no memory with its maker."""
+def test_a_recording_copies_its_arrays(recording):
     for name, disguise in FORMS.items():
         if name == "nothing masked" and np.isnan(recording.positions).any():
             continue
@@ -53,8 +50,8 @@ def test_a_recording_holds_numbers_of_its_own(recording):
 
 
 @given(recording=recordings(), low=st.floats(0, 1), high=st.floats(0, 1))
-def test_parts_of_a_recording_are_its_own(recording, low, high, tmp_path_factory):
-    """Cropping twice is cropping once; all points selected are the recording; a file gives it back."""
+def test_crop_select_and_save_keep_the_points(recording, low, high, tmp_path_factory):
+    assume(recording.observed)  # a file without any point is refused
     first, last = sorted(int(share * (len(recording) - 1)) for share in (low, high))
     start, stop = recording.time[[first, last]]
     part = recording.crop(start, stop)
@@ -70,8 +67,7 @@ def test_parts_of_a_recording_are_its_own(recording, low, high, tmp_path_factory
 
 
 @given(recording=recordings(), rate=st.floats(1.0, 200.0), longest=st.floats(0.0, 1.0))
-def test_gaps_and_rates(recording, rate, longest):
-    """Resampled points lie between recorded ones; what is filled stays filled, and what was seen stays as it was."""
+def test_resampling_and_filling_keep_recorded_points(recording, rate, longest):
     again = recording.resample(rate)
     seen = recording.positions[~np.isnan(recording.positions)]
     if len(seen) and not np.isnan(again.positions).all():

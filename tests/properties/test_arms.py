@@ -1,4 +1,4 @@
-"""Laws of arms: what every method gives for numbers in any form, one configuration and many."""
+"""Arms: kinematics, ellipsoids and samples in any form of arrays, alone and in batches."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws.strategies import FORMS, fewer, require_same_for_every_form, results_of
 from maniport import spd
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
+from maniport.arms.collisions import Collisions
 from maniport.domain import sample_domain
+from properties.strategies import FORMS, fewer, require_same_for_every_form, results_of
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 ARMS = {
@@ -28,7 +29,6 @@ seeds = st.integers(0, 2**32 - 1)
 
 @pytest.fixture(scope="module")
 def arm(request):
-    """One of the arms."""
     return request.param()
 
 
@@ -51,20 +51,12 @@ def methods(arm):
     }
 
 
-NAMES = (
-    "forward jacobian point_positions point_jacobians axis_direction manipulability ellipsoids principal_axes "
-    "manipulability_jacobian differentials skeleton link_poses"
-)
-
-
 @arms
 @fewer(0.15)
 @given(seed=seeds)
-def test_neither_kind_of_numbers_nor_order_in_memory_matters(arm, seed):
-    """The same configurations give the same bits in any form, alone and in any batch; none gives none."""
+def test_dtype_and_memory_order_do_not_matter(arm, seed):
     q = arm.sample(6, seed).reshape(2, 3, arm.dof)
     rounded = {"float32": lambda array: array.astype(np.float32), "integers": lambda array: np.rint(array).astype(int)}
-    assert set(methods(arm)) == set(NAMES.split())
     for name, method in methods(arm).items():
         require_same_for_every_form(method, [q], FORMS | rounded)
         batch = results_of(method, [q])
@@ -77,8 +69,7 @@ def test_neither_kind_of_numbers_nor_order_in_memory_matters(arm, seed):
 
 @arms
 @given(seed=seeds)
-def test_kinematics_agree_with_one_another(arm, seed):
-    """Poses are rigid; the tip is the end of the skeleton and the last link; its velocity is the Jacobian's."""
+def test_kinematics_are_consistent(arm, seed):
     q = arm.sample(3, seed)
     poses, jacobian = arm.forward(q), arm.jacobian(q)
     turns = poses[:, :3, :3]
@@ -99,8 +90,7 @@ def test_kinematics_agree_with_one_another(arm, seed):
 
 @arms
 @given(seed=seeds, spec=st.sampled_from(SPECS))
-def test_ellipsoids_agree_with_one_another(arm, seed, spec):
-    """They are J W² Jᵀ, or its inverse; axes, derivatives and all at once tell the same."""
+def test_ellipsoids_agree_with_the_jacobian(arm, seed, spec):
     q = arm.sample(3, seed)
     velocity = EllipsoidSpec("velocity", spec.part)
     assert spec.bounded == velocity
@@ -134,10 +124,22 @@ def test_samples_are_within_limits_and_repeat(arm, seed, n, sequence):
     assert_array_equal(arm.require_within_limits(q), q)
     assert_array_equal(arm.configurations(q.tolist()), q)
     assert_array_equal(arm.sample(n + 3, seed, sequence)[:n] if sequence == "sobol" else q, q)
-    assert_array_equal(sample_domain(arm, n, seed, sequence), arm.ellipsoids(arm.sample(n, seed, sequence)))
+    for spec in (VELOCITY, EllipsoidSpec(part="rotation"), EllipsoidSpec(part="full")):
+        domain = sample_domain(arm, n, seed, sequence, spec=spec)
+        assert_array_equal(domain, arm.ellipsoids(arm.sample(n, seed, sequence), spec))
     inside = arm.narrowed(0.9 * arm.lower + 0.1 * arm.upper, arm.upper)
     assert_array_equal(inside.forward(q), arm.forward(q))
     same = arm.restricted(arm.frame, arm.joint_names)
     assert_allclose(same.forward(q), arm.forward(q), atol=1e-12)
     for name, disguise in FORMS.items():
         assert_array_equal(arm.within_limits(disguise(q)), [True] * n, err_msg=name)
+
+
+def test_a_domain_without_collisions_has_as_many_ellipsoids(panda):
+    """Configurations that collide are replaced by the next free ones of the sequence; True is the arm with itself."""
+    collisions, q = Collisions.of(panda), panda.sample(256, 0)
+    free = q[~collisions.collides(q)]
+    domain = sample_domain(panda, 224, 0, collisions=collisions)
+    assert 224 < len(free) < 256
+    assert_array_equal(domain, panda.manipulability(free[:224]))
+    assert_array_equal(domain, sample_domain(panda, 224, 0, collisions=True))

@@ -1,4 +1,4 @@
-"""Laws of searches, motions and their limits."""
+"""Searches, motions and their limits."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from laws.strategies import fewer
 from maniport import spd
 from maniport.motion import (
     MotionLimits,
@@ -16,6 +15,7 @@ from maniport.motion import (
     retime,
     with_approach,
 )
+from properties.strategies import fewer
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 seeds = st.integers(0, 2**32 - 1)
@@ -24,8 +24,7 @@ few = {"n_starts": 4, "max_iter": 10}
 
 @fewer(0.3)
 @given(seed=seeds)
-def test_what_is_found_is_what_the_arm_makes(panda, bank, seed):
-    """Ellipsoids found belong to their postures, within limits, and no search makes a start of its own worse."""
+def test_ellipsoids_of_a_search_are_those_of_its_configurations(panda, bank, seed):
     q = panda.sample(4, seed)
     targets = panda.ellipsoids(q)
     found = nearest_feasible(panda, targets, bank=bank, **few)

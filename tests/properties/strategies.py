@@ -1,4 +1,4 @@
-"""What the laws are tried on: SPD matrices of every size, condition and unit; and the forms that an array may have."""
+"""Strategies: SPD matrices of every size, condition and unit; and forms that an array may have."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -25,7 +25,6 @@ class Case:
 
     @cached_property
     def rng(self):
-        """The generator of this example."""
         return np.random.default_rng(self.seed)
 
     @property
@@ -104,7 +103,6 @@ class ArrayLike:
         self.array = array
 
     def __array__(self, dtype=None, copy=None):
-        """Follow NumPy's protocol."""
         return np.array(self.array, dtype=dtype)
 
 
@@ -159,7 +157,6 @@ ROUNDED = {
 
 
 def results_of(call, given):
-    """Arrays that a call returns for given arguments, one or several."""
     results = call(*given)
     return results if isinstance(results, tuple) else (results,)
 

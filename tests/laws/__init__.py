@@ -1,1 +1,0 @@
-"""Laws of public functions, over sizes, conditions, units, kinds of numbers and orders in memory."""

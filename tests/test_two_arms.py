@@ -1,0 +1,223 @@
+"""The main job with several arms: what each gets, what both share, what is written, and what is refused at once."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import maniport as mp
+from maniport.arms.restriction import standing
+from maniport.cli import app
+from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
+from maniport.report.metrics import report_of
+from sizes import SMALL, few_places
+
+SIDES = "left", "right"
+OPTIONS = {"method": "parallel-transport", **SMALL}
+QUICK = {**OPTIONS}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return mp.read_recording("both-arms").crop(5.1, 5.4)
+
+
+@pytest.fixture(scope="module")
+def moved(two_arm_result):
+    return two_arm_result
+
+
+@pytest.fixture(scope="module")
+def arms(moved):
+    return moved.robot
+
+
+@pytest.fixture(scope="module")
+def still(recording, arms):
+    """A run that ends with the targets."""
+    return mp.transfer_recording(recording, robot=arms, move=False, **OPTIONS)
+
+
+def hands_of(result):
+    """Paths of both hands in their common frame."""
+    return [arm.fit.arm.forward(arm.fit.joint_angles)[:, :3, 3] + arm.person_base for arm in result.arms]
+
+
+def test_each_arm_of_the_person_leads_the_arm_of_its_side(moved, arms):
+    for side, result, arm in zip(SIDES, moved.arms, arms.arms, strict=True):
+        assert result.fit.arm.side == side
+        assert result.robot is arm
+        demonstrated = result.fit.arm.manipulability(result.fit.joint_angles)
+        np.testing.assert_allclose(result.demonstrated_profile, demonstrated)
+        np.testing.assert_allclose(result.target_profile, result.adapter.transform(demonstrated))
+    assert not np.array_equal(moved.arms[0].target_profile, moved.arms[1].target_profile)
+
+
+def test_the_hands_keep_their_relation(moved):
+    """Both paths are scaled, rotated and moved alike: the vector between end effectors is that of the hands, scaled."""
+    left, right = (result.placement for result in moved.arms)
+    assert left.scale == right.scale
+    np.testing.assert_array_equal(left.rotation, right.rotation)
+    hands = hands_of(moved)[1] - hands_of(moved)[0]
+    paths = moved.arms[1].motion.path - moved.arms[0].motion.path
+    np.testing.assert_allclose(paths, left.scale * hands @ (left.rotation @ left.turn).T, atol=1e-9)
+
+
+def test_both_arms_share_one_safe_motion(moved, arms):
+    motion = moved.motion
+    q = arms.joined(*(result.motion.joint_positions for result in moved.arms))
+    np.testing.assert_allclose(motion.trajectory.joint_positions, q, atol=1e-12)
+    for result in moved.arms:
+        np.testing.assert_array_equal(result.motion.time, motion.trajectory.time)
+        assert np.percentile(result.motion.position_error, 95) < 12e-3
+    assert max(share for _, share, _ in motion.limit_use.largest.values()) <= 1.0 + 1e-9
+    assert motion.clearance.checked
+    assert motion.clearance.share == 0.0
+
+
+def test_relative_end_effectors_leave_their_paths_and_keep_an_orientation(recording, arms):
+    result = mp.transfer_recording(recording, robot=arms, hand_targets="relative", orientation="constant", **QUICK)
+    hands = np.linalg.norm(hands_of(result)[1] - hands_of(result)[0], axis=1)
+    np.testing.assert_allclose(np.ptp(np.linalg.norm(result.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
+    assert np.percentile(result.motion.relative_error, 95) < 5e-3
+    for arm in result.arms:
+        rotated, freely = (
+            np.ptp(arm.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in (arm.motion, arm.free)
+        )
+        assert rotated < freely
+        assert arm.placement is None
+    assert any(metric.key == "relative_position_error" and metric.unit == "mm" for metric in report_of(result).metrics)
+
+
+def test_the_same_seed_gives_the_same_targets(still, recording, moved):
+    """Domains without collisions between the arms, as for a motion, are others than those of unmoved arms."""
+    robot = mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])
+    again = mp.transfer_recording(recording, robot=robot, move=False, **OPTIONS)
+    for first, second in zip(still.arms, again.arms, strict=True):
+        np.testing.assert_array_equal(first.target_profile, second.target_profile)
+    assert still.motion is None
+    assert "not moved" in repr(still)
+    assert not np.array_equal(still.arms[0].student_domain, moved.arms[0].student_domain)
+
+
+def test_warnings_of_several_arms_name_their_arm(moved):
+    report = report_of(moved)
+    assert report.status in ("green", "amber", "red")
+    own = ("left arm", "right arm", "left arm:", "right arm:", "left and right", "frames")
+    assert all(any(words in text.lower() for words in own) for text in report.warnings)
+
+
+def test_a_folder_holds_the_motion_of_all_and_the_data_of_each(moved, tmp_path):
+    """The folder of each arm is that of a run of one arm; page, scene and figures are of both."""
+    folder = tmp_path / "both"
+    mp.write_results(moved, folder, exports="rerun")
+    header = (folder / "joints.csv").read_text().split("\n", 1)[0]
+    assert all(f"{name}_rad," in header for name in moved.robot.joint_names)
+    with np.load(folder / "joints.npz") as arrays:
+        np.testing.assert_array_equal(arrays["joint_positions"], moved.motion.trajectory.joint_positions)
+    assert {"report.html", "motion.rrd", "summary.json", *SIDES} <= {file.name for file in folder.iterdir()}
+    for side in SIDES:
+        files = {file.name for file in (folder / side).iterdir()}
+        assert {"person.csv", "target_profile.npz", "adapter.npz", "joints.csv"} <= files
+    figures = {file.name for file in mp.write_figures(folder)}
+    assert figures == {f"{name}.{suffix}" for name in ("arms", "curves", "motion") for suffix in ("png", "svg")}
+    drawn = (folder / "motion.svg").read_text()
+    assert "Left: Ellipsoid distance" in drawn
+    assert "right_panda_joint1 [°]" in drawn
+    with pytest.raises(OutputError, match="holds an earlier result"):  # figures are part of it
+        mp.write_results(moved, folder)
+    (folder / "left" / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"'mine\.txt'"):
+        mp.write_results(moved, folder, overwrite=True)
+
+
+def test_targets_without_a_motion_cannot_be_exported(still, tmp_path):
+    with pytest.raises(InvalidInputError, match="exports are of a robot's motion"):
+        mp.write_results(still, tmp_path / "other", exports="ros2")
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.fixture
+def no_sampling(monkeypatch):
+    monkeypatch.setattr("maniport.pipeline.stages.sample_domains", lambda *_, **__: pytest.fail("it sampled"))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"recording": "freeform"}, RecordingError, "shows the right"),
+        ({"robot": mp.load_arm("panda"), "side": "both"}, InvalidInputError, "side"),
+        ({"method": "magic"}, ManiportError, "unknown method 'magic'"),
+        ({"markers": {"elbow": "RELB"}}, InvalidInputError, "must be"),
+        ({"hand_targets": "absolute"}, InvalidInputError, "unknown hand_targets 'absolute'"),
+        (
+            {"hand_targets": "relative", "workspace": [(0, 1)] * 3, "move": True},
+            InvalidInputError,
+            "workspace bounds paths",
+        ),
+        (
+            {"orientation": (0, 0, -1), "orientation_axes": "whole"},
+            InvalidInputError,
+            "orientation_axes must be 'pointing'",
+        ),
+        ({"gain": 1.0}, InvalidInputError, "unknown option 'gain'"),
+        ({"spec": "velocity"}, InvalidInputError, "unknown option 'spec'"),
+    ],
+)
+@pytest.mark.usefixtures("no_sampling")
+def test_wrong_arguments_are_named_before_long_work(recording, arms, options, error, words):
+    ready = {"recording": recording, "robot": arms, "move": False, **OPTIONS} | options
+    with pytest.raises(error, match=words):
+        mp.transfer_recording(**ready)
+
+
+PANDAS = ("--pose", "0,0.3,0,0", "--pose", "0,-0.3,0,0")
+BOTH = ("both-arms", "--side", "both")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((*BOTH, *PANDAS[:2]), "two"),
+        ((*BOTH, *PANDAS, "--base", "panda_link1"), "is for one arm"),
+        ((*BOTH, *PANDAS, "--frame", "panda_link8,panda_lnk8"), "unknown frame 'panda_lnk8'"),
+        ((*BOTH, *PANDAS, "--hand-targets", "absolute"), "unknown --hand-targets 'absolute'"),
+        ((*BOTH, *PANDAS, "--lock", "panda_joint1=10", "--lock", "left_panda_joint1=20"), "is named twice"),
+        (BOTH, "must have two arms"),
+        ((*BOTH, "--pose", "0,0,0,0", "--pose", "0,0,0,0"), "one place"),
+        (("both-arms", "--hand-targets", "relative"), "needs several arms"),
+    ],
+)
+@pytest.mark.usefixtures("no_sampling")
+def test_wrong_options_of_the_command_are_named_before_long_work(monkeypatch, tmp_path, words, message):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["transfer", *words, "-o", "out"])
+    assert isinstance(result.exception, ManiportError), result.output
+    assert message in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_functions_of_one_arm_refuse_two(recording, arms):
+    with pytest.raises(InvalidInputError, match="ArmGroup"):
+        mp.load_arm(arms)
+    with pytest.raises(InvalidInputError, match="both"):
+        mp.fit_arm(recording, side="both")
+
+
+def test_one_arm_of_a_person_leads_three_arms(recording, tmp_path):
+    """Each Panda moves in front of its own base, with targets, errors and files of its own; the motion has one time."""
+    panda, placed = mp.load_arm("panda"), np.tile(np.eye(4), (3, 1, 1))
+    placed[:, 1, 3] = (1.2, 0.0, -1.2)
+    arms = mp.ArmGroup(*(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c"))
+    with few_places():
+        result = mp.transfer_recording(recording, robot=arms, side="right", **QUICK)
+    assert [arm.name for arm in result.arms] == ["a", "b", "c"]
+    assert result.motion.trajectory.joint_positions.shape == (len(result.time), 21)
+    assert result.motion.clearance.share == 0.0
+    for arm, pose in zip(result.arms, placed, strict=True):
+        assert np.percentile(arm.motion.position_error, 95) < 12e-3
+        assert np.abs(arm.motion.path - pose[:3, 3]).max() < 0.9
+        assert arm.evaluation is not None
+    with pytest.raises(InvalidInputError, match="arms"):
+        _ = result.arm
+    result.save(tmp_path / "three")
+    assert {"a", "b", "c", "joints.csv"} <= {file.name for file in (tmp_path / "three").iterdir()}
