@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 from maniport import load_arm
 from maniport.errors import InvalidInputError
 from maniport.evaluation.capability import (
-    compare_capability,
+    compare_capabilities,
     ellipsoid_extent,
     half_sphere,
     polytope_extent,
@@ -77,11 +77,11 @@ def test_a_motion_is_compared_with_positions_alone():
     alone = position_only(robot, q)
     np.testing.assert_allclose(robot.forward(alone)[:, :3, 3], robot.forward(q)[:, :3, 3], atol=2e-4)
     angles = np.clip(0.4 + 0.1 * np.sin(phase + np.arange(7)), person.lower, person.upper)
-    force = compare_capability(person, angles, robot, q, phase[:, 0], np.eye(3), "force")
+    force, speed = compare_capabilities(person, angles, robot, q, phase[:, 0], np.eye(3))
+    assert speed.person is None
     assert force.person.shape == force.robot.shape == (60,)
     u = half_sphere()
     best = u[polytope_extent(person, angles[:1], u).argmax()]
     expected = min(polytope_extent(robot, q[:1], [sign * best])[0, 0] for sign in (1.0, -1.0))
     assert force.robot[0] == pytest.approx(expected)
     assert force.robot[0] == pytest.approx(force.position_only[0])
-    assert compare_capability(person, angles, robot, q, phase[:, 0], np.eye(3), "velocity").person is None

@@ -51,7 +51,8 @@ def place(
 
 
 @command(
-    "robot", "motion", "part", "damping", "place", "seed", without=("hand_targets", "pose", "move"),
+    "robot", "motion", "ellipsoids", "part", "joint_weights", "damping", "place", "seed",
+    without=("hand_targets", "pose", "move"),
     example="maniport track placed_profile.npz --robot panda --path path.npz -o motion",
 )  # fmt: skip
 def track(

@@ -2,7 +2,7 @@
 
 from maniport.evaluation.capability import (
     Capability,
-    compare_capability,
+    compare_capabilities,
     ellipsoid_extent,
     half_sphere,
     polytope_extent,
@@ -32,7 +32,7 @@ __all__ = [
     "Smoothness",
     "Summary",
     "Weakness",
-    "compare_capability",
+    "compare_capabilities",
     "distance_preservation",
     "ellipsoid_extent",
     "evaluate",

@@ -114,10 +114,10 @@ def resemblance(first: ArrayLike, other: ArrayLike) -> float:
     return float(a @ b / np.sqrt((a @ a) * (b @ b))) if len(a) else np.nan
 
 
-def compare_capability(
-    person: Arm, joint_angles: Array, robot: Arm, q: Array, time: Array, rotation: Array, kind: str, most: int = 200
-) -> Capability | None:
-    """Compare the motion of a robot with a person's and with one along the same positions alone.
+def compare_capabilities(
+    person: Arm, joint_angles: Array, robot: Arm, q: Array, time: Array, rotation: Array, most: int = 200
+) -> tuple[Capability, ...]:
+    """Compare a robot's motion with the person's, and with one that follows the same positions alone.
 
     Parameters
     ----------
@@ -125,35 +125,36 @@ def compare_capability(
     joint_angles, q : ndarray, shapes (n, dof of the person) and (n, dof)
         Configurations at the same waypoints.
     time : ndarray, shape (n,)
+        Of the waypoints [s].
     rotation : ndarray, shape (3, 3)
         From the person's base frame to the robot's.
-    kind : {"force", "velocity"}
     most : int
         Number of waypoints that are compared, evenly spaced.
 
     Returns
     -------
-    Capability or None
-        None where limits of the robot's or the person's joints are missing.
+    tuple of Capability
+        Force and speed, without those for which limits of a joint are missing.
     """
-    rows, u = evenly_spaced(len(q), most), half_sphere()
-    model = person.with_limits(velocity=1.0) if kind == VELOCITY else person
-    alone = position_only(robot, q[rows])
-    try:
-        own = polytope_extent(model, joint_angles[rows], u, kind)
-        moved, free = (_of_lines(robot, motion, u @ rotation.T, kind) for motion in (q[rows], alone))
-    except InvalidInputError:  # no limits
-        return None
-    best = np.arange(len(rows)), own.argmax(axis=1)
-    return Capability(
-        kind=kind,
-        time=time[rows],
-        robot=moved[best],
-        position_only=free[best],
-        person=None if kind == VELOCITY else own[best],
-        resemblance=resemblance(moved, own),
-        position_only_resemblance=resemblance(free, own),
-    )
+    rows, u, results = evenly_spaced(len(q), most), half_sphere(), []
+    models = {FORCE: person, VELOCITY: person.with_limits(velocity=1.0)}
+    kinds = [kind for kind, model in models.items() if _is_limited(robot, kind) and _is_limited(model, kind)]
+    motions = (q[rows], position_only(robot, q[rows])) if kinds else ()
+    for kind in kinds:
+        own = polytope_extent(models[kind], joint_angles[rows], u, kind)
+        moved, free = (_of_lines(robot, motion, u @ rotation.T, kind) for motion in motions)
+        best = np.arange(len(rows)), own.argmax(axis=1)
+        result = Capability(
+            kind=kind,
+            time=time[rows],
+            robot=moved[best],
+            position_only=free[best],
+            person=None if kind == VELOCITY else own[best],
+            resemblance=resemblance(moved, own),
+            position_only_resemblance=resemblance(free, own),
+        )
+        results.append(result)
+    return tuple(results)
 
 
 def position_only(arm: Arm, q: Array, tolerance: float = 1e-4, most_steps: int = 20) -> Array:
@@ -173,6 +174,11 @@ def position_only(arm: Arm, q: Array, tolerance: float = 1e-4, most_steps: int =
             now = np.clip(now + step, arm.lower, arm.upper)
         result[i] = now
     return result
+
+
+def _is_limited(arm: Arm, kind: str) -> bool:
+    limits = arm.velocity_limits if kind == VELOCITY else arm.effort_limits
+    return limits is not None and bool(np.all(np.isfinite(limits) & (limits > 0.0)))
 
 
 def _of_lines(arm: Arm, q: Array, u: Array, kind: str) -> Array:

@@ -17,8 +17,8 @@ import numpy as np
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
+from maniport.evaluation import Capability, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
-from maniport.evaluation import select_method
 from maniport.feasibility import with_feasible_set
 from maniport.mocap import HumanMotion, Recording, fit_arms
 from maniport.motion import (
@@ -281,6 +281,7 @@ def evaluate(
                 method=name_of(own.adapter), adapter=own.adapter, choice=own.choice, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
                 teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
+                capabilities=_capabilities(human, arm, own, measured[i], settings, i),
             )
         )  # fmt: skip
     return TransferResult(
@@ -292,6 +293,17 @@ def evaluate(
         spec=settings.spec,
         base_rotation=settings.config.transfer.rotation,
     )
+
+
+def _capabilities(
+    human: Human, robot: Arm, own: FittedMap, measured: dict[str, Any], settings: Settings, arm: int
+) -> tuple[Capability, ...]:
+    """Compare force and speed of the translation of a motion with the person's; nothing where there is no motion."""
+    if not measured or settings.spec.part == "rotation":
+        return ()
+    fit, placement, motion = human.fits[arm], measured["placement"], measured["motion"]
+    rotation = own.adapter.map_rotation_[:3, :3] if placement is None else placement.rotation @ placement.turn
+    return compare_capabilities(fit.arm, fit.joint_angles, robot, motion.joint_positions, fit.time, rotation)
 
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:

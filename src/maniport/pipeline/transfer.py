@@ -98,6 +98,7 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     elif side == BOTH and len(group) != 2:
         raise InvalidInputError(f"{argument('side', BOTH)} is for a robot of two arms; found {len(group)}")
     group.specs(transfer.spec)
+    PERSONS[config.human.person]().checked_spec(transfer.spec)
     if len(group) > 1 and not isinstance(transfer.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
     adapter, shared = None, {"random_state": config.seed, "base_rotation": transfer.rotation, **transfer.regularization}
