@@ -88,7 +88,7 @@ def test_info_describes_results(run, tmp_path):
         '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
     )
     out = run("info", tmp_path)[1]
-    for words in ("It follows.", "- Status: amber.", "- Jerk limits are assumed.", f"{tmp_path / 'report.html'}."):
+    for words in ("It follows.", "- Status: amber", "- Jerk limits are assumed.", f"{tmp_path / 'report.html'}"):
         assert words in out
     (tmp_path / "summary.json").write_text("[1]")
     code, _, err = run("info", tmp_path)
