@@ -5,6 +5,7 @@ from maniport.evaluation.capability import (
     compare_capabilities,
     ellipsoid_extent,
     half_sphere,
+    line_extent,
     polytope_extent,
     resemblance,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "evaluate",
     "half_sphere",
     "identity_test",
+    "line_extent",
     "polytope_extent",
     "resemblance",
     "rmse",

@@ -91,6 +91,12 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = F
     return np.asarray(np.where(np.any(np.abs(held) > limits, axis=-1), 0.0, extents))
 
 
+def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = FORCE) -> Array:
+    """Compute the smaller of the two results of `polytope_extent` along ±directions, shape (n, m)."""
+    extents, u = polytope_extent(arm, q, directions, kind), np.asarray(directions)
+    return extents if kind == VELOCITY else np.minimum(extents, polytope_extent(arm, q, -u, kind))
+
+
 def ellipsoid_extent(ellipsoids: ArrayLike, directions: ArrayLike) -> Array:
     """Compute 1 / sqrt(uᵀ M⁻¹ u) of ellipsoids (n, 3, 3) along directions (m, 3), shape (n, m)."""
     u, inverse = _unit_vectors(directions), np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3))
@@ -142,7 +148,7 @@ def compare_capabilities(
     motions = (q[rows], position_only(robot, q[rows])) if kinds else ()
     for kind in kinds:
         own = polytope_extent(models[kind], joint_angles[rows], u, kind)
-        moved, free = (_of_lines(robot, motion, u @ rotation.T, kind) for motion in motions)
+        moved, free = (line_extent(robot, motion, u @ rotation.T, kind) for motion in motions)
         best = np.arange(len(rows)), own.argmax(axis=1)
         result = Capability(
             kind=kind,
@@ -179,12 +185,6 @@ def position_only(arm: Arm, q: Array, tolerance: float = 1e-4, most_steps: int =
 def _is_limited(arm: Arm, kind: str) -> bool:
     limits = arm.velocity_limits if kind == VELOCITY else arm.effort_limits
     return limits is not None and bool(np.all(np.isfinite(limits) & (limits > 0.0)))
-
-
-def _of_lines(arm: Arm, q: Array, u: Array, kind: str) -> Array:
-    """Return the smaller extents (n, m) of both senses of directions."""
-    extents = polytope_extent(arm, q, u, kind)
-    return extents if kind == VELOCITY else np.minimum(extents, polytope_extent(arm, q, -u, kind))
 
 
 def _unit_vectors(directions: ArrayLike) -> Array:
