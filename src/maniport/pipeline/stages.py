@@ -20,7 +20,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Capability, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
 from maniport.feasibility import with_feasible_set
-from maniport.mocap import HumanMotion, Recording, fit_arms
+from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
     Placement,
@@ -281,7 +281,7 @@ def evaluate(
                 method=name_of(own.adapter), adapter=own.adapter, choice=own.choice, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
                 teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
-                capabilities=_capabilities(human, arm, own, measured[i], settings, i),
+                capabilities=_capabilities(human.fits[i], part, own, settings),
             )
         )  # fmt: skip
     return TransferResult(
@@ -295,15 +295,13 @@ def evaluate(
     )
 
 
-def _capabilities(
-    human: Human, robot: Arm, own: FittedMap, measured: dict[str, Any], settings: Settings, arm: int
-) -> tuple[Capability, ...]:
+def _capabilities(fit: ArmFit, part: ArmResult, own: FittedMap, settings: Settings) -> tuple[Capability, ...]:
     """Compare force and speed of the translation of a motion with the person's; nothing where there is no motion."""
-    if not measured or settings.spec.part == "rotation":
+    if part.motion is None or settings.spec.part == "rotation":
         return ()
-    fit, placement, motion = human.fits[arm], measured["placement"], measured["motion"]
-    rotation = own.adapter.map_rotation_[:3, :3] if placement is None else placement.rotation @ placement.turn
-    return compare_capabilities(fit.arm, fit.joint_angles, robot, motion.joint_positions, fit.time, rotation)
+    place = part.placement
+    rotation = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.turn
+    return compare_capabilities(fit.arm, fit.joint_angles, part.robot, part.motion.joint_positions, fit.time, rotation)
 
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:

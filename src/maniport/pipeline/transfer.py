@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.arms import Arm, ArmGroup, as_group
+from maniport.arms import PERSONS, Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
 from maniport.mocap.arm_ik import require_person
