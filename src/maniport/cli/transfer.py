@@ -68,7 +68,7 @@ def _execution(help: str, *flags: str) -> Any:
 
 @command(
     "human", "robot", "transfer", "motion", "batch", "seed", defaults=BATCH,
-    example="maniport batch 'recordings/**/*.bvh' --robot panda --robot ur5.urdf -o dataset",
+    example="maniport batch 'recordings/**/*.bvh' --robot panda -o dataset",
 )  # fmt: skip
 def batch(
     config: Config,
