@@ -34,6 +34,13 @@ from maniport.motion import plan_motion
 
 Row = tuple[str, dict[str, float]]
 
+LIMITED_ARMS = (
+    *("panda", "ur3", "ur5", "ur10", "ur3e", "ur5e", "xarm7", "kinova", "z1", "so100", "tiago", "talos_left_arm"),
+    *("talos_right_arm", "baxter_left_arm", "g1_left_arm", "g1_right_arm", "romeo_left_arm", "icub_left_arm"),
+    *("pr2_left_arm", "alex_left_arm"),
+)
+"""Arms with limits of velocity and torque: the Panda, and arms of example-robot-data."""
+
 WORSE = 0.02
 """Relative change above which `compare` marks a value; timings are marked above ten times as much."""
 
@@ -120,6 +127,30 @@ def length_field(whole: bool) -> Iterator[Row]:
             )
 
 
+def capability(whole: bool) -> Iterator[Row]:
+    """Correlate ellipsoids, with joint limits and with unit weights, and polytopes over configurations and directions.
+
+    Of logarithms; `_directions`: without the level of each configuration.
+    """
+    from maniport.evaluation import ellipsoid_extent, half_sphere, line_extent, resemblance
+
+    u = half_sphere()
+    for name in LIMITED_ARMS:
+        arm, row = mp.load_arm(name), dict[str, float]()
+        q = arm.sample(5000 if whole else 500, random_state=0)
+        for kind in ("force", "velocity"):
+            polytope = line_extent(arm, q, u, kind)
+            usable = polytope.min(axis=1) > 0.0
+            polytope = polytope[usable]
+            for weights, suffix in (("joint-limits", ""), (None, "_unit")):
+                ellipsoid = ellipsoid_extent(arm.manipulability(q[usable], kind, joint_weights=weights), u)
+                row[f"{kind}{suffix}"] = float(np.corrcoef(np.log(polytope.ravel()), np.log(ellipsoid.ravel()))[0, 1])
+                row[f"{kind}{suffix}_directions"] = resemblance(ellipsoid, polytope)
+            if kind == "force":
+                row["holds_itself"] = float(usable.mean())
+        yield name, row
+
+
 def recovery(whole: bool) -> Iterator[Row]:
     """Recover a random rotation from a domain and its rotated copy by ICP."""
     from scipy.stats import special_ortho_group
@@ -173,6 +204,7 @@ GROUPS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "short_motions": short_motions,
     "both_arms": both_arms,
     "length_field": length_field,
+    "capability": capability,
     "recovery": recovery,
     "speed": speed,
     "processes": processes,

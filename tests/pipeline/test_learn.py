@@ -108,7 +108,7 @@ def test_a_robot_follows_what_was_learned(people):
     assert_allclose(placed.apply(people.path), result.arm.motion.path, atol=1e-9)
     assert result.arm.fit.arm is people.arms[0]
     with pytest.raises(InvalidInputError, match="spec"):
-        mp.transfer_recording(people, kind="force", move=False, **SMALL)
+        mp.transfer_recording(people, ellipsoids="force", move=False, **SMALL)
     assert people.spec == VELOCITY
 
 

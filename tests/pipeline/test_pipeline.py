@@ -97,7 +97,7 @@ def test_other_parts_are_transferred(clip, part, d):
 
 def test_force_ellipsoids_are_followed_as_their_inverses(clip):
     """The robot follows the velocity ellipsoids that belong to the target force ellipsoids."""
-    job = SMALL | {"method": "parallel-transport", "kind": "force"}
+    job = SMALL | {"method": "parallel-transport", "ellipsoids": "force"}
     forces = transfer_recording(clip, **job)
     yaw = forces.arm.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])

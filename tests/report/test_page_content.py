@@ -73,7 +73,7 @@ def test_the_map_has_one_frame(result, animation):
     np.testing.assert_allclose(rotated, QUARTER @ chart.profiles[0].ellipsoids @ QUARTER.T, atol=1e-9)
 
 
-@pytest.mark.parametrize("options", [{"part": "full"}, {"kind": "force"}])
+@pytest.mark.parametrize("options", [{"part": "full"}, {"ellipsoids": "force", "joint_weights": "unit"}])
 def test_unmoved_robots_and_other_ellipsoids_are_drawn(second, options):
     """Without a robot's motion the person alone moves; force ellipsoids are drawn as velocity ones, full ones not."""
     result = transfer_recording(second.crop(10.0, 10.3), method="parallel-transport", move=False, **options, **SMALL)
@@ -81,7 +81,7 @@ def test_unmoved_robots_and_other_ellipsoids_are_drawn(second, options):
     assert [stage.name for stage in animation.stages] == ["Person"]
     assert ("Ellipsoids" in animation.panels) == (options.get("part") != "full")
     assert len(page_of(result)) < 6_000_000
-    if options.get("kind") == "force":
+    if options.get("ellipsoids") == "force":
         velocity = result.arm.fit.arm.manipulability(result.arm.fit.joint_angles)
         drawn = animation.stages[0].bodies[0].ellipsoids["person"]
         np.testing.assert_allclose(drawn, velocity, rtol=1e-6, atol=1e-9)

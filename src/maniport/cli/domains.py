@@ -22,7 +22,7 @@ CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
 
 
-@command(*CHAIN, "side", "height", "kind", "part", "seed", common=("kind", "part"),
+@command(*CHAIN, "side", "height", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
          example="maniport domain panda -n 16384 -o panda.npz")  # fmt: skip
 def domain(
     config: Config,
@@ -48,7 +48,7 @@ def domain(
 
 
 @command(
-    "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "kind", "part", "seed",
+    "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "ellipsoids", "part", "seed",
     common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method="icp"),
     without=("hand_targets", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
@@ -107,7 +107,7 @@ def apply(
 
 
 @command(
-    "robot", *CHAIN, "kind", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
+    "robot", *CHAIN, "ellipsoids", "part", "seed", without=("hand_targets", "pose"), defaults=NO_ROBOT,
     example="maniport evaluate adapter.npz person.npz panda.npz profile.npz --robot panda -o report.md",
 )  # fmt: skip
 def evaluate(

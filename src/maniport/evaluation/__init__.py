@@ -1,5 +1,14 @@
 """Evaluation of a transfer: metrics, comparison with baselines, and model selection."""
 
+from maniport.evaluation.capability import (
+    Capability,
+    compare_capabilities,
+    ellipsoid_extent,
+    half_sphere,
+    line_extent,
+    polytope_extent,
+    resemblance,
+)
 from maniport.evaluation.comparison import evaluate
 from maniport.evaluation.metrics import (
     RMSE,
@@ -15,6 +24,7 @@ from maniport.evaluation.summary import Evaluation, Gaps, Row, Summary, Weakness
 
 __all__ = [
     "RMSE",
+    "Capability",
     "Choice",
     "DistancePreservation",
     "Evaluation",
@@ -23,9 +33,15 @@ __all__ = [
     "Smoothness",
     "Summary",
     "Weakness",
+    "compare_capabilities",
     "distance_preservation",
+    "ellipsoid_extent",
     "evaluate",
+    "half_sphere",
     "identity_test",
+    "line_extent",
+    "polytope_extent",
+    "resemblance",
     "rmse",
     "select_method",
     "smoothness",

@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from maniport.errors import FileFormatError, InvalidInputError, argument
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from maniport.mocap import Recording
     from maniport.motion import PlanSettings
 
+UNIT, JOINT_LIMITS = "unit", "joint-limits"  # joint weights
 FREE, CONSTANT = "free", "constant"  # orientation of the end effector, or tilt of the base
 
 
@@ -87,6 +88,10 @@ class RobotOptions(Options):
         (), "Base of each of several robots [m, m, m, deg]; repeatable", "m,m,m,deg", metavar="X,Y,Z,YAW", count=4,
         repeated=True, unchecked=True,
     )  # fmt: skip
+    payload: float = option(0.0, "Mass that the end effector carries", "kg", minimum=0.0, common=True)
+    payload_center: tuple[float, ...] = option(
+        (0.0, 0.0, 0.0), "Its center in the frame of the end effector", "m", metavar="X,Y,Z", count=3
+    )
     hand_targets: str = option(
         "placed", "Positions of several arms: placed paths, or relative positions", choices=("placed", "relative")
     )
@@ -104,7 +109,7 @@ class RobotOptions(Options):
         chain = arm.chain
         base = chain.base if chain.stand is None else None
         source = chain.source or arm.name
-        return RobotOptions(robot=(source,), frame=(arm.frame,), base=base, lock=dict(chain.locked) or None)
+        return replace(self, robot=(source,), frame=(arm.frame,), base=base, lock=dict(chain.locked) or None)
 
     @property
     def several(self) -> bool:
@@ -112,7 +117,18 @@ class RobotOptions(Options):
         return bool(self.pose) or len(self.robot) > 1 or len(self.frame) > 1
 
     def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
-        """Load the arm, or the group where `both` or other options mean several; side and height: of a human arm."""
+        """Load the arm, or the group where `both` or other options mean several, with the payload.
+
+        Side and height are those of a human arm.
+        """
+        arm = self._load(both, side, height)
+        if not self.payload:
+            return arm
+        if not hasattr(arm, "with_payload"):
+            raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
+        return arm.with_payload(self.payload, self.payload_center)
+
+    def _load(self, both: bool, side: str, height: float | None) -> Any:
         from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 
         robot: Any = self.robot[0]
@@ -147,11 +163,14 @@ class TransferOptions(Options):
         defaults.METHOD, "Transfer method", common=True, unchecked=True,
         choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
     )  # fmt: skip
-    kind: str = option("velocity", "Kind of ellipsoid", choices=("velocity", "force", "acceleration"))
+    ellipsoids: str = option(
+        "velocity", "Kind of ellipsoids", choices=("velocity", "force", "acceleration"), common=True
+    )
     part: str = option("translation", "Part of the motion", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = option(
-        None, "Joint weights: joint-limits, or numbers", unchecked=True, choices=("joint-limits",)
-    )
+        None, "Joint weights; default: unit for velocity, else joint-limits", unchecked=True,
+        choices=(UNIT, JOINT_LIMITS), metavar="WORD|W1,W2,…",
+    )  # fmt: skip
     damping: float | None = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
     eigenvalue_floor: float | None = option(None, "Smallest eigenvalue, instead of damping", above=0.0)
     base_rotation: tuple[float, ...] = option(
@@ -166,7 +185,9 @@ class TransferOptions(Options):
         """Kind, part and joint weights."""
         from maniport.arms import EllipsoidSpec
 
-        return EllipsoidSpec(self.kind, self.part, self.joint_weights)
+        usual = None if self.ellipsoids == "velocity" else JOINT_LIMITS
+        weights = usual if self.joint_weights is None else None if self.joint_weights == UNIT else self.joint_weights
+        return EllipsoidSpec(self.ellipsoids, self.part, weights)
 
     @property
     def regularization(self) -> dict[str, float | None]:
@@ -241,6 +262,8 @@ class MotionOptions(Options):
             raise InvalidInputError("orientation_axes must be 'pointing' for a vector as orientation; found 'whole'")
         if not isinstance(self.orientation, str) and not any(self.orientation):
             raise InvalidInputError("orientation must not be a zero vector")
+        if self.workspace is not None:
+            _ = self.bounds  # raises where it is wrong
         if self.export and not self.move:
             raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
 
@@ -249,6 +272,14 @@ class MotionOptions(Options):
         """Options of the controller that follows the plan."""
         shared = ("rate", "orientation_axes", "orientation_weight", "costs")
         return {name: getattr(self, name) for name in shared} | dict(self.tracking or {})
+
+    @property
+    def bounds(self) -> Any:
+        """Bounds of the placed path, shape (2, 3), infinite where it is open [m]."""
+        from maniport.motion.placement.place_path import as_workspace
+
+        box: Any = self.workspace
+        return as_workspace([box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box)
 
     def control(self, arm: Any) -> "PlanSettings":
         """Return the settings of `maniport.motion.plan_motion` for an arm, checked."""
@@ -261,11 +292,9 @@ class MotionOptions(Options):
         around = {name: getattr(self, name) for name in ("table", "obstacles", "srdf")}
         checked = any(value is not None for value in around.values())
         names = {item.name for item in fields(PlanSettings)} & {item.name for item in fields(self)}
-        box: Any = self.workspace
         return PlanSettings(
-            **{name: getattr(self, name) for name in names - {"workspace", "collisions"}},
+            **{name: getattr(self, name) for name in names - {"collisions"}},
             motion_limits=limits,
-            workspace=[box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box,
             collisions=Collisions.of(limits.arm, **around) if checked else self.collisions,
         ).resolved(arm)
 

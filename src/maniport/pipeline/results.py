@@ -12,7 +12,7 @@ from maniport.arms import Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.hulls import lowest_points
 from maniport.errors import InvalidInputError
-from maniport.evaluation import Choice, Evaluation
+from maniport.evaluation import Capability, Choice, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
@@ -121,6 +121,7 @@ class ArmTransfer(ArmResult):
     target_profile: Array  # (n, d, d), mapped, in the robot's base frame, before the rotation of the placement
     teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
     student_domain: Array  # (M, d, d), of the robot's
+    capabilities: tuple[Capability, ...] = ()  # force and speed of the motion, where limits are known
     seconds_to_fit: float  # duration of the fit, or of the selection with its evaluation
 
     files: ClassVar[tuple[str, ...]] = TRANSFER_FILES

@@ -67,6 +67,12 @@ METRICS = {
         "Collisions", "Between convex hulls of links, table and obstacles.", main=True, text="{_text}",
         level=itemgetter("share"), warn_above=0.0, severity=ERROR, warning_key="collision",
         warning="the robot collides {_when}: {_pair}"),
+    **{
+        key: Definition(
+            label, "Along the direction in which the person has most; resemblance over all directions.", unit,
+            main=True, text="{_text}")
+        for key, label, unit in (("force", "Force", "N"), ("velocity", "Speed", "m/s"))
+    },
     "mean_distance": Definition(
         "Mean distance", "Infeasible: distance to the feasible set. Path: added by the path constraint. "
         "Motion: added by limits.", main=True, text="{_text}"),

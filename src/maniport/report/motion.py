@@ -2,18 +2,20 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from maniport.errors import argument
+from maniport.evaluation import Capability
 from maniport.motion import ArmMotion, RobotMotion
-from maniport.motion.motion_limits import TORQUES, MotionLimits
+from maniport.motion.motion_limits import DERIVATIVES, TORQUES, MotionLimits
 from maniport.motion.plan.arm_planner import FAR
 from maniport.motion.status import REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
 from maniport.pipeline.results import ArmResult
-from maniport.report.metrics import describe, measure
+from maniport.report.metrics import METRICS, describe, measure
 from maniport.report.robot import assumed_limits, collision_warnings
 from maniport.report.values import ERROR, Metric, Report, Section, at_time, listed, warning
 from maniport.util.validation import Array
@@ -38,6 +40,11 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     if motion.orientation_error is not None:
         metrics += measure("orientation_error", np.degrees(motion.orientation_error), time)
     metrics += _of_trajectory(motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
+    metrics += [
+        item
+        for own in getattr(result, "capabilities", ())
+        for item in _of_capability(own, motion.spec.kind == "velocity")
+    ]
     if result is not None and result.gap is not None:
         parts = result.mean_distance._asdict()
         written = dict(parts)
@@ -122,13 +129,14 @@ def _of_trajectory(
     for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
     torques = {name: used.pop(name) for name in TORQUES if name in used}
-    for key, shares in (("limits", used), ("torques", torques)):
+    sources = {name: text for name, text in limits.sources.items() if name in DERIVATIVES}
+    of_torques = {name: text for name, text in limits.sources.items() if name not in DERIVATIVES}
+    for key, shares, texts in (("limits", used, sources), ("torques", torques, of_torques)):
         exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
                     for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
         text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in shares.items())
         if shares:
-            values: dict[str, Any] = {"sources": limits.sources} if key == "limits" else {}
-            metrics += measure(key, used=shares, **values, _text=text, _exceeded=listed(exceeded))
+            metrics += measure(key, used=shares, sources=texts, _text=text, _exceeded=listed(exceeded))
     checked = clearance.checked and np.isfinite(clearance.distance)
     at = np.interp(clearance.time, trajectory.time, time)
     pair, when, text = "", "", "none possible" if clearance.checked else "not checked"
@@ -140,6 +148,23 @@ def _of_trajectory(
         "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
         clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair, _when=when,
     )  # fmt: skip
+
+
+def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:
+    """Return force or speed of a motion, beside a motion along the positions alone and the person; one is main."""
+    unit, least = METRICS[own.kind].unit, int(own.robot.argmin())
+    series = {"robot": own.robot, "position_only": own.position_only, "person": own.person}
+    value: dict[str, Any] = {
+        name: {"median": float(np.median(values)), "p5": float(np.percentile(values, 5)), "min": float(values.min())}
+        for name, values in series.items() if values is not None
+    }  # fmt: skip
+    at = float(own.time[least])
+    texts = [f"{name.replace('_', ' ')} {numbers['median']:.3g} {unit}" for name, numbers in value.items()]
+    texts[0] += f" ({value['robot']['p5']:.3g} 5th percentile, min {value['robot']['min']:.3g} {at_time(at)})"
+    text = f"{listed(texts)}; resemblance {own.resemblance:.2f} instead of {own.position_only_resemblance:.2f}"
+    value |= {"min_at_s": at, "resemblance": own.resemblance}
+    value |= {"position_only_resemblance": own.position_only_resemblance}
+    return [replace(item, main=(own.kind == "velocity") == by_speed) for item in measure(own.kind, **value, _text=text)]
 
 
 def rounded_sum(parts: list[float], decimals: int = 3) -> tuple[str, tuple[str, ...]]:
