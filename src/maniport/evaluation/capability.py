@@ -99,7 +99,7 @@ def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = FORCE
 
 def ellipsoid_extent(ellipsoids: ArrayLike, directions: ArrayLike) -> Array:
     """Compute 1 / sqrt(uᵀ M⁻¹ u) of ellipsoids (n, 3, 3) along directions (m, 3), shape (n, m)."""
-    u, inverse = _unit_vectors(directions), np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3))
+    u, inverse = _unit_vectors(directions), np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3, minimum=1))
     return np.asarray(1.0 / np.sqrt(np.einsum("mi,nij,mj->nm", u, inverse, u, optimize=True)))
 
 
