@@ -5,6 +5,7 @@ Property-based tests draw the same few examples on every machine and have no dea
 """
 
 import os
+import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -58,3 +59,17 @@ def repeated():
     way = np.exp(-(((time[:, None] - np.array([1.0, 2.2, 4.0, 6.5])) / 0.25) ** 2)).sum(axis=1)[:, None]
     rest, reach = np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), np.radians([20.0, 30.0, 10.0, -20.0, 0, 0, 0])
     return synthetic_recording(human_arm("myoarm"), rest + way * reach, time)
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Call the command line in this process; return exit code, standard output and standard error."""
+    from maniport import cli
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["maniport", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return int(stop.value.code or 0), *capsys.readouterr()
+
+    return call

@@ -4,6 +4,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from unittest import mock
 
+import numpy as np
+
+from maniport.arms import load_arm
 from maniport.motion import RobotMotion
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.pipeline import MotionResult
@@ -37,3 +40,10 @@ def motion_alone(result):
     names = ("name", "robot", "placement", "motion", "free", "gap", "collisions")
     arm = ArmResult(**{name: getattr(result.arm, name) for name in names})
     return MotionResult(robot=result.robot, arms=(arm,), motion=result.motion)
+
+
+def panda_profile(count=11):
+    """Return the Panda, and times, joint positions, ellipsoids and end-effector positions of a short motion."""
+    panda, time = load_arm("panda"), np.linspace(0.0, 1.0, count)
+    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], count)
+    return panda, time, joints, panda.manipulability(joints), panda.forward(joints)[:, :3, 3]

@@ -9,7 +9,7 @@ from maniport.arms.restriction import standing
 from maniport.cli import app
 from maniport.errors import InvalidInputError, ManiportError, OutputError, RecordingError
 from maniport.report.metrics import report_of
-from sizes import SMALL, few_places
+from sizes import SMALL, little_search
 
 SIDES = "left", "right"
 OPTIONS = {"method": "parallel-transport", **SMALL}
@@ -208,7 +208,7 @@ def test_one_arm_of_a_person_leads_three_arms(recording, tmp_path):
     panda, placed = mp.load_arm("panda"), np.tile(np.eye(4), (3, 1, 1))
     placed[:, 1, 3] = (1.2, 0.0, -1.2)
     arms = mp.ArmGroup(*(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c"))
-    with few_places():
+    with little_search():
         result = mp.transfer_recording(recording, robot=arms, side="right", **QUICK)
     assert [arm.name for arm in result.arms] == ["a", "b", "c"]
     assert result.motion.trajectory.joint_positions.shape == (len(result.time), 21)

@@ -7,19 +7,21 @@ import re
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from maniport import load_arm, sample_domain
 from maniport.cli import app
 from maniport.mocap import shipped_recording
-from maniport.util.files import save_ellipsoids, save_path
+from maniport.util.files import save_ellipsoids
+from sizes import panda_profile
 
 RUNNER = '''
 """Run the command line many times in one process, each time between two marks on both streams."""
 import json, os, sys
 from maniport import cli, mocap
+from maniport.motion.plan import reachability_map
 
+reachability_map.SAMPLES = 10_000
 read = mocap.read_recording
 short = read("freeform").crop(2.0, 2.2)
 mocap.read_recording = lambda source, **options: short if source == "freeform" else read(source, **options)
@@ -62,12 +64,11 @@ COLORS = re.compile(r"\x1b\[(?:[\d;]*;)?(?:3\d|4[0-8]|9\d|10\d)(?:;[\d;]*)?m")
 @pytest.fixture(scope="module")
 def verbs(tmp_path_factory):
     """Arguments of each verb, in an order in which each finds its files."""
-    tmp, panda = tmp_path_factory.mktemp("output"), load_arm("panda")
+    tmp = tmp_path_factory.mktemp("output")
     for name in ("myoarm", "panda"):
         save_ellipsoids(tmp / f"{name}.npz", sample_domain(load_arm(name), 64, 0))
-    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
-    save_ellipsoids(tmp / "profile.npz", panda.manipulability(joints), np.linspace(0.0, 1.0, 11))
-    save_path(tmp / "hand.npz", panda.forward(joints)[:, :3, 3])
+    _, time, _, ellipsoids, _ = panda_profile()
+    save_ellipsoids(tmp / "profile.npz", ellipsoids, time)
     places = {"tmp": tmp, "recording": shipped_recording("freeform")}
     lines = {**LIGHT, **HEAVY, "mistake": MISTAKE}
     return {verb: [word.format(**places) for word in line.split()] for verb, line in lines.items()}

@@ -22,7 +22,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("name", ["maniport.cli", "numpy", "maniport.cli.view"])
+@pytest.mark.parametrize("name", ["maniport.cli", "numpy", "maniport.cli.live"])
 def test_ctrl_c_during_imports(name):
     code = INTERRUPTED_WHEN_STARTED.format(name=name)
     ended = subprocess.run([sys.executable, "-c", code, "info", "panda"], capture_output=True, text=True, check=False)

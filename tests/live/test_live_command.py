@@ -24,7 +24,7 @@ def recorded(small_result, second, tmp_path):
 
 
 @pytest.fixture
-def run(monkeypatch, capfdbinary, small_result):
+def live(monkeypatch, capfdbinary, small_result):
     """Call the command with a finished transfer; return exit code, lines of output and standard error."""
     monkeypatch.setattr("maniport.pipeline.transfer_recording", lambda *_, **__: small_result)
 
@@ -43,10 +43,10 @@ def run(monkeypatch, capfdbinary, small_result):
     return call
 
 
-def test_every_line_is_answered(run, recorded, small_result):
+def test_every_line_is_answered(live, recorded, small_result):
     """First the expected points, then a line for each frame; at the end the robot rests, and a summary is printed."""
     path, lines, time = recorded
-    code, (first, start, error, *rest), err = run(path, "--no-drop", lines=[lines[0], "nonsense", *lines[1:]])
+    code, (first, start, error, *rest), err = live(path, "--no-drop", lines=[lines[0], "nonsense", *lines[1:]])
     arm = small_result.arm.robot
     assert code == 0
     assert first["points"] == list(Live.of(small_result).points)
@@ -58,12 +58,12 @@ def test_every_line_is_answered(run, recorded, small_result):
     assert rest[-1]["state"] == "holding"
     assert f"{len(time)} frames answered, 0 skipped (newer frames available), 1 invalid" in err
     assert "99.9 %" in err
-    code, (_, answer, *_), err = run(path, lines=lines)
+    code, (_, answer, *_), err = live(path, lines=lines)
     assert (code, answer["frame"], answer["skipped"]) == (0, time[-1], len(time) - 1)
     assert "--no-drop" in err
 
 
-def test_ctrl_c_brings_the_robot_to_rest(run, recorded):
+def test_ctrl_c_brings_the_robot_to_rest(live, recorded):
     path, lines, _ = recorded
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
@@ -89,7 +89,7 @@ def test_ctrl_c_brings_the_robot_to_rest(run, recorded):
 
     sender = threading.Thread(target=send)
     sender.start()
-    code, (first,), err = run(path, "--udp", port)
+    code, (first,), err = live(path, "--udp", port)
     sender.join(60.0)
     assert not sender.is_alive()
     assert answers[-1]["state"] == "holding"
@@ -108,8 +108,8 @@ def test_ctrl_c_brings_the_robot_to_rest(run, recorded):
         (("missing.bvh", "--udp", 0, "--host", "no.such.host.invalid"), "no.such.host.invalid"),
     ],
 )
-def test_wrong_options_are_refused(run, words, word):
-    code, out, err = run(*words)
+def test_wrong_options_are_refused(live, words, word):
+    code, out, err = live(*words)
     assert (code, out) == (2, [])
     assert word in err
     assert "Traceback" not in err
@@ -123,11 +123,8 @@ def test_wrong_options_are_refused(run, words, word):
         (None, ("ladder", "--robot", "nothing", "--udp", "0"), "unknown robot 'nothing'"),
     ],
 )
-def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, capsys, closed, words, text):
+def test_closed_streams_and_unknown_robots_are_refused(monkeypatch, run, closed, words, text):
     if closed is not None:
         monkeypatch.setattr(sys, closed, None)
-    monkeypatch.setattr(sys, "argv", ["maniport", "live", *words])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert stop.value.code == 2
-    assert text in capsys.readouterr().err
+    code, _, err = run("live", *words)
+    assert (code, text in err) == (2, True)

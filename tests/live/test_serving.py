@@ -19,19 +19,13 @@ from maniport.errors import InvalidInputError, OutputError
 from maniport.live.serving import Server
 from maniport.live.transport import Datagrams, Line, Pipe
 from maniport.util.input_limits import FRAME_BYTES
+from waiting import wait
 
 
 def frame(t, x=0.0):
     """A line with the wrist at x, or with all points."""
     points = [[0, 0, 0], [0, 0, 0], [x, 0, 0]] if np.isscalar(x) else np.asarray(x).tolist()
     return json.dumps({"t": t, "points": points})
-
-
-def wait(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it was not met"
-        time.sleep(1e-3)
 
 
 class Ends(contextlib.ExitStack):

@@ -88,18 +88,6 @@ def test_wrong_markers_are_rejected(markers, error, words):
         assign_roles(read_recording("freeform"), markers)
 
 
-@pytest.mark.parametrize("second", ["trunk_front", "trunk_left"])
-def test_trunk_frame_is_a_rotation(second):
-    points = {"low": [0, 0, 0], "high": [0, 0.1, 1], "back": [-1, 0, 0], "front": [1, 0, 0.3], "right": [0, -1, 0],
-              "left": [0.2, 1, 0]}  # fmt: skip
-    recording = Recording(tuple(points), np.array([list(points.values())], dtype=float), [0.0])
-    pair = {"trunk_front": (("back",), ("front",)), "trunk_left": (("right",), ("left",))}[second]
-    rotation = trunk_rotation(recording, {"trunk_up": (("low",), ("high",)), second: pair})[0]
-    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
-    assert np.linalg.det(rotation) == pytest.approx(1)
-    assert np.all(np.diag(rotation) > 0.9)
-
-
 @pytest.mark.parametrize("anonymous", [False, True])
 @pytest.mark.parametrize("wrong", ["arm", "elbow", "trunk"])
 def test_points_of_the_other_side_are_rejected(made, wrong, anonymous):

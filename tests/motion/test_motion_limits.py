@@ -22,6 +22,8 @@ def test_the_pandas_limits_are_those_of_its_maker(panda):
     assert_array_equal(limits.jerk, [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0])
     assert_array_equal(limits.velocity, panda.velocity_limits)
     assert "Franka" in limits.sources["acceleration"]
+    assert "Franka" in limits.sources["effort_rate"]
+    assert limits.sources["effort"] == "the robot's description"
     assert not any(limits.assumed.values())
     assert_allclose(limits.lower - panda.lower, 0.02 * (panda.upper - panda.lower))
     assert_allclose(panda.upper - limits.upper, 0.02 * (panda.upper - panda.lower))
@@ -38,6 +40,8 @@ def test_what_nobody_knows_is_assumed_and_said(crane):
     assert_allclose(limits.jerk, [100.0, 25.0])
     assert limits.sources["velocity"] == "assumed: 1 rad/s (joint1); assumed: 0.25 m/s (joint2)"
     assert limits.sources["jerk"] == "assumed: acceleration limit reached in 0.04 s"
+    assert np.all(np.isinf([limits.effort, limits.effort_rate]))
+    assert "effort" not in limits.sources
     both = ("joint1", "joint2")
     assert limits.assumed == {"position": (), "velocity": both, "acceleration": both, "jerk": both}
     some = MotionLimits.of(crane, {"joints": {"joint2": {"velocity": 1.0, "acceleration": 2.0}}})
@@ -47,10 +51,11 @@ def test_what_nobody_knows_is_assumed_and_said(crane):
 def test_a_file_goes_before_everything_else(panda, tmp_path):
     """Numbers of a joint, then the file's default, then the maker's; given ends of a range take no margin."""
     file = tmp_path / "limits.yaml"
-    file.write_text("joints:\n  panda_joint1: {jerk: 1e3, lower: -1}\ndefault: {velocity: 0.5}\n")
+    file.write_text("joints:\n  panda_joint1: {jerk: 1e3, effort: 40, lower: -1}\ndefault: {velocity: 0.5}\n")
     limits = MotionLimits.of(panda, file)
     assert_array_equal(limits.velocity, np.full(7, 0.5))
     assert_array_equal(limits.jerk[:2], [1000.0, 3750.0])
+    assert_array_equal(limits.effort[:2], [40.0, panda.effort_limits[1]])
     assert limits.lower[0] == -1.0
     assert limits.upper[0] < panda.upper[0]
     assert limits.sources["velocity"] == f"{file} (default)"

@@ -13,11 +13,10 @@ from maniport.arms.collisions import Collisions
 from maniport.arms.restriction import standing
 from maniport.errors import InvalidInputError
 from maniport.motion import Objective, ReachabilityMap, SeedBank, place_path
-from maniport.motion.placement.place_path import fixed_place
+from maniport.motion.placement.place_path import as_workspace, fixed_place
 from maniport.motion.placement.problem import SCALE, TILT, ArmPath, PlacementProblem
 from maniport.motion.placement.search import PlacementTrajectoryCost
 from maniport.motion.plan.optimizer import TrajectoryCost, TrajectoryTerms, levenberg_marquardt
-from maniport.motion.plan.plan_settings import as_workspace
 from maniport.report import report_of
 from maniport.spd.kernels import congruence
 from maniport.spd.regularization import Regularization
@@ -58,7 +57,7 @@ def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
     placements = place_path(world, turned, (panda, aside), scale=1.0, yaw=0.7, offset=middle, **both)
     for placed, tip in zip(placements, tips, strict=True):
         assert_allclose(placed.path, tip, atol=1e-12)
-        assert placed.distance.max() < 1e-3
+        assert placed.pointwise_best.max() < 1e-3
     first, second = place_path(world, turned, (panda, aside), **both, workspace=[(0.2, 0.8)] * 3)
     assert (first.scale, first.yaw, *first.offset) == (second.scale, second.yaw, *second.offset)
     assert_allclose(first.path - second.path, first.scale * (world[0] - world[1]) @ first.rotation.T, atol=1e-12)
@@ -73,7 +72,7 @@ def test_own_path_is_found_again(panda, common, motion):
     placed = place_path(moved, turned, panda, **common)
     fixed = place_path(moved, turned, panda, scale=1.0, yaw=0.0, offset=(0.45, 0.0, 0.4), **common)
     assert placed.reachable.all()
-    assert np.median(placed.distance) < min(0.15, 0.5 * np.median(fixed.distance))
+    assert np.median(placed.pointwise_best) < min(0.15, 0.5 * np.median(fixed.pointwise_best))
     assert_allclose(placed.path, placed.apply(moved), atol=1e-12)
 
 
@@ -88,7 +87,7 @@ def test_far_path_is_reported(panda, common, motion):
     assert "7 of 12" in " ".join(report_of(placed).warnings)
     assert "7 out of reach" in repr(placed)
     assert np.all(panda.within_limits(placed.joint_positions))
-    assert np.all(np.isfinite(placed.distance))
+    assert np.all(np.isfinite(placed.pointwise_best))
 
 
 @pytest.mark.parametrize("part", ["rotation", "full"])
@@ -103,7 +102,7 @@ def test_other_parts_turn_too(panda, motion, part):
         reachability_map=ReachabilityMap(panda, spec, 4096), bank=SeedBank.build(panda, 4096, spec=spec),
     )  # fmt: skip
     assert_allclose(placed.profile, profile, atol=1e-12)
-    assert placed.distance.max() < 1e-2
+    assert placed.pointwise_best.max() < 1e-2
 
 
 def test_leaning_base_sees_the_path_turned_the_other_way(panda, common, motion):
@@ -140,7 +139,7 @@ def test_candidates_are_ranked(panda, common, motion):
     for placed, candidate in ((first, first.candidates[0]), (second, second.candidates[1])):
         assert_array_equal(placed.offset, candidate.offset)
         assert placed.yaw == candidate.yaw
-        assert candidate.distance.shape == (12,)
+        assert candidate.planned_distance.shape == (12,)
         assert_allclose(placed.apply(motion[0]), placed.path, atol=1e-12)
     assert [place.rms for place in second.candidates] == [place.rms for place in first.candidates]
     assert not np.allclose(second.path, first.path)

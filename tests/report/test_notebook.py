@@ -11,15 +11,13 @@ import maniport as mp
 from maniport.report import as_html
 from maniport.report.values import Metric, Report, Section, Table
 from maniport.transfer import Search
-from sizes import motion_alone
+from sizes import motion_alone, panda_profile
 
 
 @pytest.fixture(scope="module")
 def objects(small_result):
-    panda, person = mp.load_arm("panda"), mp.load_arm("myoarm")
+    person, (panda, time, joints, profile, path) = mp.load_arm("myoarm"), panda_profile()
     teacher, student = mp.sample_domain(person, 64, 0), mp.sample_domain(panda, 96, 1)
-    joints = np.linspace([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.0], [0.3, -0.4, 0.1, -1.8, 0.1, 1.7, 0.0], 11)
-    profile, path = panda.manipulability(joints), panda.forward(joints)[:, :3, 3]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
         icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(teacher, student)
@@ -31,7 +29,7 @@ def objects(small_result):
         "RiemannianICP": icp,
         "Identifiability": icp.identifiability_,
         "Placement": small_result.arm.placement,
-        "ArmMotion": mp.track(panda, profile, path=path, time=np.linspace(0.0, 1.0, 11), start=joints[0]).arms[0],
+        "ArmMotion": mp.track(panda, profile, path=path, time=time, start=joints[0]).arms[0],
         "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "MotionResult": motion_alone(small_result),
         "TransferResult": small_result,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -115,7 +115,8 @@ def lowest_image_eigenvalues(rigid, points):
 
 
 @sizes
-@pytest.mark.parametrize("ratio", [0.2, 0.5, 0.9, 1.0, 1.0 + 1e-12, 1.001, 1.3, 2.0, 3.0])
+@pytest.mark.parametrize("ratio", [0.2, 0.9, 1.0, 1.0 + 1e-12, 1.001, 1.3, 3.0])
+@settings(max_examples=5)
 @seeds
 def test_bound_on_the_lowest_eigenvalue_holds(d, ratio, seed, random_spd, random_rotation):
     """No image of T + ε I has an eigenvalue below the bound, be T random, a needle or zero."""

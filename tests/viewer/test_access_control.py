@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import socket
-import time
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -12,6 +11,7 @@ from receiver import CAMERA, connected, msgspec
 
 from maniport.viewer.access_control import LOGGED, MAX_PAGES, MESSAGE_BYTES, AccessControl
 from maniport.viewer.server import LiveView
+from waiting import wait
 
 errors = pytest.importorskip("websockets.exceptions")
 encode = msgspec.msgpack.encode
@@ -30,13 +30,6 @@ def view(page, running):
     page._access._counts.clear()
     with running(page):
         yield page
-
-
-def wait(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def serves(view):

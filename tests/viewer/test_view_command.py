@@ -8,8 +8,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from maniport import cli
-
 pytest.importorskip("viser")
 
 ENDLESS = """
@@ -30,17 +28,6 @@ Maps.fit = endless
 entry_point.main()
 """
 """The command line in a process of its own, on a small scale, with a fit that does not end."""
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["maniport", "view", *map(str, words)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        return int(stop.value.code or 0), *capsys.readouterr()
-
-    return call
 
 
 def test_it_starts_and_ends_with_ctrl_c(tmp_path):
@@ -77,8 +64,8 @@ def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
     page = SimpleNamespace(no_surface="", url="http://here", run=lambda stop: None, stop=lambda: None)
     monkeypatch.setattr("maniport.viewer.prepare.prepare", lambda *_, **__: (None, None, None))
     monkeypatch.setattr("maniport.viewer.server.LiveView", lambda *_: page)
-    assert "open to other machines" in run("--host", "0.0.0.0")[2]
-    assert "open to" not in run()[2]
+    assert "open to other machines" in run("view", "--host", "0.0.0.0")[2]
+    assert "open to" not in run("view")[2]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +83,7 @@ def test_a_page_that_is_open_to_others_has_a_warning(run, monkeypatch):
     ],
 )
 def test_invalid_options_end_with_one_sentence(run, words, message):
-    code, out, err = run(*words)
+    code, out, err = run("view", *words)
     assert (code, out) == (2, "")
     assert message in err
     assert "Traceback" not in err

@@ -49,7 +49,7 @@ class EllipsoidSpec:
     joint_weights : None, "joint-limits" or sequence of float
         Diagonal of V or T, from 1e-12 to 1e12, one for each joint: the velocity [rad/s, m/s] or torque [N m, N] that
         counts as one. Default: all one. ``"joint-limits"``: velocity limits, or effort limits less the gravity torques
-        |g(q)| where the arm has masses, but at least 5 % of the limit so that ellipsoids stay defined where the arm
+        ``|g(q)|`` where the arm has masses, but at least 5 % of the limit so that ellipsoids stay defined where the arm
         cannot hold itself. Each arm has its own. Numbers are kept as a tuple.
 
     References

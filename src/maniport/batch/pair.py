@@ -1,5 +1,6 @@
 """What a worker does: it transfers one recording to robots, and keeps what it computed of robots and persons."""
 
+import copy
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,8 @@ from maniport.batch.table import COMPUTING, failed_row, is_row, row_of
 from maniport.errors import ManiportError, on_the_command_line
 from maniport.pipeline import stages
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.transfer import collected_warnings, follow_person
+from maniport.pipeline.targets import targets_of
+from maniport.pipeline.transfer import collected_warnings
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
 from maniport.report.metrics import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
@@ -172,7 +174,12 @@ def _transfer(pair: Pair, human: Human, texts: Warnings, begun: float, most_robo
         fitted = [_fitted(pair, sampled, human, arm) for arm in range(len(human.fits))]
         maps, of_maps = tuple(own for own, _ in fitted), [text for _, own in fitted for text in own]
     with collected_warnings() as of_motion:
-        result = follow_person(human, sampled, maps, job, baselines=selects)
+        moved = None
+        if sampled.planner is not None:
+            targets = targets_of(human, maps, job)
+            own = replace(sampled, random=copy.deepcopy(sampled.random))
+            moved = stages.plan(targets, stages.place(targets, own, job), own, job)
+        result = stages.evaluate(human, sampled, maps, moved, job, baselines=selects)
     result = replace(result, warnings=tuple(dict.fromkeys((*texts, *of_robot, *of_maps, *of_motion))))
     report, arms = report_of(result), [arm.name for arm in result.arms]
     row = row_of(report, *pair.names, pair.folder.relative_to(pair.output).as_posix(), arms if len(arms) > 1 else ())

@@ -1,9 +1,9 @@
 """The command line: a command for each step of the transfer; commands parse, call and print, nothing else."""
 
-from maniport.cli import batch, domains, info, learn, live, motion, transfer, view  # each adds its commands
+from maniport.cli import domains, info, live, motion, transfer  # each adds its commands
 from maniport.cli.application import app, main
 
-__all__ = ["app", "batch", "domains", "info", "learn", "live", "main", "motion", "transfer", "view"]
+__all__ = ["app", "domains", "info", "live", "main", "motion", "transfer"]
 
 ORDER = [
     *("demo", "transfer", "batch", "learn", "domain", "fit", "apply", "place", "track"),

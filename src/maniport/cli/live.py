@@ -1,20 +1,21 @@
-"""The command with which a robot follows a moving person: frames in, joint positions out."""
+"""Commands that run until they are stopped: a robot that follows a moving person, and the interactive 3D view."""
 
 import gc
 import io
 import os
 import socket
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maniport.cli.application import command
+from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.util.defaults import AUTO, BOTH
+from maniport.util.defaults import BOTH
 from maniport.util.ports import LOOPBACK, is_loopback
 from maniport.util.signals import ending_in_order
 
@@ -47,22 +48,19 @@ def live(
     The first line of output describes the expected frames, such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}};
     each frame is answered by one line. Ctrl-C stops the robot and ends the command with exit code 0.
     """
-    from maniport.mocap.arm_ik import require_person
+    from threadpoolctl import threadpool_limits
 
-    human = config.human
-    require_person(human.person, AUTO if human.side == BOTH else human.side, human.height)
-    transport = _opened(udp, host, send)  # ports that cannot be opened are reported before any long work
+    from maniport.live import Live
+    from maniport.live.serving import Server
+    from maniport.pipeline.transfer import settings_of, transfer_recording
+
     with console.progress() as progress:
-        from threadpoolctl import threadpool_limits
-
-        from maniport.live import Live
-        from maniport.live.serving import Server
-        from maniport.pipeline import transfer_recording
-
+        settings = settings_of(config, progress)
+        transport = _opened(udp, host, send)  # ports that cannot be opened are reported before any long work
         motion = config.human.read(recording)
         for text in motion.quality_warnings:
             console.warn(text)
-        result = transfer_recording(motion, config, progress=progress)
+        result = transfer_recording(motion, settings)
         follower = Live.of(result, progress=progress)
     if udp is not None and not is_loopback(host):
         console.warn("the port accepts frames from other machines, which can move the robot")
@@ -95,3 +93,44 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
         raise InvalidInputError("standard output is closed; the description and answers go there") from None
     out = sys.stdout.buffer
     return Pipe(sys.stdin.fileno(), out.fileno()) if udp is None else Datagrams(udp, host, send, out)
+
+
+@command(
+    "person", "side", "height", "robot", "base_rotation", "seed", without=("hand_targets",),
+    example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
+)  # fmt: skip
+def view(
+    config: Config,
+    console: Console,
+    recording: Annotated[Path | None, typer.Option("--recording", help=RECORDING)] = None,
+    adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter, .npz.")] = None,
+    host: Annotated[str, typer.Option(help="Address; other addresses open the page to the network.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; 0: a free one.")] = 0,
+) -> None:
+    """Open an interactive 3D view in the browser; Ctrl-C ends it."""
+    from maniport.util.optional import viser
+    from maniport.viewer.prepare import prepare
+    from maniport.viewer.server import LiveView, require_free
+
+    viser()  # a missing package is reported before any long work
+    require_free(host, port)
+    human, turned = config.human, config.transfer.base_rotation != Config().transfer.base_rotation
+    with console.progress() as progress:
+        state, method, turn = prepare(
+            human.person, config.robot.load(human.side == BOTH), recording=recording, side=human.side,
+            height=human.height, adapter=adapter, base_rotation=config.transfer.rotation if turned else None,
+            random_state=config.seed, progress=progress,
+        )  # fmt: skip
+        page = LiveView(state, method, turn, host, port)
+    if not is_loopback(host):
+        console.warn("the page is open to other machines: whoever has its address can see and move the arms")
+    if page.no_surface:
+        console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
+    stop = threading.Event()
+    try:
+        with ending_in_order(stop.set):  # by Ctrl-C or a termination signal; a second one ends at once
+            console.finish({"url": page.url}, f"{page.url}  (Ctrl-C ends it)")
+            sys.stdout.flush()  # a reader of a pipe waits for it
+            page.run(stop)
+    finally:
+        page.stop()

@@ -40,7 +40,7 @@ def place(
     control, options = config.motion.control(arm := config.robot.load_arm()), config.placement
     with console.progress() as progress:
         placed = place_path(
-            positions, target, arm, time=time, tilt=options.tilt, workspace=control.workspace, rank=options.rank,
+            positions, target, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
             spec=config.transfer.spec, damping=config.transfer.damping or 0.0, collisions=control.collisions,
             random_state=config.seed, progress=progress,
         )  # fmt: skip

@@ -42,7 +42,8 @@ class MotionLimits:
         Largest magnitudes of torques [N m] or forces [N] and of their derivatives [N m/s or N/s]; infinite where
         unknown.
     sources : dict of str to str
-        For ``"velocity"``, ``"acceleration"`` and ``"jerk"`` a sentence on the source of the numbers.
+        Source of the numbers, by ``"velocity"``, ``"acceleration"``, ``"jerk"`` and, where any is known, ``"effort"``
+        and ``"effort_rate"``.
     assumed : dict of str to tuple of str
         For position, velocity, acceleration and jerk the joints whose limit is neither in `source`, nor the maker's,
         nor in the robot's description.
@@ -102,7 +103,7 @@ class MotionLimits:
         inside = share * (arm.upper - arm.lower)
         ends = np.stack([arm.lower + inside, arm.upper - inside])
         limits: dict[str, Array] = {quantity: np.full(arm.dof, np.inf) for quantity in LIMITS}
-        joints_by_source: dict[str, dict[str, list[str]]] = {quantity: {} for quantity in DERIVATIVES}
+        joints_by_source: dict[str, dict[str, list[str]]] = {quantity: {} for quantity in LIMITS}
         assumed: dict[str, list[str]] = {quantity: [] for quantity in ("position", *DERIVATIVES)}
         for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, own_names, strict=True)):
             numbers = joints.get(name, {})
@@ -118,12 +119,12 @@ class MotionLimits:
                     key: float(own[i]) for key, own in described.items() if own is not None and np.isfinite(own[i])
                 },
             }
-            for key in ("effort", "effort_rate"):
-                limits[key][i] = next((values[key] for values in sources.values() if key in values), np.inf)
-            for quantity in DERIVATIVES:
+            for quantity in LIMITS:
                 source = next((source for source, values in sources.items() if quantity in values), None)
                 if source is not None:
                     value = sources[source][quantity]
+                elif quantity not in DERIVATIVES:
+                    continue  # unknown: infinite
                 else:
                     assumed[quantity].append(name)
                     value, source = _assumed(quantity, unit, {key: limits[key][i] for key in limits})
@@ -134,6 +135,7 @@ class MotionLimits:
             if len(by_source) > 1
             else next(iter(by_source))
             for quantity, by_source in joints_by_source.items()
+            if by_source
         }
         names = {quantity: tuple(own) for quantity, own in assumed.items()}
         return cls(arm.narrowed(*ends), sources=texts, assumed=names, **limits)

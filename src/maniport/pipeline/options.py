@@ -262,6 +262,8 @@ class MotionOptions(Options):
             raise InvalidInputError("orientation_axes must be 'pointing' for a vector as orientation; found 'whole'")
         if not isinstance(self.orientation, str) and not any(self.orientation):
             raise InvalidInputError("orientation must not be a zero vector")
+        if self.workspace is not None:
+            _ = self.bounds  # raises where it is wrong
         if self.export and not self.move:
             raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
 
@@ -270,6 +272,14 @@ class MotionOptions(Options):
         """Options of the controller that follows the plan."""
         shared = ("rate", "orientation_axes", "orientation_weight", "costs")
         return {name: getattr(self, name) for name in shared} | dict(self.tracking or {})
+
+    @property
+    def bounds(self) -> Any:
+        """Bounds of the placed path, shape (2, 3), infinite where it is open [m]."""
+        from maniport.motion.placement.place_path import as_workspace
+
+        box: Any = self.workspace
+        return as_workspace([box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box)
 
     def control(self, arm: Any) -> "PlanSettings":
         """Return the settings of `maniport.motion.plan_motion` for an arm, checked."""
@@ -282,11 +292,9 @@ class MotionOptions(Options):
         around = {name: getattr(self, name) for name in ("table", "obstacles", "srdf")}
         checked = any(value is not None for value in around.values())
         names = {item.name for item in fields(PlanSettings)} & {item.name for item in fields(self)}
-        box: Any = self.workspace
         return PlanSettings(
-            **{name: getattr(self, name) for name in names - {"workspace", "collisions"}},
+            **{name: getattr(self, name) for name in names - {"collisions"}},
             motion_limits=limits,
-            workspace=[box[i : i + 2] for i in (0, 2, 4)] if box is not None and len(box) == 6 else box,
             collisions=Collisions.of(limits.arm, **around) if checked else self.collisions,
         ).resolved(arm)
 

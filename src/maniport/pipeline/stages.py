@@ -8,7 +8,7 @@ One arm is a group of one: values that belong to an arm are tuples over the arms
 import time as clock
 import warnings
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Capability, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
 from maniport.feasibility import with_feasible_set
-from maniport.mocap import HumanMotion, Recording, fit_arms
+from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
     Placement,
@@ -35,7 +35,7 @@ from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
-from maniport.pipeline.results import ArmTransfer, TransferResult
+from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
@@ -150,43 +150,47 @@ def sample_teacher(person: Arm, settings: Settings) -> Array:
     return domain
 
 
-def place(
-    targets: MotionTargets,
-    planner: Planner,
-    settings: Settings,
-    generator: np.random.Generator,
-    rank: int = 1,
-) -> tuple[Placement, ...]:
+def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank: int = 1) -> tuple[Placement, ...]:
     """Place the paths relative to the robot, by some of their waypoints; `rank` as in `place_path`."""
     assert targets.paths is not None
     assert settings.control is not None
-    rows, arms = targets.placement_rows(), planner.arms
+    assert robot.planner is not None
+    rows, arms = targets.placement_rows(), robot.planner.arms
     return place_path(
         [path[rows] for path in targets.paths],
         [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms],
         time=targets.time[rows],
         turn=targets.turn,
-        workspace=settings.control.workspace,
+        workspace=settings.config.motion.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms],
         rank=rank,
         spec=targets.spec,
         damping=targets.damping,
-        random_state=generator,
+        random_state=robot.random,
         progress=settings.progress,
     )
 
 
 def plan(
-    targets: MotionTargets,
-    placements: tuple[Placement, ...] | None,
-    planner: Planner,
-    settings: Settings,
-    generator: np.random.Generator,
+    targets: MotionTargets, placements: tuple[Placement, ...] | None, robot: SampledRobot, settings: Settings
 ) -> Moved:
-    """Plan a motion of all arms along the placed targets; a controller of the settings follows the plan."""
-    control, options, hand_targets = settings.control, settings.config.motion, settings.config.robot.hand_targets
+    """Plan a motion of all arms along the placed targets; where it collides, again with the second best placement."""
+    moved = plan_at(placements, targets, robot, settings)
+    if placements is None or moved.motion.clearance.share == 0.0 or len(placements[0].candidates) < 2:
+        return moved
+    again = plan_at(place(targets, robot, settings, rank=2), targets, robot, settings)
+    return min(moved, again, key=lambda result: result.motion.clearance.share)
+
+
+def plan_at(
+    placements: tuple[Placement, ...] | None, targets: MotionTargets, robot: SampledRobot, settings: Settings
+) -> Moved:
+    """Plan a motion at given placements; a controller of the settings follows the plan."""
+    planner, control, options = robot.planner, settings.control, settings.config.motion
+    hand_targets = settings.config.robot.hand_targets
+    assert planner is not None
     assert control is not None
     placed = targets if placements is None else targets.placed(placements)
     rotations, motions = placed.base_rotations, []
@@ -195,9 +199,9 @@ def plan(
         motion = plan_motion(
             planner.group, placed.profiles, time=placed.time, paths=placed.paths, spec=placed.spec,
             damping=placed.damping, rotations=own, costs=options.costs, hand_targets=hand_targets, planner=planner,
-            pointwise_bests=placed.pointwise_bests, random_state=generator,
+            pointwise_bests=placed.pointwise_bests, random_state=robot.random,
             progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
-            **{option.name: getattr(control, option.name) for option in fields(control) if option.name != "workspace"},
+            **vars(control),
         )  # fmt: skip
         motions.append(motion)
     free = motions[0] if len(motions) > 1 else None
@@ -221,21 +225,13 @@ def follow(
     return RobotMotion(planned.group, motion, (motion,))
 
 
-def place_and_plan(
-    targets: MotionTargets, planner: Planner, settings: Settings, generator: np.random.Generator
-) -> Moved:
-    """Place the paths and plan a motion; where that collides, again with the second best placement."""
-    placements = place(targets, planner, settings, generator)
-    moved = plan(targets, placements, planner, settings, generator)
-    if moved.motion.clearance.share == 0.0 or len(placements[0].candidates) < 2:
-        return moved
-    others = place(targets, planner, settings, generator, rank=2)
-    again = plan(targets, others, planner, settings, generator)
-    return min(moved, again, key=lambda result: result.motion.clearance.share)
-
-
-def measure(moved: Moved, planner: Planner, settings: Settings) -> list[dict[str, Any]]:
-    """Measure the feasibility gap of the targets of each arm; return what an `ArmResult` has of its motion."""
+def measure(
+    moved: Moved | None, planner: Planner | None, names: Sequence[str], settings: Settings
+) -> tuple[ArmResult, ...]:
+    """Return the motion of each arm with the feasibility gap of its targets."""
+    if moved is None:
+        return tuple(ArmResult(name=name, robot=arm) for name, arm in zip(names, settings.arms, strict=True))
+    assert planner is not None
     assert settings.control is not None
     budget, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
@@ -243,11 +239,18 @@ def measure(moved: Moved, planner: Planner, settings: Settings) -> list[dict[str
             own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
             progress=settings.progress, n_points=budget.gap_points, n_starts=budget.gap_starts,
         )  # fmt: skip
-        placement = None if moved.placements is None else moved.placements[i]
-        free = None if moved.free is None else moved.free.arms[i]
-        result = {"motion": motion, "free": free, "placement": placement, "gap": gap, "collisions": own.collisions}
-        results.append(result)
-    return results
+        results.append(
+            ArmResult(
+                name=names[i],
+                robot=settings.arms[i],
+                placement=None if moved.placements is None else moved.placements[i],
+                motion=motion,
+                free=None if moved.free is None else moved.free.arms[i],
+                gap=gap,
+                collisions=own.collisions,
+            )
+        )
+    return tuple(results)
 
 
 def evaluate(
@@ -262,25 +265,23 @@ def evaluate(
     names, transfers = [str(fit.arm.side or arm.name) for fit, arm in zip(human.fits, settings.arms, strict=True)], []
     if len(set(names)) < len(names):
         names = list(as_group(settings.robot).names)
-    measured: list[dict[str, Any]] = [{}] * len(names)
-    if moved is not None and robot.planner is not None:
-        measured = measure(moved, robot.planner, settings)
-    for i, (name, arm, own, profile) in enumerate(zip(names, settings.arms, maps, human.profiles, strict=True)):
-        evaluation = None if own.choice is None else own.choice.evaluation
+    parts = measure(moved, robot.planner, names, settings)
+    for i, (part, own, profile) in enumerate(zip(parts, maps, human.profiles, strict=True)):
+        evaluation = own.choice.evaluation if own.choice else None
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
-                own.adapter, own.teacher, robot.domains[i], profile, robot=arm,
+                own.adapter, own.teacher, robot.domains[i], profile, robot=part.robot,
                 spec=settings.specs[i], bank=robot.bank(i, settings.spec), n_domain=0,
                 random_state=settings.config.seed, progress=settings.progress,
             )  # fmt: skip
         transfers.append(
             ArmTransfer(
-                name=name, robot=arm, **measured[i],
+                **vars(part),
                 fit=human.fits[i], person_base=human.motion.bases[i], time=human.fits[i].time,
                 method=name_of(own.adapter), adapter=own.adapter, choice=own.choice, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
                 teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
-                capabilities=_capabilities(human, arm, own, measured[i], settings, i),
+                capabilities=_capabilities(human.fits[i], part, own, settings),
             )
         )  # fmt: skip
     return TransferResult(
@@ -294,15 +295,13 @@ def evaluate(
     )
 
 
-def _capabilities(
-    human: Human, robot: Arm, own: FittedMap, measured: dict[str, Any], settings: Settings, arm: int
-) -> tuple[Capability, ...]:
+def _capabilities(fit: ArmFit, part: ArmResult, own: FittedMap, settings: Settings) -> tuple[Capability, ...]:
     """Compare force and speed of the translation of a motion with the person's; nothing where there is no motion."""
-    if not measured or settings.spec.part == "rotation":
+    if part.motion is None or settings.spec.part == "rotation":
         return ()
-    fit, placement, motion = human.fits[arm], measured["placement"], measured["motion"]
-    rotation = own.adapter.map_rotation_[:3, :3] if placement is None else placement.rotation @ placement.turn
-    return compare_capabilities(fit.arm, fit.joint_angles, robot, motion.joint_positions, fit.time, rotation)
+    place = part.placement
+    rotation = own.adapter.map_rotation_[:3, :3] if place is None else place.rotation @ place.turn
+    return compare_capabilities(fit.arm, fit.joint_angles, part.robot, part.motion.joint_positions, fit.time, rotation)
 
 
 def _require_frames(recording: Recording, count: int, what: str) -> None:

@@ -51,7 +51,7 @@ class MotionTargets:
             profiles=tuple(own.turned(profile) for own, profile in zip(placements, self.profiles, strict=True)),
             paths=tuple(own.apply(path) for own, path in zip(placements, self.paths, strict=True)),
             rotations=rotations,
-            pointwise_bests=tuple(interpolated_distance(rows, own.distance, count) for own in placements),
+            pointwise_bests=tuple(interpolated_distance(rows, own.pointwise_best, count) for own in placements),
         )
 
     @property

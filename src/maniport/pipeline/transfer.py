@@ -1,6 +1,5 @@
 """The main job as one function: a recording in, a frozen result out; and its last stages alone."""
 
-import copy
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from maniport.arms import PERSONS, Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
+from maniport.mocap.arm_ik import require_person
 from maniport.motion import Control, Planner, PlanSettings
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
@@ -22,9 +22,9 @@ from maniport.pipeline import stages
 from maniport.pipeline.config import Config
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.options import FREE
-from maniport.pipeline.results import ArmResult, MotionResult, TransferResult
+from maniport.pipeline.results import MotionResult, TransferResult
 from maniport.pipeline.targets import MotionTargets, bounded_profiles, targets_of
-from maniport.pipeline.values import FittedMap, Human, SampledRobot, Settings
+from maniport.pipeline.values import SampledRobot, Settings
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, no_progress
@@ -33,7 +33,7 @@ from maniport.util.validation import as_choice, as_finite, as_times
 
 def transfer_recording(
     recording: Recording | LearnedProfile | str | Path,
-    config: Config | None = None,
+    config: Config | Settings | None = None,
     *,
     progress: Progress | None = None,
     **options: Any,
@@ -47,8 +47,8 @@ def transfer_recording(
     ----------
     recording : Recording, LearnedProfile, str or Path
         A recording, its file, or a profile that `maniport.learn` made from several.
-    config : Config, optional
-        Options of the run.
+    config : Config or Settings, optional
+        Options of the run; settings are those of `settings_of`, and have the progress and all options.
     progress : callable, optional
         Called with the name of a stage, the fraction done and, at its end, a message.
     **options
@@ -67,23 +67,30 @@ def transfer_recording(
     ManiportError
         When an option does not exist or an input cannot be used; options are checked before any long work.
     """
-    config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
-    config = _with_source(config, recording)
-    settings = settings_of(config, progress)
+    if isinstance(config, Settings):
+        settings = config
+    else:
+        config = (config or Config()).changed(allowed=("human", "robot", "transfer", "motion"), **options)
+        settings = settings_of(_with_source(config, recording), progress)
     with threadpool_limits(1), collected_warnings() as texts:  # one thread: sums round equally with any number of cores
         if not isinstance(recording, LearnedProfile):
             recording = stages.load(recording, settings)
         human = stages.fit_human(recording, settings)
         robot = stages.sample_robot(settings)
         maps = stages.fit_transfer(human, robot, settings)
-        result = follow_person(human, robot, maps, settings)
-    return replace(result, warnings=tuple(texts), config=config)
+        moved = None
+        if robot.planner is not None:
+            targets = targets_of(human, maps, settings)
+            moved = stages.plan(targets, stages.place(targets, robot, settings), robot, settings)
+        result = stages.evaluate(human, robot, maps, moved, settings)
+    return replace(result, warnings=tuple(texts), config=settings.config)
 
 
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     """Load the robot of a configuration, and check all options for it."""
-    transfer, side = config.transfer, config.human.side
-    as_choice(config.human.person, "person", PERSONS)
+    transfer, human, side = config.transfer, config.human, config.human.side
+    require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth, human.jumps)
+    human.roles()
     robot = config.robot.load(side == BOTH)
     group = as_group(robot)
     if len(group) == 2 and side == AUTO:
@@ -125,17 +132,6 @@ def _with_source(config: Config, recording: Recording | LearnedProfile | str | P
         return config.changed(recording=recording)
     part: dict[str, Any] = {"start": float(recording.time[0]), "stop": float(recording.time[-1])}
     return config.changed(recording=str(recording.source), **part) if recording.source else config
-
-
-def follow_person(
-    human: Human, robot: SampledRobot, maps: Sequence[FittedMap], settings: Settings, baselines: bool = True
-) -> TransferResult:
-    """Run the stages from the fitted maps on."""
-    moved = None
-    if robot.planner is not None:
-        generator = copy.deepcopy(robot.random)
-        moved = stages.place_and_plan(targets_of(human, maps, settings), robot.planner, settings, generator)
-    return stages.evaluate(human, robot, maps, moved, settings, baselines)
 
 
 def follow_profile(
@@ -183,8 +179,8 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != FREE:
         text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
-    settings = Settings(config, robot, control := _control_of(robot, config), progress=progress or no_progress)
-    if control.workspace is not None and (paths is None or not place):
+    settings = Settings(config, robot, _control_of(robot, config), progress=progress or no_progress)
+    if config.motion.workspace is not None and (paths is None or not place):
         raise InvalidInputError("workspace bounds a path that is placed; found none")
     group, generator = as_group(robot), np.random.default_rng(config.seed)
     times = as_times(time)
@@ -203,16 +199,11 @@ def follow_profile(
         Objective.of(group.arms[0], spec, damping, positive=True).damping,
         direction=None if isinstance(orientation, str) else np.array(orientation),
     )
-    planner = stages.planner_of(settings, generator) if planner is None else planner
-    if place and targets.paths is not None:
-        moved = stages.place_and_plan(targets, planner, settings, generator)
-    else:
-        moved = stages.plan(targets, None, planner, settings, generator)
+    sampled = SampledRobot(stages.planner_of(settings, generator) if planner is None else planner, (), generator)
+    placements = stages.place(targets, sampled, settings) if place and targets.paths is not None else None
+    moved = stages.plan(targets, placements, sampled, settings)
     names = group.names if len(group) > 1 else (group.arms[0].name,)
-    measured = stages.measure(moved, planner, settings)
-    arms = tuple(
-        ArmResult(name=name, robot=arm, **own) for name, arm, own in zip(names, group.arms, measured, strict=True)
-    )
+    arms = stages.measure(moved, sampled.planner, names, settings)
     return MotionResult(robot=group, arms=arms, motion=moved.motion, random_state=config.seed, config=config)
 
 

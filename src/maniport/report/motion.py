@@ -10,7 +10,7 @@ import numpy as np
 from maniport.errors import argument
 from maniport.evaluation import Capability
 from maniport.motion import ArmMotion, RobotMotion
-from maniport.motion.motion_limits import TORQUES, MotionLimits
+from maniport.motion.motion_limits import DERIVATIVES, TORQUES, MotionLimits
 from maniport.motion.plan.arm_planner import FAR
 from maniport.motion.status import REACHED, VELOCITY_LIMIT
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -129,13 +129,14 @@ def _of_trajectory(
     for name, (joint, share, at) in limits.use(trajectory.control_time, trajectory.control_positions).largest.items():
         used[name] = {"joint": joint, "share": share, "at_s": float(np.interp(at, trajectory.time, time))}
     torques = {name: used.pop(name) for name in TORQUES if name in used}
-    for key, shares in (("limits", used), ("torques", torques)):
+    sources = {name: text for name, text in limits.sources.items() if name in DERIVATIVES}
+    of_torques = {name: text for name, text in limits.sources.items() if name not in DERIVATIVES}
+    for key, shares, texts in (("limits", used, sources), ("torques", torques, of_torques)):
         exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
                     for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
         text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in shares.items())
         if shares:
-            values: dict[str, Any] = {"sources": limits.sources} if key == "limits" else {}
-            metrics += measure(key, used=shares, **values, _text=text, _exceeded=listed(exceeded))
+            metrics += measure(key, used=shares, sources=texts, _text=text, _exceeded=listed(exceeded))
     checked = clearance.checked and np.isfinite(clearance.distance)
     at = np.interp(clearance.time, trajectory.time, time)
     pair, when, text = "", "", "none possible" if clearance.checked else "not checked"

@@ -150,7 +150,7 @@ def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
     values = [
         {"rank": rank, "scale": item.scale, **_angles(item), "offset_m": item.offset.tolist(), "rms": item.rms,
-         "max": float(item.distance.max())}
+         "max": float(item.planned_distance.max())}
         for rank, item in enumerate(placed.candidates, 1)
     ]  # fmt: skip
     columns = {

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from maniport.util.validation import Array
 
 
@@ -13,11 +11,3 @@ class PostureCost:
 
     reference: Array  # q_ref, (dof,)
     weight: float  # w [1/rad or 1/m]
-
-    def residual(self, q: Array, time: Array) -> Array:
-        """Return weighted deviations, shape (m, dof)."""
-        return self.weight * (q - self.reference)
-
-    def jacobian(self, q: Array, time: Array) -> Array:
-        """Return their derivatives, shape (m, dof, dof)."""
-        return np.tile(self.weight * np.eye(q.shape[1]), (len(q), 1, 1))

@@ -24,7 +24,7 @@ from maniport.motion.placement.problem import (
     named,
 )
 from maniport.motion.placement.search import WEIGHT, best_placements
-from maniport.motion.plan.plan_settings import PlanSettings, as_workspace
+from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.schedule import of_each
 from maniport.motion.search.descent import pointwise_best
@@ -181,14 +181,33 @@ def place_path(  # type: ignore[misc]
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
         error = np.asarray(optimum.position_error)
         placed.append(Placement(
-            **vars(named(best.place, optimum.distance)), path=points, profile=ellipsoids, spec=spec, center=center,
+            **vars(named(best.place, best.distance[i])), pointwise_best=optimum.distance, path=points,
+            profile=ellipsoids, spec=spec, center=center,
             mount=base_rotations(best.place[None])[0], turn=rotation, position_error=error, reachable=error <= 1e-3,
             joint_positions=optimum.joint_positions,
             candidates=tuple(named(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
-    medians = ", ".join(f"{np.median(own.distance):.2f}" for own in placed)
+    medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)
     step.end(f"scale {placed[0].scale:.2f}, pointwise optimum {medians}")
     return tuple(placed) if several else placed[0]
+
+
+def as_workspace(workspace: Any) -> Array:
+    """Convert to lower and upper bounds of a path, shape (2, 3), infinite where it is open."""
+    bounds = np.array([[-np.inf] * 3, [np.inf] * 3])
+    if workspace is None:
+        return bounds
+    pairs = list(workspace) if isinstance(workspace, Sequence | np.ndarray) else []
+    if len(pairs) != 3 or not all(isinstance(pair, Sequence | np.ndarray) and len(pair) == 2 for pair in pairs):
+        raise InvalidInputError(
+            f"workspace must be ((x0, x1), (y0, y1), (z0, z1)), None where open; found {workspace!r}"
+        )
+    for i, (low, high) in enumerate(pairs):
+        if low not in (None, -np.inf):
+            bounds[0, i] = as_number(low, f"workspace[{i}][0]")
+        if high not in (None, np.inf):
+            bounds[1, i] = as_number(high, f"workspace[{i}][1]", above=bounds[0, i])
+    return bounds
 
 
 def fixed_place(scale: Any, yaw: Any, tilt: Any, offset: Any) -> tuple[Array, Array, Array]:

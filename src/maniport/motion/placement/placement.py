@@ -31,7 +31,7 @@ class Place:
         Lean of the base from upright, and its direction: 0 is that of its own x axis, π/2 of y [rad].
     offset : ndarray, shape (3,)
         Position of the path's center in the robot's base frame [m].
-    distance : ndarray, shape (m,)
+    planned_distance : ndarray, shape (m,)
         Affine-invariant distances of a trajectory that was planned through some waypoints of the path.
     """
 
@@ -40,12 +40,12 @@ class Place:
     tilt: float
     heading: float
     offset: Array
-    distance: Array
+    planned_distance: Array
 
     @property
     def rms(self) -> float:
         """Root mean square of the distances."""
-        return float(np.sqrt(np.mean(self.distance**2)))
+        return float(np.sqrt(np.mean(self.planned_distance**2)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,9 +56,9 @@ class Placement(Place, NotebookDisplay):
 
     Attributes
     ----------
-    scale, yaw, tilt, heading, offset
+    scale, yaw, tilt, heading, offset, planned_distance
         As in `Place`.
-    distance : ndarray, shape (n,)
+    pointwise_best : ndarray, shape (n,)
         Distances of the pointwise optimum: the smallest that was found for each waypoint by itself, with the end
         effector there.
     path : ndarray, shape (n, 3)
@@ -91,6 +91,7 @@ class Placement(Place, NotebookDisplay):
     turn: Array
     position_error: Array
     reachable: NDArray[np.bool_]
+    pointwise_best: Array
     joint_positions: Array
     candidates: tuple[Place, ...] = ()
 
@@ -132,5 +133,5 @@ class Placement(Place, NotebookDisplay):
     def __repr__(self) -> str:
         lean = f", base tilted by {np.degrees(self.tilt):.1f}°" if self.tilt else ""
         place = f"scale {self.scale:.3f}, yaw {np.degrees(self.yaw):.1f}°{lean}"
-        optimum = f"pointwise optimum {np.median(self.distance):.2f} (median)"
+        optimum = f"pointwise optimum {np.median(self.pointwise_best):.2f} (median)"
         return f"Placement({len(self.path)} points, {place}, {optimum}, {np.sum(~self.reachable)} out of reach)"

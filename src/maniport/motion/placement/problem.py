@@ -21,12 +21,15 @@ SCALE, YAW, TILT, HEADING, OFFSET = 0, 1, 2, 3, slice(4, 7)
 SIZE = 7
 
 
-def named(place: Array, distance: Array) -> Place:
-    """Return a placement (7,) by its numbers, with distances (n,) there."""
+def named(place: Array, planned_distance: Array) -> Place:
+    """Return a placement (7,) by its numbers, with distances (n,) of the trajectory there."""
     scale, tilt = float(np.exp(place[SCALE])), float(place[TILT])
     yaw, heading = (float(np.remainder(place[i] + np.pi, 2.0 * np.pi) - np.pi) for i in (YAW, HEADING))
     heading = heading if tilt else 0.0
-    return Place(scale=scale, yaw=yaw, tilt=tilt, heading=heading, offset=place[OFFSET], distance=distance)
+    offset = place[OFFSET]
+    return Place(
+        scale=scale, yaw=yaw, tilt=tilt, heading=heading, offset=offset, planned_distance=planned_distance
+    )  # fmt: skip
 
 
 def base_rotations(places: Array) -> Array:

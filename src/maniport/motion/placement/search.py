@@ -61,9 +61,9 @@ def best_placements(
         more = replace(budget, candidates=4 * budget.candidates)
         searches = [(replace(problem, fixed=fixed), budget), (problem, more)]
     parts = pieces(progress, *[1.0] * len(searches))
-    results = [
-        placement for search, part in zip(searches, parts, strict=True) for placement in _search(*search, seed, part)
-    ]
+    results: list[PlannedPlacement] = []
+    for search, part in zip(searches, parts, strict=True):
+        results += _search(*search, seed, part)
     if not results:
         raise InvalidInputError(
             "workspace: the path does not fit into it, at its smallest scale of "

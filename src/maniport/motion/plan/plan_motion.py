@@ -89,8 +89,6 @@ def plan_motion(
         When an argument has a wrong shape or value, or an ellipsoid is asymmetric or indefinite.
     """
     settings = PlanSettings(**control)
-    if settings.workspace is not None:
-        raise InvalidInputError("workspace is for place_path; plan_motion does not move the paths")
     if not isinstance(arms, Arm | ArmGroup):
         raise InvalidInputError(f"arms must be an Arm or an ArmGroup; found {type(arms).__name__}")
     if planner is not None:

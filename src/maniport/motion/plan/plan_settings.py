@@ -1,11 +1,10 @@
 """Options of the planner, checked and resolved for an arm or a group."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import Arm, ArmGroup
@@ -54,8 +53,6 @@ class PlanSettings:
         Which axes of target orientations count: z, or all.
     orientation_weight : float
         Weight of the angle from them [1/rad].
-    workspace : three pairs of floats, optional
-        Bounds of the placed path, as in `maniport.motion.place_path`; nothing else uses it.
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
 
@@ -73,7 +70,6 @@ class PlanSettings:
     collisions: Collisions | bool = True
     orientation_axes: str = POINTING
     orientation_weight: float = ORIENTATION_WEIGHT
-    workspace: Sequence[Sequence[float | None]] | None = None
     home: ArrayLike | None = None
     budget: ClassVar[SearchBudget] = SearchBudget()  # class attribute, so that studies can change it
 
@@ -81,7 +77,6 @@ class PlanSettings:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)
         as_number(self.speed_scale, "speed_scale", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
-        as_workspace(self.workspace)
         axis_weights(self.orientation_axes, self.orientation_weight)
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
@@ -114,21 +109,3 @@ def require_free(configuration: ArrayLike, name: str, limits: MotionLimits, coll
             f"{-1e3 * float(nearest.distance):.0f} mm; give a collision-free configuration"
         )
     return q
-
-
-def as_workspace(workspace: Any) -> Array:
-    """Convert to lower and upper bounds of a path, shape (2, 3), infinite where it is open."""
-    bounds = np.array([[-np.inf] * 3, [np.inf] * 3])
-    if workspace is None:
-        return bounds
-    pairs = list(workspace) if isinstance(workspace, Sequence | np.ndarray) else []
-    if len(pairs) != 3 or not all(isinstance(pair, Sequence | np.ndarray) and len(pair) == 2 for pair in pairs):
-        raise InvalidInputError(
-            f"workspace must be ((x0, x1), (y0, y1), (z0, z1)), None where open; found {workspace!r}"
-        )
-    for i, (low, high) in enumerate(pairs):
-        if low not in (None, -np.inf):
-            bounds[0, i] = as_number(low, f"workspace[{i}][0]")
-        if high not in (None, np.inf):
-            bounds[1, i] = as_number(high, f"workspace[{i}][1]", above=bounds[0, i])
-    return bounds

@@ -75,13 +75,14 @@ def curves(
 def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figure:
     """Draw panels of a page: lines over time [s], with limits shaded."""
     count = -(-len(panels) // columns)
-    figure = column_figure(0.4 + 0.62 * count, columns)
+    figure, handles = column_figure(0.6 + 0.62 * count, columns), dict[str, Artist]()
     grid = figure.subplots(count, columns, sharex=True, squeeze=False)
-    drawn = list(grid.ravel())
-    for item, panel in zip(drawn, panels, strict=False):
+    for item, panel in zip(grid.flat, panels, strict=False):
         for line in panel.lines:
-            look = {"color": ROLES[line.role].color, "ls": LINE_STYLES[line.style], "lw": 3.0 if line.wide else 1.0}
-            item.plot(*_with_breaks(time, line.values), alpha=0.35 if line.wide else 1.0, label=line.name, **look)
+            color, style, width = ROLES[line.role].color, LINE_STYLES[line.style], 3.0 if line.wide else 1.0
+            points, alpha = _with_breaks(time, line.values), 0.35 if line.wide else 1.0
+            (drawn,) = item.plot(*points, color=color, ls=style, lw=width, alpha=alpha, label=line.name)
+            handles |= {line.name: drawn} if len(panel.lines) > 1 else {}
         item.set_title(f"{panel.title} [{panel.unit}]" if panel.unit else panel.title, fontsize=TEXT, loc="left", pad=2)
         if panel.limits is not None and panel.span is not None:
             for ends in zip(panel.limits, panel.span, strict=True):
@@ -89,8 +90,10 @@ def panel_figure(time: Array, panels: Sequence[Panel], columns: int = 1) -> Figu
             item.set_ylim(*panel.span)
         elif panel.logarithmic:
             _logarithmic(item)
-    for item in drawn[len(panels) :]:
+    for item in figure.axes[len(panels) :]:
         item.set_visible(False)
+    if handles:
+        _legend(figure, list(handles.values()))
     for column in grid.T:
         _over_time([item for item in column if item.get_visible()])
     return laid_out(figure)
@@ -171,8 +174,8 @@ def arms(
         extents.setdefault(title, []).extend([corners.reshape(-1, 3), corners[:, -1] - halves, corners[:, -1] + halves])
     points = {title: np.concatenate(extent) for title, extent in extents.items()}
     reach = max(float(np.ptp(extent, axis=0).max()) / 2 for extent in points.values())
-    figure = column_figure(0.5 + 3.5 / len(points), layout=None)
-    figure.subplots_adjust(left=0.0, right=0.9, bottom=0.12, top=0.98, wspace=0.15)
+    figure = column_figure(height := 0.55 + 3.5 / len(points), layout=None)
+    figure.subplots_adjust(left=0.0, right=0.9, bottom=0.24 / height, top=0.98, wspace=0.15)
     made = figure.subplots(1, len(points), squeeze=False, subplot_kw={"projection": "3d"})[0]
     panels: dict[str, Any] = dict(zip(points, made, strict=True))
     polar, around = np.meshgrid(np.linspace(0, np.pi, 13), np.linspace(0, 2 * np.pi, 19), indexing="ij")
@@ -187,6 +190,7 @@ def arms(
             panels[title].plot_surface(*surface, **look, rstride=1, cstride=1)
     for title, panel in panels.items():
         middle = 0.5 * (points[title].min(axis=0) + points[title].max(axis=0))
+        panel.patch.set_visible(False)  # it would cover labels of the panel before
         panel.set_title(title, fontsize=TEXT, pad=0)
         panel.set_box_aspect((1, 1, 1), zoom=0.95)
         for letter, center in zip("xyz", middle, strict=True):
@@ -195,7 +199,7 @@ def arms(
             axis.set_label_text(f"{letter} [m]", fontsize=TEXT)
             axis.labelpad = -8
             axis.set_tick_params(labelsize=6.0, pad=-3.5)
-            axis.set_major_locator(MaxNLocator(3))
+            axis.set_major_locator(MaxNLocator(3 if len(panels) < 3 else 2))
         panel.view_init(elev=22, azim=-55)
     scale = f"semi-axes of 1 {unit} are drawn {size:g} m long"
     figure.text(0.5, 0.02, scale, fontsize=TEXT, ha="center", va="bottom")
@@ -250,9 +254,7 @@ def column_figure(height: float, columns: int = 1, layout: Any = "constrained") 
 
 def laid_out(figure: Figure) -> Figure:
     """Compute the layout once, so that all files of the figure have the same."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure
 
@@ -270,7 +272,7 @@ def _logarithmic(panel: Axes) -> None:
         return  # of flat ellipsoids there is nothing to draw
     panel.set_yscale("log")
     low, high = panel.get_ylim()
-    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 50.0 * low else (1.0,)))
+    panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < 50.0 * low else (1.0,)))
     panel.yaxis.set_major_formatter("{x:g}")
     panel.yaxis.set_minor_formatter(NullFormatter())
 
@@ -289,8 +291,7 @@ def _profiles(profiles: Mapping[str, ArrayLike], count: int) -> dict[str, Array]
     """Check named profiles (n, d, d) of equal length; d is 2 or 3, the same in all."""
     checked: dict[str, Array] = {}
     for name, profile in _names(profiles, "profiles").items():
-        where = f"profiles[{name!r}]"
-        checked[name] = as_positive_semidefinite(profile, where)
+        checked[name] = as_positive_semidefinite(profile, where := f"profiles[{name!r}]")
         require_shape(checked[name], where, (count, "d", "d"))
         sizes = {points.shape[-1] for points in checked.values()}
         if not sizes < {2, 3}:
