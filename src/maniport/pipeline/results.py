@@ -65,6 +65,7 @@ class ArmResult(NotebookDisplay):
     free: ArmMotion | None = None  # the same with a free orientation, where an orientation was requested
     gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
+    kind: str = "velocity"  # of the ellipsoids that were requested; a motion follows the inverses of force ellipsoids
 
     files: ClassVar[tuple[str, ...]] = MOTION_FILES
 
@@ -98,7 +99,8 @@ class ArmResult(NotebookDisplay):
         """Write the files of the motion into an existing folder."""
         if self.motion is None:
             return
-        save_ellipsoids(folder / PLACED_FILES[0], self.motion.target, self.motion.time)
+        target = np.linalg.inv(self.motion.target) if self.kind == "force" else self.motion.target
+        save_ellipsoids(folder / PLACED_FILES[0], target, self.motion.time)
         if self.motion.path is not None:
             save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)
         self.motion.save_joints_csv(folder / JOINT_FILES[0])

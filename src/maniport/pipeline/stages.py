@@ -248,6 +248,7 @@ def measure(
                 free=None if moved.free is None else moved.free.arms[i],
                 gap=gap,
                 collisions=own.collisions,
+                kind=settings.spec.kind,
             )
         )
     return tuple(results)
