@@ -10,7 +10,7 @@ from maniport.errors import InvalidInputError
 from maniport.pipeline.config import CONFIG, Config
 from maniport.report.console import Console
 
-Profile = Annotated[Path | None, typer.Argument(help="Target velocity ellipsoids, .npz.")]
+Profile = Annotated[Path | None, typer.Argument(help="Target ellipsoids, .npz.")]
 HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the hand, one for each ellipsoid, .npz.")]
 
 
