@@ -123,6 +123,8 @@ class RobotOptions(Options):
         """
         arm = self._load(both, side, height)
         if not self.payload:
+            if any(self.payload_center):
+                raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
             return arm
         if not hasattr(arm, "with_payload"):
             raise InvalidInputError(f"{argument('payload')} is for one arm; found {len(arm)}: {arm.name}")
@@ -214,11 +216,7 @@ class MotionOptions(Options):
 
     move: bool = option(True, "Plan a trajectory", common=True)
     position_tolerance: float = option(
-        defaults.POSITION_TOLERANCE,
-        "Position tolerance, 95th percentile",
-        "mm",
-        above=0.0,
-        common=True,
+        defaults.POSITION_TOLERANCE, "Position tolerance, 95th percentile", "mm", above=0.0, common=True
     )
     speed_scale: float = option(1.0, "Maximum speed relative to the demonstration", above=0.0, common=True)
     orientation: str | tuple[float, ...] = option(
