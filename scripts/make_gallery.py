@@ -156,6 +156,7 @@ PICTURES: dict[str, Drawing] = {
     "09": lambda folder, _: folder / "polytope.png",
     "10": lambda folder, _: live_states(folder),
     "11": lambda _, result: both_paths(result),
+    "12": lambda folder, _: folder / "force.png",
 }
 """Picture of each example from its output folder and its return value."""
 

@@ -13,7 +13,6 @@ from sizes import SMALL, little_search
 
 SIDES = "left", "right"
 OPTIONS = {"method": "parallel-transport", **SMALL}
-QUICK = {**OPTIONS}
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +74,10 @@ def test_both_arms_share_one_safe_motion(moved, arms):
 
 
 def test_relative_end_effectors_leave_their_paths_and_keep_an_orientation(recording, arms):
-    result = mp.transfer_recording(recording, robot=arms, hand_targets="relative", orientation="constant", **QUICK)
+    with little_search():
+        result = mp.transfer_recording(
+            recording, robot=arms, hand_targets="relative", orientation="constant", **OPTIONS
+        )
     hands = np.linalg.norm(hands_of(result)[1] - hands_of(result)[0], axis=1)
     np.testing.assert_allclose(np.ptp(np.linalg.norm(result.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
     assert np.percentile(result.motion.relative_error, 95) < 5e-3
@@ -209,7 +211,7 @@ def test_one_arm_of_a_person_leads_three_arms(recording, tmp_path):
     placed[:, 1, 3] = (1.2, 0.0, -1.2)
     arms = mp.ArmGroup(*(mp.Arm(standing(panda.chain, pose)) for pose in placed), names=("a", "b", "c"))
     with little_search():
-        result = mp.transfer_recording(recording, robot=arms, side="right", **QUICK)
+        result = mp.transfer_recording(recording, robot=arms, side="right", **OPTIONS)
     assert [arm.name for arm in result.arms] == ["a", "b", "c"]
     assert result.motion.trajectory.joint_positions.shape == (len(result.time), 21)
     assert result.motion.clearance.share == 0.0

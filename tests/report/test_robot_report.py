@@ -34,8 +34,8 @@ def warnings_of(*words: str) -> dict[str, str]:
 def test_info_describes_chain_and_other_ends(crane):
     text = info(str(crane), "--lock", "up=0.25")
     for part in (
-        "Base: base.", "End effector: hook.", "Fixed joints: up at 0.25 m.",
-        "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s | 1 N m |", "Moving mass: unknown.",
+        "Base: base", "End effector: hook", "Fixed joints: up at 0.25 m",
+        "| nod | -1.000 to 1.000 rad (-57° to 57°) | 1 rad/s | 1 N m |", "Moving mass: unknown",
         "| eye | 2 | turn … look | post |",
     ):  # fmt: skip
         assert part in text

@@ -29,7 +29,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 @command(
     "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
-    example="maniport live walk.bvh --robot ur5.urdf --udp 9000;  sensor | maniport live walk.bvh",
+    example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )  # fmt: skip
 def live(
     config: Config,
@@ -44,9 +44,9 @@ def live(
 ) -> None:
     """Follow a moving person: points in, joint positions out.
 
-    The recording is transferred first, as by maniport transfer: it determines segment lengths, points and placement.
-    The first line of output describes the expected frames, such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}};
-    each frame is answered by one line. Ctrl-C stops the robot and ends the command with exit code 0.
+    The recording is transferred first: it determines segment lengths, points and placement. The first line of output
+    describes the frames, such as {"t": 0.02, "points": {"NAME": [0.1, 0.2, 0.3]}}; each frame is answered by one line.
+    Ctrl-C stops the robot and ends the command with exit code 0.
     """
     from threadpoolctl import threadpool_limits
 

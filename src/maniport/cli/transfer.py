@@ -68,7 +68,7 @@ def _execution(help: str, *flags: str) -> Any:
 
 @command(
     "human", "robot", "transfer", "motion", "batch", "seed", defaults=BATCH,
-    example="maniport batch 'recordings/**/*.bvh' --robot panda --robot ur5.urdf -o dataset",
+    example="maniport batch 'recordings/**/*.bvh' --robot panda -o dataset",
 )  # fmt: skip
 def batch(
     config: Config,
@@ -108,7 +108,7 @@ def batch(
 
 @command(
     "human", "robot", "transfer", "motion", "learning", "seed", without=("move",), defaults=NO_ROBOT,
-    example="maniport learn jumps.bvh --segments auto -o learned;  maniport learn anna.c3d ben.bvh -o learned",
+    example="maniport learn jumps.bvh --segments auto -o learned",
 )  # fmt: skip
 def learn(
     config: Config,
@@ -119,7 +119,7 @@ def learn(
 ) -> None:
     """Learn a profile from several demonstrations of a motion.
 
-    With --robot the robot follows the profile; these results are in OUTPUT-robot.
+    With --robot, a robot follows the profile (folder OUTPUT-robot).
     """
     from maniport.pipeline import transfer_recording
     from maniport.report.renderings import as_numbers

@@ -92,26 +92,53 @@ def polytope_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = F
 
 
 def line_extent(arm: Arm, q: ArrayLike, directions: ArrayLike, kind: str = FORCE) -> Array:
-    """Compute the smaller of the two results of `polytope_extent` along ±directions, shape (n, m)."""
+    """Compute the smaller of the two extents along ±directions.
+
+    Parameters
+    ----------
+    arm, q, directions, kind
+        As in `polytope_extent`.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+    """
     extents, u = polytope_extent(arm, q, directions, kind), np.asarray(directions)
     return extents if kind == VELOCITY else np.minimum(extents, polytope_extent(arm, q, -u, kind))
 
 
 def ellipsoid_extent(ellipsoids: ArrayLike, directions: ArrayLike) -> Array:
-    """Compute 1 / sqrt(uᵀ M⁻¹ u) of ellipsoids (n, 3, 3) along directions (m, 3), shape (n, m)."""
-    u, inverse = _unit_vectors(directions), np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3))
+    """Compute 1 / sqrt(uᵀ M⁻¹ u) of ellipsoids M (n, 3, 3) along directions u (m, 3).
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+    """
+    u, inverse = _unit_vectors(directions), np.linalg.inv(as_points(ellipsoids, "ellipsoids", 3, minimum=1))
     return np.asarray(1.0 / np.sqrt(np.einsum("mi,nij,mj->nm", u, inverse, u, optimize=True)))
 
 
 def half_sphere(count: int = 64) -> Array:
-    """Return evenly spread unit directions z > 0, shape (count, 3): a Fibonacci spiral."""
+    """Return evenly spread unit directions with z > 0.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+        Points of a Fibonacci spiral.
+    """
     z, angle = (np.arange(count) + 0.5) / count, np.arange(count) * np.pi * (3.0 - np.sqrt(5.0))
     radius = np.sqrt(1.0 - z**2)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
 
 
 def resemblance(first: ArrayLike, other: ArrayLike) -> float:
-    """Correlate logarithms of extents (n, m) without the mean of each row, of the rows that are finite and above 0."""
+    """Correlate the logarithms of extents (n, m) without the mean of each row.
+
+    Returns
+    -------
+    float
+        Over the rows that are finite and above 0; nan without any.
+    """
     values = np.stack([np.asarray(first, dtype=np.float64), np.asarray(other, dtype=np.float64)])
     usable = np.all((values > 0.0) & np.isfinite(values), axis=(0, 2))
     logarithms = np.log(values[:, usable])

@@ -151,7 +151,7 @@ def _of_trajectory(
 
 
 def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:
-    """Return force or speed of a motion, beside a motion along the positions alone and the person; one is main."""
+    """Return force or speed of a motion, of one along the positions alone, and of the person; one kind is main."""
     unit, least = METRICS[own.kind].unit, int(own.robot.argmin())
     series = {"robot": own.robot, "position_only": own.position_only, "person": own.person}
     value: dict[str, Any] = {
