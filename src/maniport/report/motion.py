@@ -43,7 +43,7 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     metrics += [
         item
         for own in getattr(result, "capabilities", ())
-        for item in _of_capability(own, motion.spec.kind == "velocity")
+        for item in _of_capability(own, result.spec.kind == "velocity")
     ]
     if result is not None and result.gap is not None:
         parts = result.mean_distance._asdict()
