@@ -65,3 +65,9 @@ def test_the_placed_profile_of_force_ellipsoids_is_followed_again(weights, tmp_p
     result.save(tmp_path / "motion")
     stored, _ = load_ellipsoids(tmp_path / "motion" / "placed_profile.npz")
     np.testing.assert_allclose(stored, profile, rtol=1e-6, atol=1e-6 * np.abs(profile).max())
+
+
+def test_torque_limits_of_a_file_weight_the_ellipsoids(tmp_path):
+    (tmp_path / "limits.yaml").write_text("default: {effort: 60.0}", encoding="utf-8")
+    config = Config().changed(ellipsoids="force", limits=str(tmp_path / "limits.yaml"))
+    np.testing.assert_array_equal(settings_of(config).robot.effort_limits, 60.0)
