@@ -237,7 +237,7 @@ def test_ellipsoids_of_joint_torques_are_planned(panda, kind):
     robot, spec = panda.with_payload(1.0, (0.0, 0.0, 0.1)), EllipsoidSpec(kind, joint_weights="joint-limits")
     middle = 0.5 * (robot.lower + robot.upper) + 0.3
     q = middle + 0.2 * np.sin(np.outer(TIME - TIME[0], np.linspace(0.5, 2.0, 7)))
-    options = {"kind": kind, "joint_weights": "joint-limits"}
+    options = {"ellipsoids": kind, "joint_weights": "joint-limits"}
     result = follow_profile(robot, [robot.ellipsoids(q, spec)], TIME, [robot.forward(q)[:, :3, 3]], **options)
     arm = require_laws(result.motion)
     assert arm.spec == spec.bounded

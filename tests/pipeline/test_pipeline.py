@@ -95,14 +95,17 @@ def test_other_parts_are_transferred(clip, part, d):
     assert other.arm.target_profile.shape[1:] == (d, d)
 
 
-def test_force_ellipsoids_are_followed_as_their_inverses(clip):
-    """The robot follows the velocity ellipsoids that belong to the target force ellipsoids."""
+def test_force_ellipsoids_are_followed_as_their_inverses(clip, tmp_path):
+    """The robot follows the inverses of the target force ellipsoids; the file of the placed targets has these."""
     job = SMALL | {"method": "parallel-transport", "ellipsoids": "force"}
     forces = transfer_recording(clip, **job)
     yaw = forces.arm.placement.yaw
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     expected = turn @ np.linalg.inv(forces.arm.target_profile) @ turn.T
     np.testing.assert_allclose(forces.arm.motion.target, expected, rtol=1e-6, atol=1e-9)
+    forces.save(tmp_path / "results")
+    placed = load_ellipsoids(tmp_path / "results" / "placed_profile.npz")[0]
+    np.testing.assert_allclose(np.linalg.inv(placed), expected, rtol=1e-5, atol=1e-9)
 
 
 def test_a_robot_that_cannot_follow_is_not_moved(clip):

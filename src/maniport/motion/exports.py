@@ -47,10 +47,11 @@ def write_ros2(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | Ar
     """Write a trajectory_msgs/msg/JointTrajectory as YAML."""
     names = yaml.safe_dump(list(motion.joint_names), default_flow_style=True, width=float("inf")).strip()
     with written_whole(path) as temporary, open(temporary, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, per second, per second squared; N m or N]\n")
+        stream.write("# trajectory_msgs/msg/JointTrajectory [rad or m, per second, per second squared]\n")
         stream.write("header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\n")
         stream.write(f"joint_names: {names}\npoints:\n")
-        keys = ("- positions", "  velocities", "  accelerations", "  effort")
+        # without effort: controllers of positions reject points that have it (ros2_controllers #699)
+        keys = ("- positions", "  velocities", "  accelerations")
         for sec, nanosec, states in _samples(motion):
             for key, values, digits in zip(keys, states, DECIMALS, strict=False):
                 stream.write(f"{key}: [{', '.join(f'{value:.{digits}f}' for value in values)}]\n")

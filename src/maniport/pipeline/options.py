@@ -106,10 +106,9 @@ class RobotOptions(Options):
         arm: Any = self.robot[0] if self.robot else None
         if not isinstance(arm, Arm):
             return self
-        chain = arm.chain
-        base = chain.base if chain.stand is None else None
-        source = chain.source or arm.name
-        return replace(self, robot=(source,), frame=(arm.frame,), base=base, lock=dict(chain.locked) or None)
+        chain, base = arm.chain, arm.chain.base if arm.chain.stand is None else None
+        locked, source = dict(chain.locked) or None, chain.source or arm.name
+        return replace(self, robot=(source,), frame=(arm.frame,), base=base, lock=locked)
 
     @property
     def several(self) -> bool:
@@ -117,10 +116,7 @@ class RobotOptions(Options):
         return bool(self.pose) or len(self.robot) > 1 or len(self.frame) > 1
 
     def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
-        """Load the arm, or the group where `both` or other options mean several, with the payload.
-
-        Side and height are those of a human arm.
-        """
+        """Load the arm, or a group where `both` or other options mean several, with the payload; side: of a person."""
         arm = self._load(both, side, height)
         if not self.payload:
             if any(self.payload_center):
@@ -133,8 +129,7 @@ class RobotOptions(Options):
     def _load(self, both: bool, side: str, height: float | None) -> Any:
         from maniport.arms import Arm, ArmGroup, load_arm, load_arms
 
-        robot: Any = self.robot[0]
-        if isinstance(robot, Arm | ArmGroup):
+        if isinstance(robot := self.robot[0], Arm | ArmGroup):
             return robot
         options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
         if not (both or self.several):
@@ -165,9 +160,7 @@ class TransferOptions(Options):
         defaults.METHOD, "Transfer method", common=True, unchecked=True,
         choices=(AUTO, "icp", "length-field", "parallel-transport", "nearest-neighbor", "mean-transport", "identity"),
     )  # fmt: skip
-    ellipsoids: str = option(
-        "velocity", "Kind of ellipsoids", choices=("velocity", "force", "acceleration"), common=True
-    )
+    ellipsoids: str = option("velocity", "Their kind", choices=("velocity", "force", "acceleration"), common=True)
     part: str = option("translation", "Part of the motion", choices=("translation", "rotation", "full"))
     joint_weights: str | tuple[float, ...] | None = option(
         None, "Joint weights; default: unit for velocity, else joint-limits", unchecked=True,

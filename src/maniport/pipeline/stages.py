@@ -157,20 +157,12 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
     assert robot.planner is not None
     rows, arms = targets.placement_rows(), robot.planner.arms
     return place_path(
-        [path[rows] for path in targets.paths],
-        [profile[rows] for profile in targets.profiles],
-        [own.limits.arm for own in arms],
-        time=targets.time[rows],
-        turn=targets.turn,
-        workspace=settings.config.motion.bounds.T,
-        reachability_map=[own.reachability_map for own in arms],
-        bank=[own.bank for own in arms],
-        rank=rank,
-        spec=targets.spec,
-        damping=targets.damping,
-        random_state=robot.random,
-        progress=settings.progress,
-    )
+        [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
+        [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
+        workspace=settings.config.motion.bounds.T, reachability_map=[own.reachability_map for own in arms],
+        bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
+        random_state=robot.random, progress=settings.progress,
+    )  # fmt: skip
 
 
 def plan(
@@ -289,14 +281,10 @@ def evaluate(
             )
         )  # fmt: skip
     return TransferResult(
-        robot=as_group(settings.robot),
-        arms=tuple(transfers),
-        motion=None if moved is None else moved.motion,
-        random_state=settings.config.seed,
-        recording=human.recording,
-        spec=settings.spec,
+        robot=as_group(settings.robot), arms=tuple(transfers), motion=None if moved is None else moved.motion,
+        random_state=settings.config.seed, recording=human.recording, spec=settings.spec,
         base_rotation=settings.config.transfer.rotation,
-    )
+    )  # fmt: skip
 
 
 def _capabilities(fit: ArmFit, part: ArmResult, own: FittedMap, settings: Settings) -> tuple[Capability, ...]:
