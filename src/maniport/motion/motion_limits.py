@@ -180,7 +180,7 @@ class MotionLimits:
             )
 
     def held_fault(self, joint: int, torque: float) -> str:
-        """Say what torque gravity needs of a joint, and what helps."""
+        """Describe what torque gravity needs of a joint, and what helps."""
         limit, unit = self.effort[joint], {"rad": "N m", "m": "N"}[self.arm.joint_units[joint]]
         return (
             f"{self.arm.joint_names[joint]} needs {torque:.4g} {unit}, its limit is {limit:.4g} {unit}; reduce the "
