@@ -188,6 +188,8 @@ def main() -> None:
         text = f"base of the {side} arm: x, y, z [m], yaw [deg]"
         parser.add_argument(f"--base-{side}", nargs=4, type=float, metavar=("X", "Y", "Z", "YAW"), help=text)
     options = parser.parse_args()
+    if not 0.0 <= options.payload < np.inf:
+        sys.exit(f"--payload: expected a number of at least 0 kg; found {options.payload:g}")
     bases = {side: base for side, base in zip(SIDES, (options.base_left, options.base_right), strict=True) if base}
     if len(bases) == 1:
         sys.exit("--base-left and --base-right: expected both or neither")

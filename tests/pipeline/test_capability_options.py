@@ -6,7 +6,8 @@ import pytest
 from maniport import load_arm, transfer_recording
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
-from maniport.pipeline.transfer import settings_of
+from maniport.pipeline.transfer import follow_profile, settings_of
+from maniport.util.files import load_ellipsoids
 
 
 @pytest.mark.parametrize(
@@ -23,6 +24,9 @@ def test_force_ellipsoids_have_torque_limits_by_default(options, weights):
         ({"ellipsoids": "velocity", "joint_weights": "joint-limits"}, "'myoarm' has no velocity limits"),
         ({"ellipsoids": "acceleration"}, "'myoarm' has none"),
         ({"payload": -1.0}, "payload"),
+        ({"payload_center": (0.0, 0.0, 0.1)}, "payload_center= needs payload="),
+        ({"payload": 1e30}, r"panda_joint\d needs .* N m, its limit is"),
+        ({"payload": 20.0}, r"cannot hold itself .*panda_joint6 needs .* its limit is 12 N m"),
         ({"robot": "both", "payload": 1.0}, "is for one arm"),
     ],
 )
@@ -48,3 +52,22 @@ def test_a_payload_is_carried():
     added = robot.gravity_torques(q) - empty.gravity_torques(q)
     center = (empty.forward(q) @ [0.0, 0.0, 0.1, 1.0])[:2]
     assert added[1] == pytest.approx(-2.0 * 9.81 * center[0], rel=1e-2)
+
+
+@pytest.mark.parametrize("weights", ["unit", "joint-limits"])
+def test_the_placed_profile_of_force_ellipsoids_is_followed_again(weights, tmp_path):
+    """Its file has force ellipsoids, as the demonstrated profile, and not the inverses that are planned with."""
+    robot, time = load_arm("panda"), np.linspace(0.0, 4.0, 9)
+    q = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.6, 0.8]) + 0.2 * np.sin(time)[:, None]
+    config = Config().changed(ellipsoids="force", joint_weights=weights)
+    profile = robot.ellipsoids(q, config.transfer.spec)
+    result = follow_profile(robot, [profile], time, config=config, collisions=False)
+    result.save(tmp_path / "motion")
+    stored, _ = load_ellipsoids(tmp_path / "motion" / "placed_profile.npz")
+    np.testing.assert_allclose(stored, profile, rtol=1e-6, atol=1e-6 * np.abs(profile).max())
+
+
+def test_torque_limits_of_a_file_weight_the_ellipsoids(tmp_path):
+    (tmp_path / "limits.yaml").write_text("default: {effort: 60.0}", encoding="utf-8")
+    config = Config().changed(ellipsoids="force", limits=str(tmp_path / "limits.yaml"))
+    np.testing.assert_array_equal(settings_of(config).robot.effort_limits, 60.0)

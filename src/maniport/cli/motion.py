@@ -15,7 +15,7 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 
 
 @command(
-    "robot", "workspace", "table", "part", "damping", "tilt", "rank", "seed",
+    "robot", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
     without=("hand_targets", "pose"), common=("workspace",),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
@@ -30,22 +30,27 @@ def place(
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.motion.placement.placement import DATA_FILES
+    from maniport.pipeline.targets import bounded_profiles
     from maniport.report.metrics import report_of
     from maniport.util.atomic_io import folder_written_whole, require_free
+    from maniport.util.files import save_ellipsoids
 
     require_free(output, files := (*DATA_FILES, CONFIG), overwrite)
     config, target, positions, time = _targets(config, profile, path)
     if positions is None:
         raise InvalidInputError("--path is needed: a file of positions of the hand")
+    spec = config.transfer.spec
+    (targets,) = bounded_profiles([target], spec)
     control, options = config.motion.control(arm := config.robot.load_arm()), config.placement
     with console.progress() as progress:
         placed = place_path(
-            positions, target, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
-            spec=config.transfer.spec, damping=config.transfer.damping or 0.0, collisions=control.collisions,
+            positions, targets, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
+            spec=spec.bounded, damping=config.transfer.damping or 0.0, collisions=control.collisions,
             random_state=config.seed, progress=progress,
         )  # fmt: skip
     with folder_written_whole(output, files, overwrite) as staging:
         placed.write_data(staging, time)
+        save_ellipsoids(staging / DATA_FILES[0], bounded_profiles([placed.profile], spec)[0], time)  # of that kind
         config.save(staging / CONFIG)
     console.print_report(report_of(placed), output=str(output))
 

@@ -165,6 +165,28 @@ class MotionLimits:
             InverseDynamics(self.arm) if all(arm.chain.inertia is not None for arm in as_group(self.arm).arms) else None
         )
 
+    def require_held(self, least: float = 0.05) -> None:
+        """Require that the joints hold the arm against gravity in a share of at least `least` of its configurations."""
+        if self.dynamics is None or not np.isfinite(self.effort).any():
+            return
+        q = self.arm.sample(400, 0)
+        torques = np.abs(self.dynamics.torques(q, np.zeros(q.shape), np.zeros(q.shape)))
+        shares = torques / self.effort
+        if np.mean(shares.max(axis=1) < 1.0) < least:
+            joint = int(np.bincount(shares.argmax(axis=1)).argmax())
+            raise InvalidInputError(
+                f"{self.arm.name!r} cannot hold itself and its payload: "
+                f"{self.held_fault(joint, float(np.median(torques[:, joint])))}"
+            )
+
+    def held_fault(self, joint: int, torque: float) -> str:
+        """Describe what torque gravity needs of a joint, and what helps."""
+        limit, unit = self.effort[joint], {"rad": "N m", "m": "N"}[self.arm.joint_units[joint]]
+        return (
+            f"{self.arm.joint_names[joint]} needs {torque:.4g} {unit}, its limit is {limit:.4g} {unit}; reduce the "
+            "payload, or correct effort limits in a file for --limits"
+        )
+
     def torques(self, positions: Array, rate: float) -> Array:
         """Torques [N m or N] of positions (m, dof) at a constant rate [Hz], at rest before and after, shape (m, dof).
 

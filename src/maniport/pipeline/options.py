@@ -65,8 +65,7 @@ class HumanOptions(Options):
         except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
             raise FileFormatError(f"{where} is not readable JSON: {error}") from None
         if not isinstance(roles, dict):
-            example = '{"elbow": ["RELB", "RIEL"]}'
-            raise FileFormatError(f"{where} must map roles to lists of point names, such as {example}")
+            raise FileFormatError(f'{where} must map roles to lists of points, such as {{"elbow": ["RELB", "RIEL"]}}')
         return roles
 
 
@@ -118,6 +117,8 @@ class RobotOptions(Options):
     def load(self, both: bool = False, side: str = AUTO, height: float | None = None) -> Any:
         """Load the arm, or a group where `both` or other options mean several, with the payload; side: of a person."""
         arm = self._load(both, side, height)
+        if any(self.payload_center) and not self.payload:
+            raise InvalidInputError(f"{argument('payload_center')} needs {argument('payload')}; found none")
         if not self.payload:
             return arm
         if not hasattr(arm, "with_payload"):

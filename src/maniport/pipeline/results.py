@@ -8,7 +8,7 @@ from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.hulls import lowest_points
 from maniport.errors import InvalidInputError
@@ -60,12 +60,12 @@ class ArmResult(NotebookDisplay):
 
     name: str  # within the result, and of its folder where there are several arms: the side, or that of the robot
     robot: Arm  # with the limits of its description, without the margin of the plan
+    spec: EllipsoidSpec = VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
     placement: Placement | None = None  # of the path relative to the robot; None where it was not placed
     motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
     free: ArmMotion | None = None  # the same with a free orientation, where an orientation was requested
     gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
-    kind: str = "velocity"  # of the ellipsoids that were requested; a motion follows the inverses of force ellipsoids
 
     files: ClassVar[tuple[str, ...]] = MOTION_FILES
 
@@ -99,7 +99,7 @@ class ArmResult(NotebookDisplay):
         """Write the files of the motion into an existing folder."""
         if self.motion is None:
             return
-        target = np.linalg.inv(self.motion.target) if self.kind == "force" else self.motion.target
+        target = np.linalg.inv(self.motion.target) if self.spec.kind == "force" else self.motion.target
         save_ellipsoids(folder / PLACED_FILES[0], target, self.motion.time)
         if self.motion.path is not None:
             save_path(folder / PLACED_FILES[1], self.motion.path, self.motion.time)

@@ -222,7 +222,10 @@ def measure(
 ) -> tuple[ArmResult, ...]:
     """Return the motion of each arm with the feasibility gap of its targets."""
     if moved is None:
-        return tuple(ArmResult(name=name, robot=arm) for name, arm in zip(names, settings.arms, strict=True))
+        return tuple(
+            ArmResult(name=name, robot=arm, spec=spec)
+            for name, arm, spec in zip(names, settings.arms, settings.specs, strict=True)
+        )
     assert planner is not None
     assert settings.control is not None
     budget, results = settings.control.budget, []
@@ -235,12 +238,12 @@ def measure(
             ArmResult(
                 name=names[i],
                 robot=settings.arms[i],
+                spec=settings.specs[i],
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
                 free=None if moved.free is None else moved.free.arms[i],
                 gap=gap,
                 collisions=own.collisions,
-                kind=settings.spec.kind,
             )
         )
     return tuple(results)

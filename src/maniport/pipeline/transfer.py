@@ -15,7 +15,7 @@ from maniport.arms import PERSONS, Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
 from maniport.mocap.arm_ik import require_person
-from maniport.motion import Control, Planner, PlanSettings
+from maniport.motion import Control, MotionLimits, Planner, PlanSettings
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
 from maniport.pipeline import stages
@@ -91,7 +91,7 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     transfer, human, side = config.transfer, config.human, config.human.side
     require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth, human.jumps)
     human.roles()
-    robot = config.robot.load(side == BOTH)
+    robot = _with_limits(config.robot.load(side == BOTH), config)
     group = as_group(robot)
     if len(group) == 2 and side == AUTO:
         config = config.changed(side=BOTH)
@@ -106,6 +106,16 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
         adapter = method_of(transfer.method, **shared)
     control = _control_of(robot, config) if config.motion.move else None
     return Settings(config, robot, control, adapter, progress or no_progress)
+
+
+def _with_limits(robot: Arm | ArmGroup, config: Config) -> Arm | ArmGroup:
+    """Return an arm with the velocity and effort limits of the file for the motion, which ellipsoids weight by."""
+    source = config.motion.limits
+    if source is None or isinstance(source, MotionLimits) or not isinstance(robot, Arm):
+        return robot
+    limits = MotionLimits.of(robot, source)
+    velocity = None if limits.assumed["velocity"] else limits.velocity
+    return robot.with_limits(velocity, limits.effort if np.isfinite(limits.effort).all() else None)
 
 
 def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanSettings:
@@ -179,6 +189,7 @@ def follow_profile(
     if isinstance(orientation, str) and orientation != FREE:
         text = f"{argument('orientation')} must be {FREE} or a vector without a person; found {orientation!r}"
         raise InvalidInputError(text)
+    robot = _with_limits(robot, config)
     settings = Settings(config, robot, _control_of(robot, config), progress=progress or no_progress)
     if config.motion.workspace is not None and (paths is None or not place):
         raise InvalidInputError("workspace bounds a path that is placed; found none")

@@ -40,11 +40,8 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     if motion.orientation_error is not None:
         metrics += measure("orientation_error", np.degrees(motion.orientation_error), time)
     metrics += _of_trajectory(motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
-    metrics += [
-        item
-        for own in getattr(result, "capabilities", ())
-        for item in _of_capability(own, motion.spec.kind == "velocity")
-    ]
+    by_speed = result is not None and result.spec.kind == "velocity"
+    metrics += [item for own in getattr(result, "capabilities", ()) for item in _of_capability(own, by_speed)]
     if result is not None and result.gap is not None:
         parts = result.mean_distance._asdict()
         written = dict(parts)

@@ -88,11 +88,13 @@ class PlanSettings:
         FileFormatError
             When a file of limits cannot be read or does not fit the arm.
         InvalidInputError
-            When limits or collisions do not fit the arm, or the home configuration is beyond limits or collides.
+            When limits or collisions do not fit the arm, the joints cannot hold it against gravity in 5 % of its
+            configurations, or the home configuration is beyond limits or collides.
         """
         limits = self.motion_limits if planner is None else planner.limits
         if not isinstance(limits, MotionLimits):
             limits = MotionLimits.of(arm, limits, self.joint_limit_margin)
+        limits.require_held()
         model = as_collisions(self.collisions if planner is None else planner.collisions, limits.arm)
         if self.home is not None:
             require_free(self.home, "home", limits, model)

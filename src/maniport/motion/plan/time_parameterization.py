@@ -145,12 +145,8 @@ def _torque_rows(limits: MotionLimits, path: JointPath) -> TorqueRows:
         if np.abs(held).max() >= 1.0:
             i, j = np.unravel_index(np.abs(held).argmax(), held.shape)
             joint = np.flatnonzero(finite)[j]
-            limit, unit = limits.effort[joint], {"rad": "N m", "m": "N"}[limits.arm.joint_units[joint]]
-            raise InvalidInputError(
-                f"q cannot be held against gravity {at[i]:.2f} s after its start: {limits.arm.joint_names[joint]} "
-                f"needs {abs(held[i, j]) * limit:.4g} {unit}, its limit is {limit:.4g} {unit}; reduce the payload, or "
-                "correct effort limits in a file for --limits"
-            )
+            fault = limits.held_fault(joint, abs(held[i, j]) * limits.effort[joint])
+            raise InvalidInputError(f"q cannot be held against gravity {at[i]:.2f} s after its start: {fault}")
         change = RISE_TIME * limits.effort_rate[finite] / limits.effort[finite]
         rows.append((a, b, np.maximum(-1.0 - held, -change), np.minimum(1.0 - held, change)))
     return rows

@@ -44,6 +44,12 @@ TORSO = np.array([
 ])  # fmt: skip
 """Rods of head, neck, shoulders and trunk about the middle of the neck: start, end and radius [m]."""
 
+MEANINGS = {
+    "velocity": "An ellipsoid shows how fast the end effector {moves} in each direction at {speed}.",
+    "force": "Drawn are the inverses of the force ellipsoids: they are long in directions in which the arm is weak.",
+    "acceleration": "An ellipsoid shows how fast the end effector accelerates in each direction.",
+}
+
 
 def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Animation:
     """Return the arms that move in a result, with curves: at demonstrated times, or at those of the robot alone."""
@@ -55,16 +61,17 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
     transfer = result if isinstance(result, TransferResult) else None
     moved = [arm.motion for arm in result.arms if arm.motion is not None]
     time = transfer.time if transfer is not None else moved[0].time
-    spec = transfer.spec if transfer is not None else moved[0].spec
-    notes, moves = [], "translates" if spec.part == "translation" else "rotates"
+    spec, notes = result.arms[0].spec, list[str]()
     if spec.part == "full":
         notes.append("Ellipsoids of six dimensions cannot be drawn; their distances can.")
     else:
         notes.append(
-            f"An ellipsoid shows how fast the end effector {moves} in each direction at unit joint speed; a semi-axis "
-            f"of 1 {spec.bounded.unit} is drawn 0.25 m long."
+            MEANINGS[spec.kind].format(
+                moves="translates" if spec.part == "translation" else "rotates",
+                speed="unit joint speed" if spec.joint_weights is None else "the joint speeds of its weights",
+            )
         )
-        notes += ["Drawn are the inverses of the force ellipsoids."] if spec.kind == "force" else []
+        notes.append(f"A semi-axis of 1 {spec.bounded.unit} is drawn 0.25 m long.")
     stages = [_person(transfer.arms, spec, notes)] if transfer is not None else []
     if moved:
         stages.append(_robot(result, spec, notes))
