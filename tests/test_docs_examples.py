@@ -32,8 +32,8 @@ from sizes import SMALL, little_search
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
     *(f"start/{name}.md" for name in ("end_effector", "distances", "sending")),
-    "../README.md", "batch.md", "both_arms.md", "capability.md", "learn.md", "live.md", "outputs.md", "python.md", "quickstart.md",
-    "recordings.md", "robots.md",
+    "../README.md", "batch.md", "both_arms.md", "capability.md", "learn.md", "live.md", "outputs.md", "python.md",
+    "quickstart.md", "recordings.md", "robots.md",
 )  # fmt: skip
 SAVED = re.compile(r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)

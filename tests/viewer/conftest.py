@@ -33,7 +33,8 @@ def domains(arms):
 @pytest.fixture(scope="session")
 def place():
     """A placement in front of the robot, with half of the size."""
-    point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "distance": np.zeros(1), "spec": VELOCITY}
+    point = {"path": np.zeros((1, 3)), "profile": np.eye(3)[None], "pointwise_best": np.zeros(1), "spec": VELOCITY}
+    point |= {"planned_distance": np.zeros(1)}
     point |= {"position_error": np.zeros(1), "reachable": np.ones(1, dtype=bool), "joint_positions": np.zeros((1, 7))}
     point |= {"scale": 0.5, "yaw": 0.0, "tilt": 0.0, "heading": 0.0, "mount": np.eye(3), "turn": np.eye(3)}
     return Placement(**point, offset=np.array([0.4, 0.0, 0.4]), center=np.zeros(3))
