@@ -24,6 +24,7 @@ from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.config import Config
 from maniport.pipeline.transfer import settings_of
+from maniport.pipeline.values import Settings
 from maniport.util.defaults import AUTO, BOTH
 from real_robots import HERE, MISSING
 from sizes import SMALL, little_search
@@ -31,7 +32,7 @@ from sizes import SMALL, little_search
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = (
     *(f"start/{name}.md" for name in ("end_effector", "distances", "sending")),
-    "../README.md", "batch.md", "both_arms.md", "learn.md", "live.md", "outputs.md", "python.md", "quickstart.md",
+    "../README.md", "batch.md", "both_arms.md", "capability.md", "learn.md", "live.md", "outputs.md", "python.md", "quickstart.md",
     "recordings.md", "robots.md",
 )  # fmt: skip
 SAVED = re.compile(r"[Ss]ave \w+ as `([\w.-]+)`:\n\n```\w+\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
@@ -58,7 +59,8 @@ def short_work():
     results = {}
 
     def quick(recording, config=None, *, progress=None, **options):
-        config = (config or Config()).changed(**{**SMALL, **options})
+        config = config.config if isinstance(config, Settings) else config or Config()
+        config = config.changed(**{**SMALL, **options})
         if config.transfer.method == AUTO:
             config = config.changed(method="parallel-transport")
         human, motion = replace(config.human, start=None, stop=None), replace(config.motion, export=())

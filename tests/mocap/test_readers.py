@@ -308,7 +308,7 @@ def test_missing_points_and_names_of_c3d(c3d_file):
     residuals[5, 1] = -1
     recording = read_recording(c3d_file(points, LABELS, residuals=residuals))
     assert_allclose(recording.missing, [0.1, 0.1, 1.0, 0.0])
-    assert noted(recording, "30.0%", "always: C7")
+    assert noted(recording, "30.0 %", "always: C7")
     assert read_recording(c3d_file(still, ["Nick01:RSHO", "'Nick01:RELB'", '"C7"', " T10 "])).names == LABELS
     clashing = ("A:RSHO", "B:RSHO", "A:RELB", "B:RELB")
     assert read_recording(c3d_file(still, clashing), unit="mm").names == clashing
