@@ -1,11 +1,14 @@
 """Kinds of ellipsoids, joint limits as weights and payloads as options."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from maniport import load_arm, transfer_recording
-from maniport.errors import InvalidInputError
+from maniport import Arm, load_arm, transfer_recording
+from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.pipeline.config import Config
+from maniport.pipeline.stages import sample_robot
 from maniport.pipeline.transfer import follow_profile, settings_of
 from maniport.util.files import load_ellipsoids
 
@@ -43,6 +46,13 @@ def test_a_robot_without_torque_limits_or_masses_is_refused():
         transfer_recording("no recording", robot=planar, ellipsoids="force")
     with pytest.raises(InvalidInputError, match="payload needs masses"):
         transfer_recording("no recording", robot=planar, payload=1.0)
+
+
+def test_forces_without_gravity_are_said_to_be_so():
+    weightless = Arm(replace(load_arm("panda").chain, inertia=None))
+    settings = replace(settings_of(Config().changed(ellipsoids="force", n_student=8, move=False)), robot=weightless)
+    with pytest.warns(ManiportWarning, match="forces are without gravity: .* has no masses"):
+        sample_robot(settings)
 
 
 def test_a_payload_is_carried():

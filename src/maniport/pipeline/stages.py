@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import Arm, ArmGroup, as_group
+from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Capability, compare_capabilities, select_method
@@ -88,6 +89,10 @@ def sample_robot(settings: Settings) -> SampledRobot:
             warnings.warn(f"the robot was not moved: {error}", ManiportWarning, stacklevel=2)
         else:
             planner = planner_of(settings, generator)
+    weightless = [arm.name for arm in settings.arms if arm.chain.inertia is None]
+    if settings.spec.kind == "force" and settings.spec.joint_weights == JOINT_LIMITS and weightless:
+        text = f"forces are without gravity: the description of {weightless[0]!r} has no masses"
+        warnings.warn(text, ManiportWarning, stacklevel=2)
     step, count, seed = "Sample robot ellipsoids", settings.config.transfer.n_student, settings.config.seed + 1
     settings.progress(step, 0.0)
     options: dict[str, Any] = {"collisions": None if planner is None else planner.collisions, "spec": settings.spec}
