@@ -33,8 +33,7 @@ DERIVATIVES = {  # like POSITION: Franka Control Interface, "Limits for Franka E
 }
 TORQUE = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m]
 TORQUE_RATE = 1000.0  # [N m/s]
-STIFFNESS = np.array([600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0])  # of the servo [N m/rad]
-DAMPING = 2.0 * np.sqrt(STIFFNESS) * np.array([1.0, 1.0, 1.0, 1.0, 0.4, 0.4, 0.3])  # [N m s/rad]
+STIFFNESS, DAMPING = 400.0, 40.0  # of the servo, for unit inertia [1/s², 1/s]
 SIDES = "left", "right"
 Row = tuple[str, str, bool | None]
 """Name, value, and whether it is within its limit (None: no limit)."""
@@ -85,11 +84,12 @@ def torque_rows(model: Pandas, prefixes: list[str], time: Array, states: list[Ar
     """Return the largest shares of torque limits, and the position error of a servo that simulates the motion.
 
     `states` are positions, accelerations and torques of the file. The servo adds these torques, or without them those
-    of inverse dynamics, to those of springs and dampers, and is reduced to the torque limits.
+    of inverse dynamics, to those of springs and dampers in proportion to the inertia, and is reduced to the torque
+    limits.
     """
     q, accelerations, planned = states
     velocity, arms = np.gradient(q, time, axis=0), q.shape[1] // 7
-    limits, stiffness, damping = (np.tile(row, arms) for row in (TORQUE, STIFFNESS, DAMPING))
+    limits = np.tile(TORQUE, arms)
     torques = np.array([model.torques(*state) for state in zip(q, velocity, accelerations, strict=True)])
     planned = planned if planned.size else torques
     rates = np.abs(np.diff(torques, axis=0)) / np.diff(time)[:, None]
@@ -97,9 +97,9 @@ def torque_rows(model: Pandas, prefixes: list[str], time: Array, states: list[Ar
     steps = np.arange(0.0, time[-1], 1e-3)
     wanted = [np.stack([np.interp(steps, time, column) for column in own.T], 1) for own in (q, velocity, planned)]
 
-    def servo(position: Array, speed: Array, torque: Array, actual: Array, actual_speed: Array) -> Array:
-        pull = torque + stiffness * (position - actual) + damping * (speed - actual_speed)
-        return np.clip(pull, -limits, limits)
+    def servo(position: Array, speed: Array, torque: Array, at: Array, at_speed: Array, inertia: Array) -> Array:
+        pull = inertia @ (STIFFNESS * (position - at) + DAMPING * (speed - at_speed))
+        return np.clip(torque + pull, -limits, limits)
 
     reached = model.simulate(*wanted, servo)
     ends = [np.array([[model.end_effector(row, prefix)[0] for prefix in prefixes] for row in rows])

@@ -52,7 +52,7 @@ class Pandas:
         self.meshes, self.payload = read_meshes(), payload
         self.masses = json.loads(MASSES.read_text(encoding="utf-8"))["masses"]
         spec = mujoco.MjSpec()
-        spec.option.timestep, spec.option.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.option.timestep = 1e-3
         for prefix, frame in frames.items():
             self._add_arm(spec, prefix, frame, bases[prefix])
         self.model = spec.compile()
@@ -121,16 +121,20 @@ class Pandas:
     def simulate(self, q: Array, velocity: Array, torques: Array, servo: Any) -> Array:
         """Return the positions (steps, joints) of a simulation by steps of 1 ms that starts at rest.
 
-        `servo` returns torques from the wanted position, velocity and torques (joints,), and the actual state.
+        `servo` returns torques from the wanted position, velocity and torques (joints,), the actual position and
+        velocity, and the joint-space inertia (joints, joints) there.
         """
         model, data = self.model, self.data
         mujoco.mj_resetData(model, data)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        data.qpos, data.qvel, reached = q[0], velocity[0], np.empty(q.shape)
+        data.qpos, data.qvel, reached, inertia = q[0], velocity[0], np.empty(q.shape), np.empty((model.nv, model.nv))
         for i, wanted in enumerate(zip(q, velocity, torques, strict=True)):
             reached[i] = data.qpos
-            data.qfrc_applied = servo(*wanted, data.qpos, data.qvel)
-            mujoco.mj_step(model, data)
+            mujoco.mj_step1(model, data)
+            for row, unit in zip(inertia, np.eye(model.nv), strict=True):  # mj_fullM differs between versions
+                mujoco.mj_mulM(model, data, row, unit)
+            data.qfrc_applied = servo(*wanted, data.qpos, data.qvel, inertia)
+            mujoco.mj_step2(model, data)
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         return reached
 
