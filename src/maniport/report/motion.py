@@ -131,7 +131,8 @@ def _of_trajectory(
     for key, shares, texts in (("limits", used, sources), ("torques", torques, of_torques)):
         exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
                     for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
-        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in shares.items())
+        written = {name: use for name, use in shares.items() if name != "position"}  # which cannot be exceeded
+        text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in written.items())
         if shares:
             metrics += measure(key, used=shares, sources=texts, _text=text, _exceeded=listed(exceeded))
     checked = clearance.checked and np.isfinite(clearance.distance)
@@ -156,9 +157,9 @@ def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:
         for name, values in series.items() if values is not None
     }  # fmt: skip
     at = float(own.time[least])
-    texts = [f"{name.replace('_', ' ')} {numbers['median']:.3g} {unit}" for name, numbers in value.items()]
-    texts[0] += f" ({value['robot']['p5']:.3g} 5th percentile, min {value['robot']['min']:.3g} {at_time(at)})"
-    text = f"{listed(texts)}; resemblance {own.resemblance:.2f} instead of {own.position_only_resemblance:.2f}"
+    texts = [f"{name.replace('_', ' ')} {numbers['median']:.3g}" for name, numbers in value.items()]
+    texts[0] += f" (least {value['robot']['min']:.3g})"
+    text = f"{listed(texts)} {unit}"
     value |= {"min_at_s": at, "resemblance": own.resemblance}
     value |= {"position_only_resemblance": own.position_only_resemblance}
     return [replace(item, main=(own.kind == "velocity") == by_speed) for item in measure(own.kind, **value, _text=text)]
