@@ -102,7 +102,7 @@ def both_arms(whole: bool) -> Iterator[Row]:
         result = mp.transfer_recording(shipped_recording("both-arms"), robot=arms, method="parallel-transport")
         for side, arm, output in zip(("left", "right"), arms.arms, result.arms, strict=True):
             motion, clearance = output.motion, result.motion.clearance
-            alone = plan_motion(arm, motion.target, time=output.placement.time, paths=motion.path).arms[0]
+            alone = plan_motion(arm, motion.target, time=output.time, paths=motion.path).arms[0]
             row = statistics(motion.distance, motion.position_error, float(motion.control_time[-1]), clearance.share)
             rms = float(np.sqrt(np.mean(alone.distance**2)))
             row |= {"rms_over_alone": row["rms"] / rms, "clearance_mm": 1e3 * clearance.distance}
