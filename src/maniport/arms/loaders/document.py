@@ -46,6 +46,10 @@ class Follower:
     offset: float
     linear: bool = True
 
+    def __post_init__(self) -> None:
+        if not max(abs(self.factor), abs(self.offset)) <= LARGEST:  # false for nan, too
+            raise ValueError(f"a factor of {self.factor:g} and an offset of {self.offset:g}")
+
 
 @dataclass(frozen=True)
 class RobotXML:
