@@ -16,7 +16,7 @@ from maniport.errors import InvalidInputError
 
 
 def heavy(arm, seed=0):
-    """Return an arm whose links have random masses."""
+    """Return an arm with random masses."""
     random, inertia = np.random.default_rng(seed), []
     for _ in range(len(arm.chain.joints) + 1):
         spread = random.normal(size=(3, 3)) * 0.1
@@ -57,7 +57,7 @@ def arm(request, crane):
 
 
 def test_terms_agree_with_pinocchio(arm):
-    """So do those of a mirrored arm and of one that leans in its world."""
+    """So do those of a mirrored arm and of an arm with a tilted base."""
     assert_like_pinocchio(arm)
     assert_like_pinocchio(Arm(mirrored(arm.chain)))
     leaning = np.eye(4)

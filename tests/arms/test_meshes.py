@@ -192,7 +192,7 @@ ROD = '<collision name="rod"><origin xyz="0.1 0 0" rpy="0 1 0"/><geometry>{}</ge
 
 
 def test_collision_shapes_stand_in_for_missing_meshes(tmp_path):
-    """A link whose mesh is missing looks as what it collides with, and only that link; it is told which."""
+    """Only a link without its mesh shows its collision shape, and is named."""
     digger = write_digger(tmp_path)
     whole = load_arm(digger, frame="bucket")
     volumes = [volume(surface) for surface in whole.surfaces(None)]

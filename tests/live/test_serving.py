@@ -260,7 +260,7 @@ def test_junk_does_not_delay_braking():
 
 
 def test_answers_are_consistent_under_overload(small_result, second):
-    """Late frames, bursts, pauses, clocks that jump, go back and begin again: limits are kept over `t`; lag is told."""
+    """Late frames, bursts, pauses, clocks that jump, go back and restart: limits are kept over `t`; lag is reported."""
     draw, clock = np.random.default_rng(0), FakeClock()
     live, sent, events = mp.Live.of(small_result, clock=clock), 0.0, []
     positions = second.select(live.points).positions

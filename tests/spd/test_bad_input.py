@@ -132,7 +132,7 @@ def test_results_out_of_range_are_refused(size):
 
 @pytest.mark.parametrize("length", [0, 1, 2, 4, 5, 91])
 def test_vectors_of_impossible_length_are_refused(length):
-    """A vector whose length belongs to no matrix from 2×2 to 12×12 is refused with its shape."""
+    """A vector with a length of no matrix from 2×2 to 12×12 is refused with its shape."""
     with pytest.raises(ValueError, match=rf"vector must have d \(d \+ 1\) / 2 entries.*found shape \({length},\)"):
         spd.from_vector(np.zeros(length))
     with pytest.raises(ValueError, match=r"vector .*found shape \(\)"):

@@ -44,7 +44,7 @@ def test_sign_agrees_again_after_a_place_without_direction(turning):
     points, basis = turning
     like = axis_over_time(points, -1)
     broken = points.copy()
-    broken[50:75] = np.eye(3)  # meanwhile the axis turns by a quarter
+    broken[50:75] = np.eye(3)  # where the axis turns by a quarter
     vectors = axis_over_time(broken, -1, like)
     assert np.isnan(vectors[50:75]).all()
     assert_allclose(vectors[:50], basis[:50, :, 0], atol=1e-12)

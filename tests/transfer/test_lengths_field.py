@@ -1,4 +1,4 @@
-"""Laws of the lengths field: axes, where it fades, symmetries, inverse, derivative, and what it is told."""
+"""Laws of the lengths field: axes, where it fades, symmetries, inverse, derivative, and the axis of the student."""
 
 import numpy as np
 import pytest
@@ -213,7 +213,7 @@ AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 
 
 class Round:
-    """A made-up student whose lengths are bounded, more so along the axes that lie near its own."""
+    """A synthetic student with bounded lengths, more so along the axes that lie near its own."""
 
     def __init__(self, axis=AXIS):
         self.axis = axis
@@ -249,7 +249,7 @@ def test_turned_about_the_axis_ellipsoids_have_turned_images(round_domains, roun
 
 
 def test_who_knows_of_the_axis_comes_nearer(round_domains, random_spd):
-    """At ellipsoids that no fit has seen the gap is smaller where the field is told of the axis."""
+    """At ellipsoids that no fit has seen the gap is smaller where the field knows the axis."""
     new, gaps = random_spd(np.random.default_rng(3), 200, 3, 30.0), []
     for axis in (AXIS, None):
         images = mp.LengthField(projector=Round(axis), n_centers=100).fit(*round_domains).transform(new)
@@ -258,7 +258,7 @@ def test_who_knows_of_the_axis_comes_nearer(round_domains, random_spd):
 
 
 def test_derivative_inverse_and_loop_know_of_the_axis(round_domains, round_field):
-    """Slopes are those of differences, the inverse is exact where it is told, and one at a time gives the same."""
+    """Slopes are those of differences, the inverse is exact away from folds, and one at a time gives the same."""
     adapter, points = round_field, round_domains[0][:20]
     field = adapter._field()
     check_slopes(field, spd.to_vector(field.power * spd.logm(points[:5]) + field.shift * np.eye(3)))

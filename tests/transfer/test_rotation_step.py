@@ -22,7 +22,7 @@ def make_problem(rng, n, d, random_spd, random_rotation, kind="noisy", condition
 
 
 def nearly_equal_eigenvalues(rng, gap, rotation, random_spd):
-    """Make pairs whose generalised eigenvalues under a rotation differ by a factor of 1 + gap."""
+    """Make pairs with generalized eigenvalues that differ under a rotation by a factor of 1 + gap."""
     d = len(rotation)
     axes = np.linalg.cholesky(random_spd(rng, 6, d))
     values = rng.uniform(0.5, 2.0, (6, 1)) * (1.0 + gap * np.arange(d))

@@ -32,7 +32,7 @@ class DynamicsTerms(NamedTuple):
 
 
 class Dynamics:
-    """Dynamics of a chain whose links have masses."""
+    """Dynamics of a chain with masses."""
 
     def __init__(self, chain: Chain):
         assert chain.inertia is not None

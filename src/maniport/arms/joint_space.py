@@ -108,7 +108,7 @@ class JointSpace(NotebookDisplay):
         return array
 
     def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """Require a specification for whose ellipsoids the joints have numbers or limits."""
+        """Require numbers or limits of all joints for the ellipsoids of a specification."""
         if not isinstance(spec, EllipsoidSpec):
             raise InvalidInputError(f"spec must be an EllipsoidSpec, such as EllipsoidSpec('force'); found {spec!r}")
         if isinstance(spec.joint_weights, str):
@@ -203,7 +203,7 @@ class Manipulable(JointSpace):
         return poses, weighting.shaped(poses.shape[:-2]).rows(jacobians, spec)[1]
 
     def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
-        """Require a specification for whose ellipsoids the joints have numbers, limits and masses."""
+        """Require numbers or limits, and masses where they count, for the ellipsoids of a specification."""
         if super().checked_spec(spec).kind == "acceleration" and self._inertia_fault:
             raise InvalidInputError(
                 f"kind 'acceleration' needs masses, and the description of {self.name!r} {self._inertia_fault}; choose "

@@ -42,7 +42,7 @@ def restrict(
     if base is not None:
         placement, back = chain.frames[base].placement, np.eye(4)
         back[:3, :3], back[:3, 3] = placement[:3, :3].T, -placement[:3, :3].T @ placement[:3, 3]
-        turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity is that of the robot as it stands
+        turn = _resting_poses(chain)[first][:3, :3] @ placement[:3, :3]  # gravity keeps its direction
         part = replace(_expressed_in(part, back, base), gravity=tuple((turn.T @ chain.gravity).tolist()))
     seen = "" if part.base is None else f", seen from {part.base!r}"
     for what, names in (("joints", wanted or ()), ("lock", held)):

@@ -150,7 +150,7 @@ def resemblance(first: ArrayLike, other: ArrayLike) -> float:
 def compare_capabilities(
     person: Arm, joint_angles: Array, robot: Arm, q: Array, time: Array, rotation: Array, most: int = 200
 ) -> tuple[Capability, ...]:
-    """Compare a robot's motion with the person's, and with one that follows the same positions alone.
+    """Compare a robot's motion with the person's and with a motion along the same positions.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from maniport.util.validation import Array
 
 
 class InverseDynamics:
-    """Torques of an arm, or a group of arms, whose links all have masses."""
+    """Torques of an arm or a group of arms with masses."""
 
     def __init__(self, arm: Arm | ArmGroup):
         self.arm, self._model = arm, robot_model(arm)

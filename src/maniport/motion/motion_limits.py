@@ -45,8 +45,8 @@ class MotionLimits:
         Source of the numbers, by ``"velocity"``, ``"acceleration"``, ``"jerk"`` and, where any is known, ``"effort"``
         and ``"effort_rate"``.
     assumed : dict of str to tuple of str
-        For position, velocity, acceleration and jerk the joints whose limit is neither in `source`, nor the maker's,
-        nor in the robot's description.
+        For position, velocity, acceleration and jerk the joints with an assumed limit: it is neither in `source`, nor
+        the maker's, nor in the robot's description.
     """
 
     arm: Any

@@ -107,7 +107,7 @@ class RobotXML:
         return None
 
     def unweighed(self) -> set[str]:
-        """Return the bodies whose masses are those of their shapes, which are not computed."""
+        """Return the bodies with masses by their shapes, which are not computed."""
         return set()
 
 

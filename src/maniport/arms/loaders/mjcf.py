@@ -196,7 +196,7 @@ class Mjcf(RobotXML):
         return inertia_fault(body.get("name", ""), float(inertial.get("mass", "0")), list(map(float, moments.split())))
 
     def unweighed(self) -> set[str]:
-        """Return the bodies whose masses are those of their shapes, which are not computed."""
+        """Return the bodies with masses by their shapes, which are not computed."""
         ignored = any(compiler.get("inertiafromgeom") == "true" for compiler in self.root.findall("compiler"))
         return {
             body.get("name", "") for body in self.root.findall("worldbody//body")
