@@ -34,7 +34,7 @@ def main(folder):
     """Fit the arm to two recordings: bones of a motion-capture suit, and markers on the skin."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, start, stop in (("ladder", 22.0, 26.0), ("freeform", 2.0, 6.0)):
-        # 1. Units, vertical axis and gaps are detected and printed.
+        # 1. Units and gaps are detected and printed.
         recording = mp.read_recording(shipped_recording(name)).crop(start, stop)
         print(recording)
 

@@ -49,7 +49,7 @@ def files(moment, tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(moment, files):
     """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
-    recording = mp.read_recording(files / "ladder.pts", up=moment.up)
+    recording = mp.read_recording(files / "ladder.pts")
     method = LogEuclideanShift(damping=0.01)
     with little_search():
         found = mp.transfer_recording(

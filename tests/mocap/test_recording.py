@@ -12,7 +12,7 @@ def wave(n=101, rate=100.0, missing=()):
     circle = np.stack([np.cos(2 * time), np.sin(2 * time), np.zeros(n)], axis=-1)
     for start, stop in missing:
         circle[start:stop] = np.nan
-    return Recording(("circle", "still"), np.stack([circle, np.ones((n, 3))], axis=1), time, "z", "wave")
+    return Recording(("circle", "still"), np.stack([circle, np.ones((n, 3))], axis=1), time, "wave")
 
 
 def test_short_gaps_are_interpolated_and_long_ones_stay():
@@ -51,7 +51,6 @@ def test_resampling_keeps_time_and_values(rate):
         ({"positions": np.zeros((3, 1, 3))}, "positions must have shape"),
         ({"positions": np.full((3, 2, 3), np.inf)}, "positions must be finite"),
         ({"positions": "no"}, "positions must be an array of numbers"),
-        ({"up": "w"}, "unknown up"),
     ],
 )
 def test_wrong_values_are_rejected(change, message):

@@ -1,4 +1,4 @@
-"""Unit, vertical axis and rate of a file: from the caller, else from the file, else recognized from the points."""
+"""Unit and rate of a file: from the caller, else from the file, else recognized from the points."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from maniport.arms.chain import SIDES
 from maniport.errors import FileFormatError, InvalidInputError, argument, as_text
 from maniport.mocap.cleaning import in_order, without_zeros
-from maniport.mocap.marker_sets import find_legs, find_roles, whole_bodies
-from maniport.mocap.recording import MAX_POSITION, UP_AXES, Recording
+from maniport.mocap.marker_sets import find_roles, whole_bodies
+from maniport.mocap.recording import MAX_POSITION, Recording
 from maniport.mocap.roles import direction
 from maniport.util.input_limits import FRAMES, PLACES, POINTS, require_at_most
 from maniport.util.validation import Array
@@ -33,7 +33,6 @@ class ImportOptions:
     """Options of the caller for reading a file; None for the values of the file."""
 
     unit: str | None = None  # one of `UNITS`
-    up: str | None = None  # vertical axis, one of `UP_AXES`
     rate: float | None = None  # frames per second
 
     def recording(
@@ -43,19 +42,16 @@ class ImportOptions:
         positions: ArrayLike,
         time: ArrayLike | None = None,
         unit: str = "",
-        up: str = "",
-        usual: str = "z",
         origin: str = "stated in the file",
         notes: Sequence[str] = (),
         quality_warnings: Sequence[str] = (),
         measured: bool = True,
     ) -> Recording:
-        """Make the recording in meters, with notes on the unit, the vertical axis, the rate and missing points.
+        """Make the recording in meters, with notes on the unit, the rate and missing points.
 
         `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
         points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
-        and `up` are empty where the file does not state them; `origin` describes why they are these. `usual` is the
-        vertical axis if neither the file nor the points determine it. The rest is as in `Recording`.
+        is empty where the file does not state it; `origin` describes why it is this one. The rest is as in `Recording`.
 
         Raises
         ------
@@ -112,13 +108,12 @@ class ImportOptions:
         try:
             times, points, ordered = in_order(times, points)
             source = as_text(file.name)
-            raw = Recording(tuple(unique), points, times, usual, source, (), tuple(quality_warnings), "", measured)
+            raw = Recording(tuple(unique), points, times, source, (), tuple(quality_warnings), "", measured)
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
         scale, unit_note = self._scale(raw, file, unit, origin)
-        axis, up_note = self._vertical(raw, up, origin)
-        notes = [unit_note, up_note, *notes, *ordered]
-        return without_zeros(replace(raw, positions=raw.positions * scale, up=axis, notes=tuple(notes)))
+        notes = [unit_note, *notes, *ordered]
+        return without_zeros(replace(raw, positions=raw.positions * scale, notes=tuple(notes)))
 
     def _scale(self, recording: Recording, file: Path, declared: str, origin: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
@@ -141,31 +136,8 @@ class ImportOptions:
         length = f"the upper arm ({arm[0]}) is {arm[1]:.4g} units long, {arm[1] * scale:.3f} m"
         return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {length}"
 
-    def _vertical(self, recording: Recording, declared: str, origin: str) -> tuple[str, str]:
-        """Return the vertical axis, with a note on the origin."""
-        if self.up is not None:
-            return self.up, f"vertical axis set by the caller: {self.up}"
-        if declared in UP_AXES:
-            return declared, f"vertical axis {declared}, {origin}"
-        if pair := find_roles(recording.observed)[1].get("trunk_up"):
-            step = direction(recording, pair)
-            if (present := np.isfinite(step).all(axis=-1)).any():
-                mean = step[present].mean(axis=0)
-                axis = int(np.argmax(np.abs(mean)))
-                if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
-                    name = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-                    low, high = map("+".join, pair)
-                    return name, f"vertical axis recognized as {name}: {high} lies above {low} along it"
-        return (
-            recording.up,
-            f"vertical axis {recording.up}, the usual one of the format, as the points do not determine it",
-        )
-
-    def checked(self, recording: Recording, least: float = 0.5) -> Recording:
+    def checked(self, recording: Recording) -> Recording:
         """Compare the options with the points; add data-quality warnings.
-
-        The trunk and the legs of people who stand, sit, climb, hang or crawl: one of them is nearer to upright than
-        60°. A vertical axis of the caller is implausible where the cosines to both (median) are below `least`.
 
         Raises
         ------
@@ -189,21 +161,6 @@ class ImportOptions:
             if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
                 raise InvalidInputError(f"{recording.source}: {text}")
             warnings.append(text)
-        pair = find_roles(recording.observed)[1].get("trunk_up")
-        if self.up is not None and pair is not None and (trunk := _upright(direction(recording, pair))):
-            legs = [
-                _upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.observed)
-            ]
-            if max(part.get(self.up, 0.0) for part in (trunk, *legs)) < least:
-                likely = max(trunk, key=trunk.__getitem__)
-                angle, better = (
-                    f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (self.up, likely)
-                )
-                low, high = map("+".join, pair)
-                warnings.append(
-                    f"with {argument('up', self.up)} the trunk ({low} to {high}) is {angle} from upright (median); "
-                    f"with {argument('up', likely)} it is {better} from upright"
-                )
         return replace(recording, quality_warnings=tuple(warnings))
 
 
@@ -257,12 +214,3 @@ def _upper_arm(recording: Recording) -> tuple[str, float] | None:
                 median = float(np.quantile(length, 0.5, method="lower"))  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
     return None
-
-
-def _upright(step: Array) -> dict[str, float]:
-    """Return the cosine (median) between a body part and each axis; nothing where it is missing."""
-    along = step[np.linalg.norm(step, axis=-1) > 0]
-    if not len(along):
-        return {}
-    x, y, z = np.median(along / np.linalg.norm(along, axis=-1, keepdims=True), axis=0).tolist()
-    return dict(zip(UP_AXES, (x, y, z, -x, -y, -z), strict=True))

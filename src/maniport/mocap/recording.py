@@ -14,11 +14,9 @@ from maniport.errors import InvalidInputError, RecordingError, argument, spoken,
 from maniport.util.files import save_arrays
 from maniport.util.input_limits import PLACES
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import Array, as_choice, as_number, as_times, require_shape
+from maniport.util.validation import Array, as_number, as_times, require_shape
 
 Bools = NDArray[np.bool_]
-
-UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
 
@@ -37,8 +35,6 @@ class Recording(NotebookDisplay):
         Positions [m] in the axes of the recording; nan where a point is missing.
     time : array_like, shape (n_frames,)
         Time [s], strictly increasing.
-    up : {"x", "y", "z", "-x", "-y", "-z"}
-        Vertical axis of the recording.
     source : str
         Name of the file.
     notes : sequence of str
@@ -59,7 +55,6 @@ class Recording(NotebookDisplay):
     names: tuple[str, ...]
     positions: Array
     time: Array
-    up: str = "z"
     source: str = ""
     notes: tuple[str, ...] = ()
     quality_warnings: tuple[str, ...] = ()
@@ -72,7 +67,6 @@ class Recording(NotebookDisplay):
         positions = _as_positions(self.positions, len(time), len(names))
         for array in (time, positions):
             array.setflags(write=False)
-        as_choice(self.up, "up", UP_AXES)
         texts = {name: tuple(map(str, getattr(self, name))) for name in ("notes", "quality_warnings")}
         for name, value in {"names": names, "time": time, "positions": positions, **texts}.items():
             object.__setattr__(self, name, value)
@@ -84,7 +78,7 @@ class Recording(NotebookDisplay):
     def __repr__(self) -> str:
         return (
             f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
-            f"{self.duration:.2f} s at {self.rate:.4g} Hz, {self.up} up)"
+            f"{self.duration:.2f} s at {self.rate:.4g} Hz)"
         )
 
     @property
@@ -114,9 +108,9 @@ class Recording(NotebookDisplay):
         return np.asarray(self.positions[:, self.names.index(name)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s], vertical axis."""
+        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s]."""
         fields = {"names": np.array(self.names), "positions": self.positions, "time": self.time}
-        save_arrays(path, {**fields, "up": np.array(self.up), "unit": np.array("m")})
+        save_arrays(path, {**fields, "unit": np.array("m")})
 
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep the named points, in this order."""

@@ -28,9 +28,6 @@ class HumanOptions(Options):
     unit: str | None = option(
         None, "Unit of length; recognized by default", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
     )
-    vertical_axis: str | None = option(
-        None, "Vertical axis; recognized by default", choices=("x", "y", "z", "-x", "-y", "-z"), common=True
-    )
     fps: float | None = option(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
     start: float | None = option(None, "Start of the part that is used", "s", common=True)
     stop: float | None = option(None, "End of the part that is used", "s", common=True)
@@ -52,7 +49,7 @@ class HumanOptions(Options):
         from maniport.mocap import Recording, read_recording
 
         if not isinstance(recording, Recording):
-            recording = read_recording(recording, unit=self.unit, up=self.vertical_axis, rate=self.fps)
+            recording = read_recording(recording, unit=self.unit, rate=self.fps)
         return recording if self.start is None and self.stop is None else recording.crop(self.start, self.stop)
 
     def roles(self) -> Mapping[str, Any] | None:

@@ -102,7 +102,6 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
         info("Format", "format", recording.format, recording.format.removeprefix(".").upper()),
         info("Frames", "frames", len(recording), frames),
         *numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3)),
-        info("Vertical axis", "up", recording.up),
         *([info("Points", "points", names, f"{len(names)}: {listed(names)}")] if points else []),
         info("Missing", "missing", gaps, missing, "Share of the frames."),
     ]
