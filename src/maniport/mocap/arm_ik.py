@@ -1,20 +1,19 @@
 """Joint angles of one or several human arms from a recording."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.arms import PERSONS
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import as_height, human_arm
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, argument, spoken, typed
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
-from maniport.mocap.arm_path import JUMP_OPTIONS, solve_arm, treat_jumps
+from maniport.mocap.arm_path import jump_warning, solve_arm
 from maniport.mocap.cleaning import as_smoothing
 from maniport.mocap.data_quality import (
     AT_LIMIT,
@@ -28,7 +27,7 @@ from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.observation import Observation, observe, segment_lengths
 from maniport.mocap.recording import LONGEST_GAP, Recording
 from maniport.mocap.roles import assign_roles, role_position
-from maniport.util.defaults import AUTO, BOTH, KEEP
+from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
 from maniport.util.validation import as_choice, as_number
 
@@ -45,7 +44,6 @@ def fit_arm(
     side: str = AUTO,
     height: float | None = None,
     smooth: str | float = AUTO,
-    jumps: str = KEEP,
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
 
@@ -77,8 +75,6 @@ def fit_arm(
     smooth : {"auto", "off"} or float
         "auto" smooths points with large noise, as keypoints of video; a number smooths all points at that cutoff
         frequency [Hz].
-    jumps : {"keep", "smooth", "split"}
-        Treatment of joints that are too fast: keep them; interpolate all joints; use the longest part between jumps.
 
     Raises
     ------
@@ -96,9 +92,8 @@ def fit_arm(
         the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
         exchanged.
     """
-    require_person(person, side, height, smooth, jumps)  # rejects "both"
-    options: dict[str, Any] = {"side": side, "height": height, "smooth": smooth, "jumps": jumps}
-    return fit_arms(recording, person, markers, fill, progress, **options).arms[0]
+    require_person(person, side, height, smooth)  # rejects "both"
+    return fit_arms(recording, person, markers, fill, progress, side=side, height=height, smooth=smooth).arms[0]
 
 
 def fit_arms(
@@ -111,7 +106,6 @@ def fit_arms(
     side: str = BOTH,
     height: float | None = None,
     smooth: str | float = AUTO,
-    jumps: str = KEEP,
 ) -> HumanMotion:
     """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
 
@@ -126,7 +120,7 @@ def fit_arms(
         from the right arm. For one arm as in `fit_arm`.
     side : {"both", "auto", "right", "left"}
         Both arms, or one as in `fit_arm`.
-    person, fill, progress, height, smooth, jumps : optional
+    person, fill, progress, height, smooth : optional
         As in `fit_arm`; so are the other errors and the warnings.
 
     Raises
@@ -135,25 +129,23 @@ def fit_arms(
         When one of the arms is not recorded, or never all of them at once.
     """
     both = side == BOTH
-    height, cutoff = require_person(person, AUTO if both else side, height, smooth, jumps)
+    height, cutoff = require_person(person, AUTO if both else side, height, smooth)
     fill = as_number(fill, "fill [s]", minimum=0.0)
     chosen = _markers_by_side(recording, markers) if both else {side: markers}
     observations = [observe(recording, own, name, fill, cutoff) for name, own in chosen.items()]
     counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
-    common = _common(observations, f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
+    common = reduce(np.intersect1d, [observation.frames for observation in observations])
+    if not len(common):
+        raise RecordingError(f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
     trunk, fits = observations[-1].trunk, []
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit, differences = _fit(
-            recording, replace(observation, frames=common, trunk=trunk), person, height, jumps, step
-        )
+        fit, differences = _fit(recording, replace(observation, frames=common, trunk=trunk), person, height, step)
         for text in differences:
             text = f"{observation.side} arm: {text}" if both else text
             warnings.warn(text, ManiportWarning, stacklevel=2 if both else 3)
         step.end(fit.summary)
         fits.append(fit)
-    common = _common(fits, f"the longest parts of {recording.source!r} without jumps of either arm share no frame")
-    fits = [fit if len(fit) == len(common) else fit.only(np.isin(fit.frames, common)) for fit in fits]
     origins = []
     for observation, fit in zip(observations, fits, strict=True):  # of the base frames in the trunk, from the neck
         neck = role_position(observation.used, observation.roles["trunk_up"][1])
@@ -193,16 +185,8 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _common(parts: Sequence[Observation] | Sequence[ArmFit], message: str) -> NDArray[np.intp]:
-    """Return the frames that all parts have."""
-    frames = reduce(np.intersect1d, [part.frames for part in parts])
-    if not len(frames):
-        raise RecordingError(message)
-    return frames
-
-
 def _fit(
-    recording: Recording, observation: Observation, person: str, height: float | None, jumps: str, step: Step
+    recording: Recording, observation: Observation, person: str, height: float | None, step: Step
 ) -> tuple[ArmFit, list[str]]:
     """Fit an arm to an observation; return it with the large differences of model and person."""
     roles, notes = observation.roles, list(observation.notes)
@@ -210,24 +194,21 @@ def _fit(
     arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
     directions, time = observation.directions(arm), observation.time
-    q, kept, jump_warning = treat_jumps(
-        solve_arm(directions, time, roles, step), time, observation.frames, arm.joint_names, jumps
-    )
-    directions, time = directions.take(kept), time[kept]
+    q = solve_arm(directions, time, roles, step)
     angles, twists = directions.errors(q)
     share, reasons, beyond = observability(directions, roles, q)
     texts = (
         *observation.quality_warnings,
         gap_warning(observation.used.time, observation.frames),
         calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), time),
-        jump_warning,
+        jump_warning(q, time, observation.frames, arm.joint_names),
     )
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
         joint_angles=_frozen(q),
         time=_frozen(time),
-        frames=_frozen(observation.frames[kept]),
+        frames=_frozen(observation.frames),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
         twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
@@ -247,7 +228,7 @@ def _fit(
 
 
 def require_person(
-    person: str, side: str, height: float | None, smooth: str | float = AUTO, jumps: str = KEEP
+    person: str, side: str, height: float | None, smooth: str | float = AUTO
 ) -> tuple[float | None, float | None]:
     """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
     as_choice(person, "person", PERSONS)
@@ -257,7 +238,6 @@ def require_person(
             f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )
     as_choice(side, "side", (AUTO, *SIDES))
-    as_choice(jumps, "jumps", JUMP_OPTIONS)
     return as_height(height), as_smoothing(smooth)
 
 

@@ -36,12 +36,11 @@ class HumanOptions(Options):
     side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
     smooth: str | float = option(AUTO, "Low-pass filter: auto, off, or cutoff", "Hz", (AUTO, "off"), above=0.0)
-    jumps: str = option(defaults.KEEP, "Treatment of joint jumps", choices=(defaults.KEEP, "smooth", "split"))
 
     @property
     def fit_options(self) -> dict[str, Any]:
         """Arguments of `maniport.fit_arm`."""
-        names = ("person", "side", "height", "smooth", "jumps")
+        names = ("person", "side", "height", "smooth")
         return {"markers": self.roles(), **{name: getattr(self, name) for name in names}}
 
     def read(self, recording: "Recording | str | os.PathLike[str]") -> "Recording":
