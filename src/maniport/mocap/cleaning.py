@@ -9,7 +9,7 @@ robust spline: each track x of a point minimizes
 that outliers do not pull the track. λ has the least generalized cross-validation.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,10 +18,9 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 from scipy.special import comb
 
-from maniport.errors import InvalidInputError, RecordingError, argument, spoken
+from maniport.errors import InvalidInputError, argument, spoken
 from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
-from maniport.mocap.roles import role_position
 from maniport.util.defaults import AUTO
 from maniport.util.validation import Array, as_choice, as_number
 
@@ -102,38 +101,6 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
                 f"({when(recording.time, swapped)})"
             )
     return _changed(recording, positions, quality_warnings=texts)
-
-
-def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
-    """Scale frames in which the whole body is 10, 100 or 1000 times as large or small as in most frames."""
-    similar = 1.2  # ratio up to which factors count as equal
-    shoulder, elbow, wrist = (role_position(recording, roles[name]) for name in ("shoulder", "elbow", "wrist"))
-    low, high = (role_position(recording, names) for names in roles["trunk_up"])
-    lengths = np.linalg.norm(np.stack([elbow - shoulder, wrist - elbow, high - low], axis=1), axis=-1)
-    observed = np.flatnonzero((lengths > 0).all(axis=1))
-    if not len(observed):
-        return recording
-    median = np.quantile(lengths[observed], 0.5, axis=0, method="lower")  # not the mean of two sizes
-    least, most = np.sort(lengths[observed] / median, axis=1)[:, [0, 2]].T
-    uniform, size = most < similar * least, np.log10(least * most) / 2
-    metric = uniform & (np.abs(size - np.round(size)) < np.log10(similar))
-    last = np.maximum(np.searchsorted(observed, np.arange(len(recording)), side="right") - 1, 0)  # also of gaps
-    power = np.where(metric, np.round(size), 0.0)[last]
-    # Smaller changes of all lengths are left to the fit, and shorter ones are faults of points.
-    for start, stop in runs_of((uniform & ~metric & (np.abs(size) > np.log10(1.6)))[last]):
-        if recording.time[stop - 1] - recording.time[start] > 0.5:
-            factor = 10 ** np.median(size[last[start:stop]])
-            raise RecordingError(
-                f"{recording.source or 'the recording'}: from {recording.time[start]:.2f} to "
-                f"{recording.time[stop - 1]:.2f} s the body is {factor:.3g} times as large as in most frames; there "
-                "may be a second unit or a second person in the file. Crop the recording"
-            )
-    texts = [
-        f"the body is {10.0**exponent:g} times as large as otherwise in {(power == exponent).sum()} frames, which were "
-        f"scaled to one unit ({when(recording.time, power == exponent)})"
-        for exponent in np.unique(power[power != 0])
-    ]
-    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], quality_warnings=texts)
 
 
 def without_outliers(recording: Recording) -> Recording:
