@@ -14,7 +14,6 @@ from maniport.arms import load_arm
 from maniport.arms.human import FRACTIONS, hand_rotations, middle_of
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
-from maniport.mocap.data_quality import calibration_pose
 from maniport.mocap.directions import AXES, SEGMENTS, Directions
 from mirror_images import in_a_mirror
 
@@ -246,25 +245,6 @@ def test_jumps_of_a_real_recording_are_reported():
     fit = fit_arm(read_recording("ladder").crop(11, 14))
     assert fit.largest_step[0] > 60
     assert "joints jump in" in fit.quality_warnings[-1]
-
-
-@pytest.mark.parametrize(
-    ("upper", "held", "words"),
-    [
-        ((0.0, -1.0, 0.0), 30, "a T-pose, as for calibration, held for 0.97 s"),
-        ((0.1, 0.7, -0.7), 30, "an A-pose, as for calibration, held for 0.97 s"),
-        ((0.0, -1.0, 0.0), 1, "a T-pose, as for calibration, left at once"),
-        ((0.0, -1.0, 0.0), 10, ""),  # not long enough, and left gently
-        ((0.0, 0.0, -1.0), 30, ""),  # the arm hangs
-        ((0.0, -1.0, 0.0), 120, ""),  # nothing else is recorded
-    ],
-)
-def test_calibration_poses_are_reported(upper, held, words):
-    angle = (1.0 if held == 1 else 0.1) * np.maximum(np.arange(120) - held + 1, 0)[:, None]
-    direction = np.cos(angle) * np.array(upper) / np.linalg.norm(upper) + np.sin(angle) * np.array([0.6, 0.0, -0.8])
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    text = calibration_pose({"upper arm": direction, "forearm": direction}, np.arange(120) / 30)
-    assert words in text if words else not text
 
 
 def test_repetitions_are_found(repeated):

@@ -17,7 +17,6 @@ from maniport.mocap.arm_path import jump_warning, solve_arm
 from maniport.mocap.cleaning import as_smoothing
 from maniport.mocap.data_quality import (
     AT_LIMIT,
-    calibration_pose,
     gap_warning,
     model_differences,
     observability,
@@ -200,7 +199,6 @@ def _fit(
     texts = (
         *observation.quality_warnings,
         gap_warning(observation.used.time, observation.frames),
-        calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), time),
         jump_warning(q, time, observation.frames, arm.joint_names),
     )
     fit = ArmFit(

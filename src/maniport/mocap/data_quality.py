@@ -1,6 +1,6 @@
 """Quality of an arm fit: observable joints, saturated limits, gaps, and differences of model and person."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,29 +127,6 @@ def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> t
     advice += other_model
     differ = f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
     return [differ], small_differences
-
-
-def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:
-    """Report a T-pose or A-pose, held for 0.5 s or left at once, with which the motion begins; empty without one.
-
-    In it the elbow is nearly straight, and the arm points to the side, along the horizon (T) or lower (A).
-    """
-    upper, fore = directions["upper arm"], directions["forearm"]
-    elevation = np.degrees(np.arccos(np.clip(-upper[0, 2], -1.0, 1.0))) - 90.0  # above the horizon
-    straight = upper[0] @ fore[0] >= np.cos(np.radians(20.0))
-    if len(time) < 3 or not straight or abs(upper[0, 0]) > 0.35 or not -65.0 <= elevation <= 15.0:
-        return ""
-    rotation = np.degrees(np.max([np.arccos(np.clip(u @ u[0], -1.0, 1.0)) for u in (upper, fore)], axis=0))
-    left = int(np.argmax(rotation > 3.0))  # zero where the pose is held to the end
-    duration = float(time[left - 1] - time[0])
-    at_once = left <= 2 and rotation[left] > 15.0
-    if left == 0 or not (duration >= 0.5 or at_once):
-        return ""
-    return (
-        f"the recording begins in {'a T' if elevation > -15.0 else 'an A'}-pose, as for calibration, "
-        f"{'left at once' if at_once else f'held for {duration:.2f} s'}; to omit it crop the recording: "
-        f"{argument('start', round(float(time[left]), 2))}"
-    )
 
 
 def gap_warning(time: Array, frames: NDArray[np.intp]) -> str:
