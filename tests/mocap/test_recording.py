@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from maniport.errors import InvalidInputError
 from maniport.mocap import Recording
@@ -29,16 +27,6 @@ def test_a_crop_beyond_the_end_causes_a_warning():
     end = float(wave().time[-1])
     assert wave().crop(stop=end + 0.01).quality_warnings == ()
     assert "beyond the end of the recording" in wave().crop(0.2, end + 1.0).quality_warnings[0]
-
-
-@given(st.floats(5.0, 400.0))
-def test_resampling_keeps_time_and_values(rate):
-    time = np.arange(51) / 50
-    recording = Recording(("p",), (time[:, None] * [1.0, 2.0, 3.0])[:, None], time)
-    again = recording.resample(rate)
-    np.testing.assert_allclose(again.positions[:, 0], again.time[:, None] * [1.0, 2.0, 3.0], atol=1e-12)
-    assert again.time[0] == 0
-    assert 1 - 1 / rate - 1e-9 <= again.time[-1] <= 1
 
 
 @pytest.mark.parametrize(

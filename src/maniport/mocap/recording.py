@@ -137,29 +137,6 @@ class Recording(NotebookDisplay):
             )
         return replace(self, positions=self.positions[keep], time=self.time[keep], quality_warnings=quality_warnings)
 
-    def resample(self, rate: float) -> "Recording":
-        """Interpolate linearly at another rate [Hz]; missing points stay missing.
-
-        Frames are not averaged, so motion faster than half the new rate folds back; human motion below 20 Hz does not.
-        """
-        rate = as_number(rate, "rate", above=0)
-        most = PLACES // len(self.names)
-        if self.duration * rate > most:
-            raise InvalidInputError(f"{spoken('rate')} must be at most {most / self.duration:g} Hz; found {rate:g}")
-        count = int(np.floor(self.duration * rate + 1e-9)) + 1
-        time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
-        right = np.clip(np.searchsorted(self.time, time), min(1, len(self) - 1), len(self) - 1)
-        left = np.maximum(right - 1, 0)
-        part = (time - self.time[left]) / np.where(right > left, self.time[right] - self.time[left], 1.0)
-        # Of a frame that coincides with a recorded one the other neighbor has no weight, even if it is nan.
-        weights = np.where(part < 1e-9, 0.0, np.where(part > 1 - 1e-9, 1.0, part))[:, None, None]
-        before, after = self.positions[left], self.positions[right]
-        positions = np.where(
-            weights == 0, before, np.where(weights == 1, after, (1 - weights) * before + weights * after)
-        )
-        note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz"
-        return replace(self, positions=positions, time=time, notes=(*self.notes, note))
-
     def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
         """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.
 
