@@ -32,23 +32,21 @@ def test_recordings_without_faults_stay_as_they_are(name):
     assert smoothed(recording) is recording
 
 
-def test_late_frames_are_sorted_and_repeated_ones_dropped():
+def test_frames_whose_time_does_not_increase_are_omitted():
     time, positions = np.arange(40) / 30, np.arange(40.0)[:, None]
-    order = np.arange(40)
-    order[[10, 12]] = order[[12, 10]]
-    order = np.insert(order, 20, 19)
+    order = np.insert(np.arange(40), [20, 30], [19, 10])
     times, places, notes = in_order(time[order], positions[order])
     np.testing.assert_array_equal(times, time)
     np.testing.assert_array_equal(places, positions)
-    assert len(notes) == 2
+    assert "2 frames" in notes[0]
     assert in_order(time, positions)[0] is time
 
 
 @pytest.mark.parametrize(
     ("time", "words"),
     [
-        (np.r_[np.arange(90), np.arange(90)] / 30, "2.97 s at index 90, to 0 s"),
-        (np.round(np.arange(90) / 30, 1), "59 of 90 frames .*index 1"),
+        (np.r_[np.arange(90), np.arange(90)] / 30, "90 of 180 frames .* index 90, 0 s"),
+        (np.round(np.arange(90) / 30, 1), "59 of 90 frames .* index 1"),
     ],
 )
 def test_two_recordings_in_one_and_coarse_times_are_rejected(time, words):

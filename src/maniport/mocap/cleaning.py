@@ -32,31 +32,19 @@ LEAST_SHARE = 0.003
 """Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
 
 
-def in_order(
-    time: Array, positions: Array, latest: float = 0.5, most_repeated: float = 0.1
-) -> tuple[Array, Array, list[str]]:
-    """Sort frames that are at most `latest` seconds late, and drop a small share with the time of another frame."""
+def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, Array, list[str]]:
+    """Omit frames, a share of at most `most`, whose time does not exceed that of every frame before."""
     if not np.isfinite(time).all() or time.shape != positions.shape[:1] or (np.diff(time) > 0).all():
         return time, positions, []
-    late = np.maximum.accumulate(time) - time
-    if late.max() > latest:
-        i = int(np.argmax(late > latest))
+    kept = np.concatenate([[True], time[1:] > np.maximum.accumulate(time)[:-1]])
+    count, first = int((~kept).sum()), int(np.argmin(kept))
+    if count > most * len(time):
         raise InvalidInputError(
-            f"time decreases by {late[i]:.3g} s at index {i}, to {time[i]:g} s; frames may be late by at most "
-            f"{latest:g} s. If the file holds several recordings, split it"
+            f"the times of {count} of {len(time)} frames do not increase, the first at index {first}, {time[first]:g} s; "
+            f"at most {100 * most:.0f} % may. If the file holds several recordings, split it; if times are rounded, give "
+            f"the frames per second ({spoken('rate')})"
         )
-    order = np.argsort(time, kind="stable")
-    kept = order[np.concatenate([[True], np.diff(time[order]) > 0])]
-    repeated = len(time) - len(kept)
-    if repeated > most_repeated * len(time):
-        raise InvalidInputError(
-            f"{repeated} of {len(time)} frames have the time of another one, the first at index "
-            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {100 * most_repeated:.0f} % may. If times are rounded, "
-            f"give the frames per second ({spoken('rate')})"
-        )
-    notes = [f"{int((late > 0).sum())} frames were out of order in time and were sorted"] if (late > 0).any() else []
-    notes += [f"{repeated} frames with the time of another one were omitted"] if repeated else []
-    return time[kept], positions[kept], notes
+    return time[kept], positions[kept], [f"{count} frames with times that do not increase were omitted"]
 
 
 def without_zeros(recording: Recording) -> Recording:
