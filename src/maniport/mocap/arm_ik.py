@@ -14,7 +14,6 @@ from maniport.arms.human import as_height, human_arm
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, argument, spoken, typed
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import jump_warning, solve_arm
-from maniport.mocap.cleaning import as_smoothing
 from maniport.mocap.data_quality import (
     AT_LIMIT,
     gap_warning,
@@ -24,11 +23,11 @@ from maniport.mocap.data_quality import (
 from maniport.mocap.directions import require_human
 from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.observation import Observation, observe, segment_lengths
-from maniport.mocap.recording import LONGEST_GAP, Recording
+from maniport.mocap.recording import Recording
 from maniport.mocap.roles import assign_roles, role_position
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
-from maniport.util.validation import as_choice, as_number
+from maniport.util.validation import as_choice
 
 GROUP = LEFT, RIGHT  # Order of the arms of a person
 
@@ -37,12 +36,11 @@ def fit_arm(
     recording: Recording,
     person: str = "myoarm",
     markers: Mapping[str, Any] | None = None,
-    fill: float = LONGEST_GAP,
     progress: Progress | None = None,
     *,
     side: str = AUTO,
     height: float | None = None,
-    smooth: str | float = AUTO,
+    smooth: str = AUTO,
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
 
@@ -61,8 +59,6 @@ def fit_arm(
         ``{"shoulder": ["RFSH", "RBSH"], "elbow_axis": (["RIEL"], ["RELB"])}``, the mean of several points each.
         Roles: shoulder, elbow, wrist, hand; as pairs (from, to) elbow_axis (medial, lateral), wrist_axis (ulnar,
         radial), trunk_up (low, high), trunk_front (back, front), trunk_left (right, left). None drops a role.
-    fill : float
-        Gaps up to this many seconds are interpolated; frames in longer ones are left out.
     progress : callable, optional
         Called with the name of the step and the fraction done.
     side : {"auto", "right", "left"}
@@ -71,9 +67,8 @@ def fit_arm(
     height : float, optional
         The person's body height [m], from 1 to 2.5. Segments that are not recorded, or not as long as an adult's, get
         their fraction of it, see `maniport.arms.human`.
-    smooth : {"auto", "off"} or float
-        "auto" smooths points with large noise, as keypoints of video; a number smooths all points at that cutoff
-        frequency [Hz].
+    smooth : {"auto", "off"}
+        "auto" smooths points with large noise, as keypoints of video.
 
     Raises
     ------
@@ -92,19 +87,18 @@ def fit_arm(
         exchanged.
     """
     require_person(person, side, height, smooth)  # rejects "both"
-    return fit_arms(recording, person, markers, fill, progress, side=side, height=height, smooth=smooth).arms[0]
+    return fit_arms(recording, person, markers, progress, side=side, height=height, smooth=smooth).arms[0]
 
 
 def fit_arms(
     recording: Recording,
     person: str = "myoarm",
     markers: Mapping[str, Mapping[str, Any]] | None = None,
-    fill: float = LONGEST_GAP,
     progress: Progress | None = None,
     *,
     side: str = BOTH,
     height: float | None = None,
-    smooth: str | float = AUTO,
+    smooth: str = AUTO,
 ) -> HumanMotion:
     """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
 
@@ -119,7 +113,7 @@ def fit_arms(
         from the right arm. For one arm as in `fit_arm`.
     side : {"both", "auto", "right", "left"}
         Both arms, or one as in `fit_arm`.
-    person, fill, progress, height, smooth : optional
+    person, progress, height, smooth : optional
         As in `fit_arm`; so are the other errors and the warnings.
 
     Raises
@@ -128,10 +122,9 @@ def fit_arms(
         When one of the arms is not recorded, or never all of them at once.
     """
     both = side == BOTH
-    height, cutoff = require_person(person, AUTO if both else side, height, smooth)
-    fill = as_number(fill, "fill [s]", minimum=0.0)
+    height = require_person(person, AUTO if both else side, height, smooth)
     chosen = _markers_by_side(recording, markers) if both else {side: markers}
-    observations = [observe(recording, own, name, fill, cutoff) for name, own in chosen.items()]
+    observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
     counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
     common = reduce(np.intersect1d, [observation.frames for observation in observations])
     if not len(common):
@@ -225,10 +218,8 @@ def _fit(
     return fit, differences
 
 
-def require_person(
-    person: str, side: str, height: float | None, smooth: str | float = AUTO
-) -> tuple[float | None, float | None]:
-    """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
+def require_person(person: str, side: str, height: float | None, smooth: str = AUTO) -> float | None:
+    """Check options of `fit_arm`; return the height [m]."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
         takes = "maniport transfer, batch, live and view" if typed() else "fit_arms and transfer_recording"
@@ -236,7 +227,8 @@ def require_person(
             f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )
     as_choice(side, "side", (AUTO, *SIDES))
-    return as_height(height), as_smoothing(smooth)
+    as_choice(smooth, "smooth", (AUTO, "off"))
+    return as_height(height)
 
 
 def _frozen(array: Any) -> Any:

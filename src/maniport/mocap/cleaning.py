@@ -11,7 +11,6 @@ that outliers do not pull the track. λ has the least generalized cross-validati
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -22,7 +21,7 @@ from maniport.errors import InvalidInputError, argument, spoken
 from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
 from maniport.util.defaults import AUTO
-from maniport.util.validation import Array, as_choice, as_number
+from maniport.util.validation import Array
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
 
@@ -140,45 +139,27 @@ def _changed(
     return replace(recording, positions=positions, notes=notes, quality_warnings=quality_warnings)
 
 
-def as_smoothing(value: Any) -> float | None:
-    """Check the option `smooth`; return the cutoff [Hz], infinite for "off", None for "auto"."""
-    if isinstance(value, str):
-        try:
-            value = float(value)  # as the command line passes it
-        except ValueError:
-            return None if as_choice(value, "smooth", (AUTO, "off")) == AUTO else np.inf
-    return as_number(value, "smooth [Hz]", above=0.0)
-
-
-def smoothed(recording: Recording, cutoff: float | None = None, large_noise: float = 0.004) -> Recording:
-    """Smooth the noisy points, or all up to a cutoff [Hz]; `quality_warnings` reports noise and smoothing.
+def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.004) -> Recording:
+    """Smooth the noisy points, or only report them, in `quality_warnings`.
 
     Points are noisy from `large_noise` in one direction [m]: optical systems have 0.0001 to 0.001, skeletons of people
     who climb and jump 0.002, keypoints of video 0.005 to 0.02. Below 20 frames per second motion is not distinct from
     noise, and runs of less than 12 frames are kept.
     """
-    least = LEAST_SHARE * recording.rate
-    if cutoff is not None and cutoff < least:
-        raise InvalidInputError(
-            f"{spoken('smooth')} must be at least {least:.3g} Hz for {recording.rate:.4g} frames per second; "
-            f"found {cutoff:g}"
-        )
-    amounts = np.array([noise(recording.positions[:, i]) for i in range(len(recording.names))])
-    noisy = np.flatnonzero((amounts > large_noise) & (recording.rate >= 20.0) & (least <= CUTOFFS[-1]))
-    names = ", ".join(recording.names[i] for i in noisy)
-    text = f"{names}: noise of {_span(1e3 * amounts[noisy])} mm" if len(noisy) else ""
-    positions, cutoffs = recording.positions.copy(), []
-    for i in noisy if cutoff is None else range(len(amounts) if cutoff < np.inf else 0):
+    rate, positions, cutoffs = recording.rate, recording.positions.copy(), []
+    amounts = np.array([noise(positions[:, i]) for i in range(len(recording.names))])
+    noisy = np.flatnonzero((amounts > large_noise) & (rate >= 20.0) & (LEAST_SHARE * rate <= CUTOFFS[-1]))
+    for i in noisy if smooth else ():
         for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
             if stop - start >= 12:
-                positions[start:stop, i], used = _robust_spline(positions[start:stop, i], recording.rate, cutoff)
-                cutoffs.append(used)
-    how = f"smoothed up to {_span(cutoffs)} Hz" if cutoffs else ""
-    if cutoff == np.inf and text:
-        return _changed(recording, positions, (), [f"{text}; {argument('smooth', AUTO)} smooths them"])
-    if cutoff is None and how:
-        return _changed(recording, positions, (), [f"{text}, {how}; {argument('smooth', 'off')} keeps them"])
-    return _changed(recording, positions, [f"all points {how}"] if how else ())
+                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate)
+                cutoffs.append(cutoff)
+    if not len(noisy) or (smooth and not cutoffs):
+        return recording
+    names = ", ".join(recording.names[i] for i in noisy)
+    how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
+    how = how if smooth else f"; {argument('smooth', AUTO)} smooths them"
+    return _changed(recording, positions, (), [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
 
 
 def noise(track: Array, order: int = 6) -> float:
@@ -198,11 +179,11 @@ def _span(values: Array | list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _robust_spline(track: Array, rate: float, cutoff: float | None) -> tuple[Array, float]:
-    """Smooth one run of frames (n, 3); return it with the cutoff [Hz], by generalized cross-validation where None."""
+def _robust_spline(track: Array, rate: float) -> tuple[Array, float]:
+    """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
     n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
-    cutoffs = [cutoff] if cutoff is not None else [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
+    cutoffs = [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
     pattern, penalty = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
     for offset in range(4):
         for k in range(4 - offset):

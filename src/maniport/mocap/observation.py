@@ -55,14 +55,12 @@ class Observation:
         return Directions(arm, tuple(vectors), unit(local))
 
 
-def observe(
-    recording: Recording, markers: Mapping[str, Any] | None, side: str, fill: float, cutoff: float | None
-) -> Observation:
+def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
     points_used = points_of(roles)
     whole = unswapped(without_zeros(recording), points_used)
-    used = smoothed(without_outliers(whole.select(points_used)).fill_gaps(fill), cutoff)
+    used = smoothed(without_outliers(whole.select(points_used)).fill_gaps(), smooth)
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None

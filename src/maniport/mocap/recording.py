@@ -20,7 +20,7 @@ Bools = NDArray[np.bool_]
 
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
 
-LONGEST_GAP = 0.2  # Default length of gaps that are interpolated [s]; within it a hand hardly changes its speed
+LONGEST_GAP = 0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
 
 
 @dataclass(frozen=True, eq=False)

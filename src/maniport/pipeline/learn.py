@@ -43,7 +43,7 @@ def learn(
     markers: Mapping[str, Any] | None = None,
     side: str = AUTO,
     height: float | None = None,
-    smooth: str | float = AUTO,
+    smooth: str = AUTO,
     lengths: str = "mean",
     damping: float | None = DAMPING,
     eigenvalue_floor: float | None = None,

@@ -35,7 +35,7 @@ class HumanOptions(Options):
     person: str = option(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
     side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
-    smooth: str | float = option(AUTO, "Low-pass filter: auto, off, or cutoff", "Hz", (AUTO, "off"), above=0.0)
+    smooth: str = option(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
     @property
     def fit_options(self) -> dict[str, Any]:
