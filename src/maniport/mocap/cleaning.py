@@ -39,9 +39,9 @@ def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, A
     count, first = int((~kept).sum()), int(np.argmin(kept))
     if count > most * len(time):
         raise InvalidInputError(
-            f"the times of {count} of {len(time)} frames do not increase, the first at index {first}, {time[first]:g} s; "
-            f"at most {100 * most:.0f} % may. If the file holds several recordings, split it; if times are rounded, give "
-            f"the frames per second ({spoken('rate')})"
+            f"the times of {count} of {len(time)} frames do not increase, the first at index {first}, "
+            f"{time[first]:g} s; at most {100 * most:.0f} % may. If the file holds several recordings, split it; if "
+            f"times are rounded, give the frames per second ({spoken('rate')})"
         )
     return time[kept], positions[kept], [f"{count} frames with times that do not increase were omitted"]
 
@@ -157,8 +157,9 @@ def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.0
     if not len(noisy) or (smooth and not cutoffs):
         return recording
     names = ", ".join(recording.names[i] for i in noisy)
-    how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
-    how = how if smooth else f"; {argument('smooth', AUTO)} smooths them"
+    how = f"; {argument('smooth', AUTO)} smooths them"
+    if smooth:
+        how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
     return _changed(recording, positions, (), [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 
-from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, unknown_name
 from maniport.util.files import save_arrays
-from maniport.util.input_limits import PLACES
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array, as_number, as_times, require_shape
 
