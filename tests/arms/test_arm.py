@@ -130,7 +130,7 @@ def test_kinematics_agrees_with_pinocchio(arm):
     frame = chain.frames[chain.frame]
     placed = pin.Frame(chain.frame, frame.joint, 0, pin.SE3(frame.placement), pin.FrameType.OP_FRAME)
     index, data, q = model.addFrame(placed), model.createData(), arm.sample(600, random_state=3)
-    poses, jacobians = arm.motion(q)
+    poses, jacobians = arm.forward(q), arm.jacobian(q)
     for row, positions in enumerate(q[:16] @ chain.coupling.T + chain.offset):
         expected = pin.computeFrameJacobian(model, data, positions, index, pin.LOCAL_WORLD_ALIGNED)
         assert_allclose(poses[row], data.oMf[index].homogeneous, atol=1e-12)
@@ -168,4 +168,4 @@ def test_derivatives_of_ellipsoids_are_finite_differences(manipulable, kind, par
         m = {n: manipulable.ellipsoids(q[:, None] + n * shifts, spec) for n in (-20, -10, 10, 20)}
         expected = (8 * (m[10] - m[-10]) - (m[20] - m[-20])) / (120 * step)
         scale = np.abs(expected).max(axis=(1, 2, 3), keepdims=True) if kind == "force" else 1.0
-        assert_allclose(manipulable.manipulability_jacobian(q, spec) / scale, expected / scale, rtol=0, atol=1e-7)
+        assert_allclose(manipulable.posed_differentials(q, spec)[3] / scale, expected / scale, rtol=0, atol=1e-7)

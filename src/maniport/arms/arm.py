@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
-from maniport.arms.dynamics import Dynamics, DynamicsTerms, point_mass
+from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
 from maniport.arms.joint_space import Manipulable
-from maniport.arms.kinematics import Kinematics, PointKinematics
+from maniport.arms.kinematics import DynamicsTerms, Kinematics, PointKinematics
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
@@ -59,7 +58,6 @@ class Arm(Manipulable):
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
         self._parts = ((1.0, self._kinematics),)
-        self._dynamics = None if chain.inertia is None else Dynamics(chain)
         self.geometry = Geometry(chain)
 
     @classmethod
@@ -185,7 +183,7 @@ class Arm(Manipulable):
         return arm
 
     def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
-        return None if self._dynamics is None else self._dynamics(q, gravity, inertia, changes)
+        return self._kinematics.dynamics(q, gravity, inertia, changes)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
