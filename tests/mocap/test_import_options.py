@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dialect_files import POINTS, SKELETONS, mirrored, write_bvh
-from maniport.errors import InvalidInputError
+from maniport.errors import FileFormatError
 from maniport.mocap import Recording, read_recording
 from maniport.mocap.roles import assign_roles
 
@@ -21,7 +21,7 @@ def test_right_options_cause_no_warning():
 
 @pytest.mark.parametrize("unit", ["m", "mm", "inch"])
 def test_an_impossible_unit_is_rejected(skeleton_file, unit):
-    with pytest.raises(InvalidInputError, match=f"small.bvh: unit='{unit}' .*unit='cm' makes it 0.3"):
+    with pytest.raises(FileFormatError, match=f"small.bvh: unit='{unit}' .*unit='cm' makes it 0.3"):
         read_recording(skeleton_file, unit=unit)
 
 

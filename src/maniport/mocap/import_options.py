@@ -112,56 +112,46 @@ class ImportOptions:
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
         scale, unit_note = self._scale(raw, file, unit, origin)
-        notes = [unit_note, *notes, *ordered]
-        return without_zeros(replace(raw, positions=raw.positions * scale, notes=tuple(notes)))
+        texts = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
+        return without_zeros(replace(raw, positions=raw.positions * scale, notes=texts[0], quality_warnings=texts[1]))
 
     def _scale(self, recording: Recording, file: Path, declared: str, origin: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
-        if self.unit is not None:
-            return UNITS[self.unit], f"unit set by the caller: {self.unit}"
-        unit, arm = known_unit(declared), _upper_arm(recording)
+        unit, (ends, length) = self.unit or known_unit(declared), _upper_arm(recording)
+        fitting = [name for name in UNITS if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]]
         if unit is not None:
-            if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
-                raise FileFormatError(f"{file}: {_implausible(arm, unit, f'the unit {unit}, {origin},')}")
-            return UNITS[unit], f"unit {unit}, {origin}"
-        fitting = [] if arm is None else _fitting_units(arm[1])
-        if arm is None or not fitting:
-            why = f"the upper arm ({arm[0]}) has {arm[1]:.4g} units" if arm else "no points are those of an upper arm"
+            if ends and not POSSIBLE_UPPER_ARM[0] <= length * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
+                cause = argument("unit", unit) if self.unit else f"the unit {unit}, {origin},"
+                better = (f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m" for fit in fitting)
+                raise FileFormatError(
+                    f"{file}: {cause} makes the upper arm ({ends}) {length * UNITS[unit]:.3g} m long; possible are "
+                    f"{POSSIBLE_UPPER_ARM[0]} to {POSSIBLE_UPPER_ARM[1]} m{''.join(better)}"
+                )
+            return UNITS[unit], f"unit set by the caller: {unit}" if self.unit else f"unit {unit}, {origin}"
+        if not fitting:
+            why = f"the upper arm ({ends}) has {length:.4g} units" if ends else "no points are those of an upper arm"
             names = ", ".join(recording.names[:12]) + (", …" if len(recording.names) > 12 else "")
             raise FileFormatError(
                 f"{file}: the unit of length cannot be recognized: {why}; give {argument('unit')} one of "
                 f"{', '.join(map(repr, UNITS))}. Points: {names}"
             )
         scale = UNITS[fitting[0]]
-        length = f"the upper arm ({arm[0]}) is {arm[1]:.4g} units long, {arm[1] * scale:.3f} m"
-        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {length}"
+        text = f"the upper arm ({ends}) is {length:.4g} units long, {length * scale:.3f} m"
+        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {text}"
 
-    def checked(self, recording: Recording) -> Recording:
-        """Compare the options with the points; add data-quality warnings.
 
-        Raises
-        ------
-        InvalidInputError
-            When the unit makes an impossible upper arm.
-        """
-        warnings = list(recording.quality_warnings)
-        for side in SIDES:
-            first, *others = whole_bodies(recording.observed, side) or ("",)
-            if others:
-                shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
-                warnings.append(
-                    f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
-                    "whole arm is used. Assign a point of another one to use that: "
-                    f"{argument('markers', {'shoulder': shoulder})}"
-                )
-                break
-        arm = _upper_arm(recording) if self.unit else None
-        if self.unit is not None and arm is not None and not UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
-            text = _implausible((arm[0], arm[1] / UNITS[self.unit]), self.unit, argument("unit", self.unit))
-            if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
-                raise InvalidInputError(f"{recording.source}: {text}")
-            warnings.append(text)
-        return replace(recording, quality_warnings=tuple(warnings))
+def _bodies_warning(recording: Recording) -> list[str]:
+    """Report which of several bodies is used."""
+    for side in SIDES:
+        first, *others = whole_bodies(recording.observed, side) or ("",)
+        if others:
+            shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
+            return [
+                f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
+                "whole arm is used. Assign a point of another one to use that: "
+                f"{argument('markers', {'shoulder': shoulder})}"
+            ]
+    return []
 
 
 def known_unit(text: str) -> str | None:
@@ -184,33 +174,13 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     )
 
 
-def _implausible(arm: tuple[str, float], unit: str, cause: str) -> str:
-    """Describe an upper arm, in the unit of the file, of implausible length, with the units that make it plausible."""
-    name, length = arm[0], arm[1] * UNITS[unit]
-    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
-    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
-    better = "".join(
-        f"; {argument('unit', fit)} makes it {arm[1] * UNITS[fit]:.3g} m" for fit in _fitting_units(arm[1])
-    )
-    return (
-        f"{cause} makes the upper arm ({name}) {length:.3g} m long; {'usual' if possible else 'possible'} are {low} to "
-        f"{high} m{better}"
-    )
-
-
-def _fitting_units(length: float) -> list[str]:
-    """Return the recognized units in which a length is that of an upper arm."""
-    return [unit for unit in UNITS if unit != "dm" and UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
-
-
-def _upper_arm(recording: Recording) -> tuple[str, float] | None:
-    """Find an upper arm by the names of its ends; return them and its median length in the unit of the points."""
+def _upper_arm(recording: Recording) -> tuple[str, float]:
+    """Return the ends of an upper arm and its median length in the unit of the points; nan without one."""
     for side in SIDES:
         roles = find_roles(recording.observed, side)[1]
         if "shoulder" in roles and "elbow" in roles:
             length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
-            length = length[np.isfinite(length)]
-            if len(length):
+            if len(length := length[np.isfinite(length)]):
                 median = float(np.quantile(length, 0.5, method="lower"))  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
-    return None
+    return "", np.nan

@@ -53,10 +53,10 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
     Raises
     ------
     FileFormatError
-        When the file is missing, unreadable, empty, truncated, damaged or of another format; for other formats the
-        message explains how to convert them.
+        When the file is missing, unreadable, empty, truncated, damaged or of another format, for which the message
+        explains how to convert it, or the unit makes an impossible upper arm.
     InvalidInputError
-        When an option has a wrong value, or the unit makes an impossible upper arm.
+        When an option has a wrong value.
     """
     options = ImportOptions(
         unit=None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS)),
@@ -69,14 +69,13 @@ def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: 
     reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
     try:
-        recording = replace(read(file, options), format=kind)
+        return replace(read(file, options), format=kind)
     except FileFormatError:
         raise
     except ValueError as error:
         raise FileFormatError(f"{file}: {error}") from (None if isinstance(reader, str) else error)
     except (LookupError, TypeError, OverflowError, RecursionError, SyntaxError) as error:  # also of XML and encodings
         raise FileFormatError(f"{file}: not readable as {kind}, perhaps cut off: {error}") from error
-    return options.checked(recording)
 
 
 def shipped_recording(name: str) -> Path:
