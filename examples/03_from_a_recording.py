@@ -8,7 +8,6 @@ joints. Ellipsoids that depend on an unobservable joint are unreliable.
 
 import sys
 import tempfile
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -38,14 +37,12 @@ def main(folder):
         recording = mp.read_recording(shipped_recording(name)).crop(start, stop)
         print(recording)
 
-        # 2. Fit segment lengths and joint angles; the base frame is the trunk. Poor fits cause warnings.
-        with warnings.catch_warnings(record=True) as quality_warnings:
-            warnings.simplefilter("always")
-            fit = mp.fit_arm(recording, "myoarm")
-        for warning in quality_warnings:
-            print(f"  warning: {warning.message}")
+        # 2. Fit segment lengths and joint angles; the base frame is the trunk. Poor fits have warnings.
+        fit = mp.fit_arm(recording, "myoarm")
+        for warning in fit.quality_warnings:
+            print(f"  warning: {warning}")
         lengths = ", ".join(f"{segment} {length:.3f} m" for segment, length in fit.segment_lengths.items())
-        print(f"  {lengths}; largest change between frames {fit.largest_step[0]:.1f}°")
+        print(f"  {lengths}")
         for segment, residual in fit.residual_summary().items():
             print(
                 f"  {segment}: residual {residual['median']:.2f}° (median), {residual['p95']:.2f}° (95th percentile), "

@@ -94,7 +94,6 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
     assert roles["trunk_left"] == (("Acromion_R",), ("Acromion_L",))
 
 
-@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
     assert result.arm.fit.arm.name == "stiff_shoulder"
     elevation = result.arm.fit.arm.joint_names.index("shoulder_elv")

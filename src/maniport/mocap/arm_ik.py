@@ -1,6 +1,5 @@
 """Joint angles of one or several human arms from a recording."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
@@ -11,7 +10,7 @@ import numpy as np
 from maniport.arms import PERSONS
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import as_height, human_arm
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, argument, spoken, typed
+from maniport.errors import InvalidInputError, RecordingError, argument, spoken, typed
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
 from maniport.mocap.arm_path import jump_warning, solve_arm
 from maniport.mocap.data_quality import (
@@ -78,13 +77,6 @@ def fit_arm(
         When the person's model lacks the joints or frames of a human arm, or an option has a wrong value.
     RecordingError
         When points that are needed are not recorded, or never all at once, or the body changes its size.
-
-    Warns
-    -----
-    ManiportWarning
-        When the model and the person differ much: a joint would exceed its limit by more than 10° in more than 20 % of
-        the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
-        exchanged.
     """
     require_person(person, side, height, smooth)  # rejects "both"
     return fit_arms(recording, person, markers, progress, side=side, height=height, smooth=smooth).arms[0]
@@ -114,7 +106,7 @@ def fit_arms(
     side : {"both", "auto", "right", "left"}
         Both arms, or one as in `fit_arm`.
     person, progress, height, smooth : optional
-        As in `fit_arm`; so are the other errors and the warnings.
+        As in `fit_arm`; so are the other errors.
 
     Raises
     ------
@@ -132,10 +124,7 @@ def fit_arms(
     trunk, fits = observations[-1].trunk, []
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit, differences = _fit(recording, replace(observation, frames=common, trunk=trunk), person, height, step)
-        for text in differences:
-            text = f"{observation.side} arm: {text}" if both else text
-            warnings.warn(text, ManiportWarning, stacklevel=2 if both else 3)
+        fit = _fit(recording, replace(observation, frames=common, trunk=trunk), person, height, step)
         step.end(fit.summary)
         fits.append(fit)
     origins = []
@@ -177,10 +166,8 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _fit(
-    recording: Recording, observation: Observation, person: str, height: float | None, step: Step
-) -> tuple[ArmFit, list[str]]:
-    """Fit an arm to an observation; return it with the large differences of model and person."""
+def _fit(recording: Recording, observation: Observation, person: str, height: float | None, step: Step) -> ArmFit:
+    """Fit an arm to an observation."""
     roles, notes = observation.roles, list(observation.notes)
     lengths = segment_lengths(observation.points, recording.source, height, notes, recording.measured)
     arm = human_arm(person, observation.side, lengths=lengths)
@@ -213,9 +200,7 @@ def _fit(
         notes=tuple(notes),
         quality_warnings=tuple(filter(None, texts)),
     )
-    differences, small = model_differences(fit)
-    fit = replace(fit, quality_warnings=(*differences, *small, *fit.quality_warnings))
-    return fit, differences
+    return replace(fit, quality_warnings=(*model_differences(fit), *fit.quality_warnings))
 
 
 def require_person(person: str, side: str, height: float | None, smooth: str = AUTO) -> float | None:
