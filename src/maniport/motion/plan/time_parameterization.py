@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from maniport.arms import as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.plan.joint_path import JointPath, fill_speeds
@@ -31,7 +32,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     since the search uses no more acceleration than full jerk reaches in 0.1 s. Where samples exceed an acceleration
     between the points of the search grid, the search is repeated with less of it there; a remaining excess slows down
     the whole motion. Where masses are known, the same holds for the limits of torques, and of their rates, which the
-    average limits as well.
+    average limits as well. A joint that gravity alone overloads along the path exceeds its torque limit in the result,
+    by at most 5 % more.
 
     Parameters
     ----------
@@ -52,9 +54,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     Raises
     ------
     InvalidInputError
-        When shapes do not fit, times do not increase, a waypoint is beyond the limits, gravity alone needs more than
-        the torque limit of a joint, the motion takes more than 3 million samples, or a jerk limit is smaller than the
-        rounding of positions at that rate.
+        When shapes do not fit, times do not increase, a waypoint is beyond the limits, with a payload gravity alone
+        needs more than the torque limit of a joint, the motion takes more than 3 million samples, or a jerk limit is
+        smaller than the rounding of positions at that rate.
 
     References
     ----------
@@ -67,7 +69,9 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     path = JointPath.through(times, points, limits.lower, limits.upper)
     require_few(path.grid[-1] * frequency)
     _require_above_rounding(limits, frequency)
-    rows = _torque_rows(limits, path) if np.isfinite(limits.effort).any() and limits.dynamics is not None else None
+    own, rows = limits, None
+    if np.isfinite(limits.effort).any() and limits.dynamics is not None:
+        limits, rows = _torque_rows(limits, path)
     scale = np.ones(len(path.grid))
     for _ in range(2):
         speed = _fastest(limits, path, rows, scale)
@@ -78,7 +82,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
         samples, rest, worst = _sampled(limits, path, speed, frequency)
-    return _at_rate(limits, samples, frequency, path.passed(speed)[path.knots] + rest / frequency)
+    return _at_rate(own, samples, frequency, path.passed(speed)[path.knots] + rest / frequency)
 
 
 def _at_rate(limits: MotionLimits, positions: Array, rate: float, waypoints: Array) -> Trajectory:
@@ -131,25 +135,34 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, 
 TorqueRows = list[tuple[Array, Array, Array, Array]]
 
 
-def _torque_rows(limits: MotionLimits, path: JointPath) -> TorqueRows:
-    """Constraints low ≤ a u + b x ≤ high of torques at the grid points and at the middles between them."""
+def _torque_rows(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, TorqueRows]:
+    """Constraints low ≤ a u + b x ≤ high of torques at the grid points and at the middles between them.
+
+    Where gravity alone exceeds a torque limit, the returned limits allow 5 % more than gravity; with a payload it is an
+    error, since less payload helps.
+    """
     assert limits.dynamics is not None
-    rows, finite = [], np.isfinite(limits.effort)
     middles = 0.5 * (path.grid[1:] + path.grid[:-1])
-    for at, first, second in (
-        (path.grid, path.first, path.second), (middles, path.spline(middles, 1), path.spline(middles, 2)),
-    ):  # fmt: skip
-        a, b, held = (
-            term[:, finite] / limits.effort[finite] for term in limits.dynamics.along(path.spline(at), first, second)
-        )
-        if np.abs(held).max() >= 1.0:
-            i, j = np.unravel_index(np.abs(held).argmax(), held.shape)
-            joint = np.flatnonzero(finite)[j]
-            fault = limits.held_fault(joint, abs(held[i, j]) * limits.effort[joint])
-            raise InvalidInputError(f"q cannot be held against gravity {at[i]:.2f} s after its start: {fault}")
-        change = RISE_TIME * limits.effort_rate[finite] / limits.effort[finite]
-        rows.append((a, b, np.maximum(-1.0 - held, -change), np.minimum(1.0 - held, change)))
-    return rows
+    terms = [
+        limits.dynamics.along(path.spline(path.grid), path.first, path.second),
+        limits.dynamics.along(path.spline(middles), path.spline(middles, 1), path.spline(middles, 2)),
+    ]
+    held = np.abs(np.concatenate([gravity for *_, gravity in terms]))
+    if np.any(held >= limits.effort):
+        if any(arm.chain.payload for arm in as_group(limits.arm).arms):
+            i, j = np.unravel_index((held / limits.effort).argmax(), held.shape)
+            at = np.append(path.grid, middles)[i]
+            fault = limits.held_fault(int(j), held[i, j])
+            raise InvalidInputError(f"q cannot be held against gravity {at:.2f} s after its start: {fault}")
+        most = held.max(axis=0)
+        limits = replace(limits, effort=np.where(most >= limits.effort, 1.05 * most, limits.effort))
+    finite = np.isfinite(limits.effort)
+    effort, rows = limits.effort[finite], []
+    change = RISE_TIME * limits.effort_rate[finite] / effort
+    for parts in terms:
+        a, b, gravity = (term[:, finite] / effort for term in parts)
+        rows.append((a, b, np.maximum(-1.0 - gravity, -change), np.minimum(1.0 - gravity, change)))
+    return limits, rows
 
 
 def _fastest(limits: MotionLimits, path: JointPath, torques: TorqueRows | None, scale: Array) -> Array:
