@@ -73,7 +73,7 @@ def test_a_joint_that_gravity_overloads_is_reported_or_refused():
     assert 1.2 < gravity <= share < 1.06 * gravity
     assert 0.0 <= at <= timed.control_time[-1]
     assert timed.limit_use.shares[[0, 1, 2, 3, 5]].max() <= 1.0
-    with pytest.raises(InvalidInputError, match="panda_joint2 needs .* N m, its limit is 20 N m; reduce the payload"):
+    with pytest.raises(InvalidInputError, match=r"panda_joint2 needs .* N m, its limit is 20 N m; reduce the payload"):
         retime(MotionLimits.of(arm.with_payload(1.0), weak), [0.0, 1.0], q)
 
 
