@@ -238,7 +238,7 @@ def test_arms_that_cannot_be_tracked_are_errors():
     for arm, options, words in (
         (Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]), {}, "2 joints"),
         (load_arm("myoarm"), {}, "coupled"),
-        (load_arm("panda"), {"bank": SeedBank.build(flange, 64)}, "bank"),
+        (load_arm("panda"), {"bank": SeedBank(flange, 64)}, "bank"),
     ):
         with pytest.raises(ManiportError, match=words):
             track(arm, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2], **options)

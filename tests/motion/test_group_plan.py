@@ -49,7 +49,7 @@ def planner_of(arms, collisions=False):
     planners = tuple(
         ArmPlanner(
             limits.of_joints(arm, columns), ReachabilityMap(arm, spec, 8_000, collisions=own),
-            SeedBank.build(arm, 2048), own,
+            SeedBank(arm, 2048), own,
         )
         for arm, columns, own in zip(group.arms, group.columns, alone, strict=True)
     )  # fmt: skip

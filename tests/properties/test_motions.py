@@ -19,7 +19,7 @@ from properties.strategies import fewer
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 seeds = st.integers(0, 2**32 - 1)
-few = {"n_starts": 4, "max_iter": 10}
+few = {"n_starts": 4}
 
 
 @fewer(0.3)

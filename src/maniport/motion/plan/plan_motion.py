@@ -172,8 +172,8 @@ def _pointwise_bests(
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
         joint = replace(problem[rows], targets=targets, costs=vectors)
-        distances = joint.distances(pointwise_best(joint, starts, q[rows]).joint_positions)
+        distances = joint.distances(pointwise_best(joint, starts, q[rows]))
     else:
         parts = zip(targets, banks, columns, strict=True)
-        distances = [pointwise_best(part, bank, q[rows][:, own]).distance for part, bank, own in parts]
+        distances = [part.distance(pointwise_best(part, bank, q[rows][:, own])) for part, bank, own in parts]
     return [interpolated_distance(rows, distance, len(q)) for distance in distances]
