@@ -4,7 +4,6 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
 from maniport.motion.arm_model import robot_model
-from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.exports import export_motion
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
@@ -18,7 +17,7 @@ from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
-from maniport.motion.robot_motion import RobotMotion
+from maniport.motion.robot_motion import ArmMotion, RobotMotion
 from maniport.motion.search.feasible import (
     FeasibleEllipsoids,
     FeasibleProjector,

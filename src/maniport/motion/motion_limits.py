@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.motion.inverse_dynamics import InverseDynamics
+from maniport.motion.arm_model import InverseDynamics
 from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
 from maniport.util.files import read_settings, require_mapping
