@@ -115,15 +115,12 @@ def test_little_jerk_takes_long_and_stays_on_the_path():
     assert timed.control_time[-1] > 10.0
 
 
-@pytest.mark.parametrize(
-    ("jerk", "rate", "message"),
-    [(1e-5, 1000.0, "samples, allowed are 3000000"), (1e-9, 1000.0, "jerk of joint1 must be at least 5.4e-06 at 1000")],
-)
-def test_too_little_jerk_is_refused(jerk, rate, message):
-    """What would take too many samples, or jerks that rounding exceeds, is refused before samples are made."""
+@pytest.mark.parametrize("jerk", [1e-5, 1e-9])
+def test_too_little_jerk_is_refused(jerk):
+    """What would take too many samples is refused before samples are made."""
     limits, time = MotionLimits.of(PLANAR, {"default": {"jerk": jerk}}), np.linspace(0.0, 2.0, 41)
-    with pytest.raises(InvalidInputError, match=message):
-        retime(limits, time, waves(limits, time), rate=rate)
+    with pytest.raises(InvalidInputError, match="samples, allowed are 3000000"):
+        retime(limits, time, waves(limits, time))
 
 
 def test_a_path_along_its_limits_stays_within():
