@@ -161,30 +161,18 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) 
     _own_coordinates(arm)
 
 
-def require_compatible(
-    what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool
-) -> None:
+def require_compatible(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec]) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
-    mine, other = arms
-    own, expected = (
-        {"joints": arm.joint_names, "end effector": arm.frame, "base": arm.base, "held joints": dict(arm.locked)}
-        for arm in arms
-    )
-    differing = [
-        f"{name}: {value!r} there, {expected[name]!r} here" for name, value in own.items() if value != expected[name]
-    ]
-    if specs[0] != specs[1]:
-        differing.append(f"ellipsoids: {specs[0]!r} there, {specs[1]!r} here")
-    if limits and mine.joint_names == other.joint_names:
-        joints = np.flatnonzero((mine.lower != other.lower) | (mine.upper != other.upper))
-        for i in joints[:1]:
-            there, here = (f"{arm.lower[i]:.6g} to {arm.upper[i]:.6g}" for arm in arms)
-            differing.append(
-                f"limits of {mine.joint_names[i]}: {there} there, {here} here, in all {len(joints)} of {mine.dof} "
-                "joints. A planner keeps a margin of the limits: its samples fit its own arm, planner.limits.arm"
-            )
-    if differing:
-        raise InvalidInputError(f"{what} {mine.name!r}; it does not fit {other.name!r}: {'; '.join(differing)}")
+    there, here = (
+        {
+            "joints": arm.joint_names, "end effector": arm.frame, "base": arm.base, "held joints": dict(arm.locked),
+            "ellipsoids": spec,
+        }
+        for arm, spec in zip(arms, specs, strict=True)
+    )  # fmt: skip
+    different = [f"{name}: {value!r} there, {here[name]!r} here" for name, value in there.items() if value != here[name]]
+    if different:
+        raise InvalidInputError(f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}")
 
 
 @dataclass(frozen=True)

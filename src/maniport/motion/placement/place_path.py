@@ -151,7 +151,7 @@ def place_path(  # type: ignore[misc]
         for own, model, samples in zip(arms, models, maps, strict=True)
     ]
     for own, samples in zip(arms, maps, strict=True):
-        require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec), limits=True)
+        require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec))
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
     objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
     for i, objective in enumerate(objectives):

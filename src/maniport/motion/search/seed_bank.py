@@ -87,7 +87,7 @@ class SeedBank:
 
     def require_fits(self, arm: Arm, spec: EllipsoidSpec) -> None:
         """Raise InvalidInputError unless this bank is of the same arm, whatever its limits, and ellipsoids."""
-        require_compatible("the seed bank was built for", (self.arm, arm), (self.spec, spec), limits=False)
+        require_compatible("the seed bank was built for", (self.arm, arm), (self.spec, spec))
 
     def _log_vectors(self, ellipsoids: Array) -> Array:
         return to_vector(apply(congruence(self._whitening, ellipsoids + self._shift), np.log))
