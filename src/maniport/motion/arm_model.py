@@ -170,7 +170,9 @@ def require_compatible(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidS
         }
         for arm, spec in zip(arms, specs, strict=True)
     )  # fmt: skip
-    different = [f"{name}: {value!r} there, {here[name]!r} here" for name, value in there.items() if value != here[name]]
+    different = [
+        f"{name}: {value!r} there, {here[name]!r} here" for name, value in there.items() if value != here[name]
+    ]
     if different:
         raise InvalidInputError(f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}")
 
