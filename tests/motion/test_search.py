@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from maniport import spd
 from maniport.arms import Arm, EllipsoidSpec, load_arm
 from maniport.errors import InvalidInputError, NotSPDError
-from maniport.motion import FeasibleProjector, Objective, SeedBank, feasibility_gap, nearest_feasible
+from maniport.motion import FeasibleProjector, Objective, SeedBank, nearest_feasible
 from maniport.spd.regularization import Regularization
 
 DAMPING = Regularization.absolute(0.003)
@@ -47,26 +47,6 @@ def test_results_do_not_depend_on_company(panda, bank):
     target, settings = panda.manipulability(panda.sample(140, 3)), {"damping": DAMPING, "bank": bank, "n_starts": 4}
     among = nearest_feasible(panda, target, **settings)
     assert_allclose(nearest_feasible(panda, target[5:6], **settings).distance, among.distance[5], atol=1e-6)
-
-
-def test_gap_is_the_distance_of_the_nearest(panda, bank):
-    """With as many points as ellipsoids it is what `nearest_feasible` finds; fewer are interpolated."""
-    own = panda.manipulability(np.linspace([0, -0.5, 0, -2, 0, 1.8, 0], [0.5, 0.2, 0.3, -1.2, 0.4, 2.4, 0], 9))
-    settings = {"damping": DAMPING, "bank": bank}
-    nearest = nearest_feasible(panda, 3.0 * own, **settings)
-    assert nearest.distance.min() > 0.05
-    assert_array_equal(feasibility_gap(panda, 3.0 * own, **settings), nearest.distance)
-    few = feasibility_gap(panda, 3.0 * own, n_points=3, **settings)
-    assert_allclose(few[[0, 4, 8]], nearest.distance[[0, 4, 8]], atol=1e-6)
-    assert feasibility_gap(panda, own, **settings).max() < 0.01
-    for profile, options, error, word in (
-        (own[0], {}, InvalidInputError, "profile"),
-        (own[:0], {}, InvalidInputError, "profile"),
-        (-own, {}, NotSPDError, "profile"),
-        (own, {"n_points": 0}, InvalidInputError, "n_points"),
-    ):
-        with pytest.raises(error, match=word):
-            feasibility_gap(panda, profile, **options)
 
 
 def test_flat_ellipsoids_need_damping(panda, bank):

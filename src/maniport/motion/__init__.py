@@ -18,13 +18,7 @@ from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
 from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
 from maniport.motion.robot_motion import ArmMotion, RobotMotion
-from maniport.motion.search.feasible import (
-    FeasibleEllipsoids,
-    FeasibleProjector,
-    FeasibleSearch,
-    feasibility_gap,
-    nearest_feasible,
-)
+from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, FeasibleSearch, nearest_feasible
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -57,7 +51,6 @@ __all__ = [
     "SeedBank",
     "Trajectory",
     "export_motion",
-    "feasibility_gap",
     "nearest_feasible",
     "place_path",
     "plan_motion",

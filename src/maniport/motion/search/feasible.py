@@ -17,16 +17,7 @@ from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step
-from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import (
-    Array,
-    as_count,
-    as_metres,
-    as_number,
-    as_points,
-    as_positive_semidefinite,
-    require_shape,
-)
+from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, require_shape
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,30 +101,6 @@ def nearest_feasible(
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
     step.end()
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.position_error(q))
-
-
-def feasibility_gap(arm: Arm, profile: ArrayLike, *, n_points: int = 250, **options: Any) -> Array:
-    """Distance from each target ellipsoid of a profile to the nearest feasible one, wherever the end effector is.
-
-    Parameters
-    ----------
-    arm : Arm
-    profile : array_like, shape (n, d, d)
-        Target ellipsoids in the arm's base frame, in the order of time.
-    n_points : int
-        Most ellipsoids that are searched, evenly spaced; between them the distance is interpolated.
-    **options
-        Of `nearest_feasible`, which raises errors.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Upper bounds, as those of `nearest_feasible`.
-    """
-    targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
-    require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
-    rows = evenly_spaced(len(targets), most)
-    return np.interp(np.arange(len(targets)), rows, nearest_feasible(arm, targets[rows], **options).distance)
 
 
 class FeasibleProjector:
