@@ -28,8 +28,7 @@ def motion():
     q = timed.joint_positions
     return ArmMotion.of_motion(
         PLANAR, 2.0 + timed.time, PLANAR.manipulability(q), 2.0 + timed.control_time, timed.control_positions,
-        path=PLANAR.forward(q)[:, :3, 3], control_velocities=timed.control_velocities,
-        control_accelerations=timed.control_accelerations,
+        path=PLANAR.forward(q)[:, :3, 3],
     )  # fmt: skip
 
 

@@ -100,37 +100,28 @@ class ArmMotion(Trajectory):
         spec: EllipsoidSpec = VELOCITY,
         damping: Damping = DAMPING,
         path: Array | None = None,
-        control_velocities: Array | None = None,
-        control_accelerations: Array | None = None,
-        velocity_limits: Array | None = None,
-        held: NDArray[np.bool_] | None = None,
-        position_tolerance: float = ENOUGH_METRES,
     ) -> "ArmMotion":
-        """Evaluate a joint trajectory; arguments are those of the attributes and are not checked.
-
-        Velocities and accelerations are differences of the positions by default, velocity limits those of the arm.
-        """
+        """Evaluate a joint trajectory; arguments are those of the attributes and are not checked."""
         schedule = Schedule(Objective.of(arm, spec, damping), time, target, path)
-        steps = control_positions, control_velocities, control_accelerations
-        trajectory = Trajectory.of_positions(arm, time, control_time, *steps)
-        return cls.of(schedule, trajectory, velocity_limits, held, position_tolerance)
+        trajectory = Trajectory.of_positions(arm, time, control_time, control_positions)
+        return cls.of(schedule, trajectory, speed_limits(arm, None))
 
     @classmethod
     def of(
         cls,
         schedule: Schedule,
         trajectory: Trajectory,
-        velocity_limits: Array | None = None,
+        velocity_limits: Array,
         held: NDArray[np.bool_] | None = None,
         position_tolerance: float = ENOUGH_METRES,
         **plan: Any,
     ) -> "ArmMotion":
         """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
         arm, q, targets = schedule.objective.arm, trajectory.joint_positions, schedule.targets()
-        speeds, error, apart = speed_limits(arm, velocity_limits), targets.position_error(q), targets.distance(q)
+        error, apart = targets.position_error(q), targets.distance(q)
         time, positions = trajectory.control_time, trajectory.control_positions
         stopped = np.zeros(len(time), bool) if held is None else held
-        near_stop, near_speed = 1e-3, 0.999 * speeds  # [rad or m], and per second
+        near_stop, near_speed = 1e-3, 0.999 * velocity_limits  # [rad or m], and per second
         ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
         fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
         off_path = np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
@@ -151,7 +142,7 @@ class ArmMotion(Trajectory):
             position_tolerance=position_tolerance,
             status=statuses_of(trajectory.time, apart, off_path, time, *steps),
             held=stopped,
-            velocity_limits=speeds,
+            velocity_limits=velocity_limits,
             **plan,
         )
 

@@ -51,24 +51,14 @@ class Trajectory(NotebookDisplay):
 
     @classmethod
     def of_positions(
-        cls,
-        joints: JointSpace,
-        time: Array,
-        control_time: Array,
-        positions: Array,
-        velocities: Array | None = None,
-        accelerations: Array | None = None,
-        limits: MotionLimits | None = None,
+        cls, joints: JointSpace, time: Array, control_time: Array, positions: Array, limits: MotionLimits | None = None
     ) -> "Trajectory":
-        """Make a trajectory of control steps, with differences of the positions instead of missing derivatives."""
-        if velocities is None:
-            velocities = np.gradient(positions, control_time, axis=0)
-        if accelerations is None:  # at the ends those of the neighbors, zero for fewer than three times
-            accelerations = np.zeros_like(positions)
-            if len(control_time) > 2:
-                slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
-                inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
-                accelerations = np.concatenate([inside[:1], inside, inside[-1:]])
+        """Make a trajectory of control steps, with central differences of the positions."""
+        velocities, accelerations = np.gradient(positions, control_time, axis=0), np.zeros_like(positions)
+        if len(control_time) > 2:  # at the ends those of the neighbors
+            slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
+            inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
+            accelerations = np.concatenate([inside[:1], inside, inside[-1:]])
         control = control_time, positions, velocities, accelerations
         at_waypoints = interpolated(control_time, positions, time)
         return Trajectory(joints.joint_names, joints.joint_units, time, at_waypoints, *control, limits)

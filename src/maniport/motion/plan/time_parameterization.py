@@ -80,15 +80,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
         samples, rest, worst = _sampled(limits, path, speed, frequency)
-    return _at_rate(own, samples, frequency, path.passed(speed)[path.knots] + rest / frequency)
-
-
-def _at_rate(limits: MotionLimits, positions: Array, rate: float, waypoints: Array) -> Trajectory:
-    """Add times and derivatives to positions (m, dof) at rest at either end; `waypoints` are passed at times (n,)."""
-    ends = np.concatenate([positions[:1], positions, positions[-1:]])
-    velocities, accelerations = 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0)
-    time = np.arange(len(positions)) / rate
-    return Trajectory.of_positions(limits.arm, waypoints, time, positions, velocities, accelerations, limits)
+    waypoints, clock = path.passed(speed)[path.knots] + rest / frequency, np.arange(len(samples)) / frequency
+    return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, share: float = 0.3) -> Trajectory:
@@ -127,7 +120,9 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, 
 
     own = motion.control_positions
     before, after = straight(start, own[0]), straight(own[-1], start)
-    return _at_rate(limits, np.concatenate([before, own, after]), rate, motion.time + len(before) / rate)
+    positions = np.concatenate([before, own, after])
+    time = np.arange(len(positions)) / rate
+    return Trajectory.of_positions(limits.arm, motion.time + len(before) / rate, time, positions, limits)
 
 
 Rows = tuple[Array, Array, Array, Array]  # a, b, low and high of constraints low ≤ a u + b x ≤ high, (k, m) each
