@@ -4,10 +4,7 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
 from maniport.motion.arm_model import robot_model
-from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.controller import Controller, ControlProblem, ControlState
-from maniport.motion.costs.cost import Cost
-from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.exports import export_motion
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import LimitUse, MotionLimits
@@ -19,15 +16,9 @@ from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
-from maniport.motion.problem import MotionProblem
-from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.search.feasible import (
-    FeasibleEllipsoids,
-    FeasibleProjector,
-    FeasibleSearch,
-    feasibility_gap,
-    nearest_feasible,
-)
+from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost
+from maniport.motion.robot_motion import ArmMotion, RobotMotion
+from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, FeasibleSearch, nearest_feasible
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -60,7 +51,6 @@ __all__ = [
     "SeedBank",
     "Trajectory",
     "export_motion",
-    "feasibility_gap",
     "nearest_feasible",
     "place_path",
     "plan_motion",

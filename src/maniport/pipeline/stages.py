@@ -27,7 +27,7 @@ from maniport.motion import (
     Placement,
     Planner,
     RobotMotion,
-    feasibility_gap,
+    nearest_feasible,
     place_path,
     plan_motion,
     track,
@@ -40,6 +40,7 @@ from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 
@@ -235,9 +236,10 @@ def measure(
     assert settings.control is not None
     budget, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
-        gap = feasibility_gap(
-            own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, n_points=budget.gap_points, n_starts=budget.gap_starts,
+        rows = evenly_spaced(len(motion.target), budget.gap_points)
+        nearest = nearest_feasible(
+            own.limits.arm, motion.target[rows], bank=own.bank, spec=motion.spec, damping=motion.damping,
+            progress=settings.progress, n_starts=budget.gap_starts,
         )  # fmt: skip
         results.append(
             ArmResult(
@@ -247,7 +249,7 @@ def measure(
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
                 free=None if moved.free is None else moved.free.arms[i],
-                gap=gap,
+                gap=np.interp(np.arange(len(motion.target)), rows, nearest.distance),
                 collisions=own.collisions,
             )
         )
