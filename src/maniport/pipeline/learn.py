@@ -21,7 +21,7 @@ from maniport.mocap.arm_ik import require_person
 from maniport.mocap.directions import SEGMENTS
 from maniport.pipeline.learned import Demonstration, LearnedProfile, block_diagonal
 from maniport.spd.regularization import Regularization
-from maniport.util.defaults import AUTO, BOTH, DAMPING, KEEP, PERSON
+from maniport.util.defaults import AUTO, BOTH, DAMPING, PERSON
 from maniport.util.progress import Progress, Step, counted
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import as_choice, as_count, as_numbers
@@ -43,8 +43,7 @@ def learn(
     markers: Mapping[str, Any] | None = None,
     side: str = AUTO,
     height: float | None = None,
-    smooth: str | float = AUTO,
-    jumps: str = KEEP,
+    smooth: str = AUTO,
     lengths: str = "mean",
     damping: float | None = DAMPING,
     eigenvalue_floor: float | None = None,
@@ -67,7 +66,7 @@ def learn(
     segments : "auto" or sequence, one entry for each recording, optional
         Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
         (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
-    person, markers, side, height, smooth, jumps : optional
+    person, markers, side, height, smooth : optional
         For all recordings; see `fit_arms`.
     spec : EllipsoidSpec
         Which ellipsoids.
@@ -86,12 +85,12 @@ def learn(
     ManiportError
         When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
     """
-    require_person(person, AUTO if side == BOTH else side, height, smooth, jumps)
+    require_person(person, AUTO if side == BOTH else side, height, smooth)
     as_choice(lengths, "lengths", ("mean", "own"))
     regularization = Regularization(damping, eigenvalue_floor)
     seed = as_count(random_state, "random_state", minimum=0)
     components = None if components is None else as_count(components, "components")
-    options = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}
+    options = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth}
     demonstrations = _demonstrations(recordings, _intervals(recordings, segments), options, progress)
     motions = [demonstration.motion for demonstration in demonstrations]
     arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
