@@ -63,7 +63,6 @@ class ArmResult(NotebookDisplay):
     spec: EllipsoidSpec = VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
     placement: Placement | None = None  # of the path relative to the robot; None where it was not placed
     motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
-    free: ArmMotion | None = None  # the same with a free orientation, where an orientation was requested
     gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
 

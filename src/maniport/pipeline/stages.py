@@ -8,7 +8,6 @@ One arm is a group of one: values that belong to an arm are tuples over the arms
 import time as clock
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,15 +25,12 @@ from maniport.motion import (
     MotionLimits,
     Placement,
     Planner,
-    RobotMotion,
     feasibility_gap,
     place_path,
     plan_motion,
-    track,
 )  # fmt: skip
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import PLACED
-from maniport.motion.trajectory import Clearance
 from maniport.pipeline.learned import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
@@ -133,7 +129,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
         assert profile is not None
         choice = select_method(
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
-            random_state=seed, progress=progress, base_rotation=options.rotation, **options.regularization,
+            random_state=seed, progress=progress, base_rotation=options.rotation, damping=options.damping or None,
         )  # fmt: skip
         return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
     progress("Fit transfer", 0.0)
@@ -184,42 +180,18 @@ def plan(
 def plan_at(
     placements: tuple[Placement, ...] | None, targets: MotionTargets, robot: SampledRobot, settings: Settings
 ) -> Moved:
-    """Plan a motion at given placements; a controller of the settings follows the plan."""
+    """Plan a motion at given placements."""
     planner, control, options = robot.planner, settings.control, settings.config.motion
     hand_targets = settings.config.robot.hand_targets
     assert planner is not None
     assert control is not None
     placed = targets if placements is None else targets.placed(placements)
-    rotations, motions = placed.base_rotations, []
-    for own in (None,) if rotations is None else (None, rotations):  # with orientations first a free motion
-        step = ", free orientation" if own is not rotations else ""
-        motion = plan_motion(
-            planner.group, placed.profiles, time=placed.time, paths=placed.paths, spec=placed.spec,
-            damping=placed.damping, rotations=own, costs=options.costs, hand_targets=hand_targets, planner=planner,
-            pointwise_bests=placed.pointwise_bests, random_state=robot.random,
-            progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
-            **vars(control),
-        )  # fmt: skip
-        motions.append(motion)
-    free = motions[0] if len(motions) > 1 else None
-    if options.tracking is not None:
-        motion = follow(motion, planner, rotations, settings)
-    return Moved(motion, free, placements if hand_targets == PLACED else None)
-
-
-def follow(
-    planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: Settings
-) -> RobotMotion:
-    """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
-    (plan,) = planned.arms
-    (motion,) = track(
-        planner.arms[0].limits.arm, plan.target, time=plan.time, path=plan.path, reference=plan.joint_positions,
-        rotations=None if rotations is None else rotations[0], spec=plan.spec, damping=plan.damping,
-        progress=settings.progress, **settings.config.motion.control_options,
-    ).arms  # fmt: skip
-    kept = {name: getattr(plan, name) for name in ("demonstrated_time", "limits", "pointwise_best")}
-    motion = replace(motion, clearance=Clearance.of(planner.collisions, motion), **kept)
-    return RobotMotion(planned.group, motion, (motion,))
+    motion = plan_motion(
+        planner.group, placed.profiles, time=placed.time, paths=placed.paths, rotations=placed.base_rotations,
+        spec=placed.spec, damping=placed.damping, costs=options.costs, hand_targets=hand_targets, planner=planner,
+        pointwise_bests=placed.pointwise_bests, random_state=robot.random, progress=settings.progress, **vars(control),
+    )  # fmt: skip
+    return Moved(motion, placements if hand_targets == PLACED else None)
 
 
 def measure(
@@ -246,7 +218,6 @@ def measure(
                 spec=settings.specs[i],
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
-                free=None if moved.free is None else moved.free.arms[i],
                 gap=gap,
                 collisions=own.collisions,
             )

@@ -102,5 +102,4 @@ class Moved:
     """Motion of all arms, and where their paths were placed."""
 
     motion: RobotMotion
-    free: RobotMotion | None  # with a free orientation, where an orientation was requested
     placements: tuple[Placement, ...] | None
