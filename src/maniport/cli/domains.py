@@ -64,7 +64,7 @@ def fit(
     ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.feasibility import with_feasible_set
+    from maniport.evaluation import with_feasible_set
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 
@@ -125,7 +125,7 @@ def evaluate(
     """Compare a fitted adapter with baselines."""
     from maniport.arms import load_arm
     from maniport.evaluation import evaluate
-    from maniport.evaluation.baselines import BASELINES
+    from maniport.evaluation.summary import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 

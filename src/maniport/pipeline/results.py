@@ -12,7 +12,7 @@ from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
 from maniport.arms.collisions.hulls import lowest_points
 from maniport.errors import InvalidInputError
-from maniport.evaluation import Capability, Choice, Evaluation
+from maniport.evaluation import Capability, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
@@ -115,7 +115,6 @@ class ArmTransfer(ArmResult):
     """Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`."""
     method: str
     adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
-    choice: Choice | None = None  # selection of the method, where ``method="auto"``
     evaluation: Evaluation | None = None  # comparison with baselines; None where not requested, as in a batch
     time: Array  # (n,), demonstrated times of the profiles [s]
     demonstrated_profile: Array  # (n, d, d), ellipsoids of the person in the trunk frame

@@ -17,9 +17,8 @@ from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
-from maniport.evaluation import Capability, compare_capabilities, select_method
+from maniport.evaluation import Capability, compare_capabilities, select_method, with_feasible_set
 from maniport.evaluation import evaluate as compare_with_baselines
-from maniport.feasibility import with_feasible_set
 from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
@@ -127,11 +126,11 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
     seed, options = settings.config.seed, settings.config.transfer
     if settings.adapter is None:
         assert profile is not None
-        choice = select_method(
+        adapter, evaluation = select_method(
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
             random_state=seed, progress=progress, base_rotation=options.rotation, damping=options.damping or None,
         )  # fmt: skip
-        return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
+        return FittedMap(adapter, teacher, clock.perf_counter() - started, evaluation)
     progress("Fit transfer", 0.0)
     adapter = with_feasible_set(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
     adapter.fit(teacher, student)
@@ -239,7 +238,7 @@ def evaluate(
         names = list(as_group(settings.robot).names)
     parts = measure(moved, robot.planner, names, settings)
     for i, (part, own, profile) in enumerate(zip(parts, maps, human.profiles, strict=True)):
-        evaluation = own.choice.evaluation if own.choice else None
+        evaluation = own.evaluation
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], profile, robot=part.robot,
@@ -250,7 +249,7 @@ def evaluate(
             ArmTransfer(
                 **vars(part),
                 fit=human.fits[i], person_base=human.motion.bases[i], time=human.fits[i].time,
-                method=name_of(own.adapter), adapter=own.adapter, choice=own.choice, evaluation=evaluation,
+                method=name_of(own.adapter), adapter=own.adapter, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
                 teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
                 capabilities=_capabilities(human.fits[i], part, own, settings),

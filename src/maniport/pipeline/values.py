@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
-from maniport.evaluation import Choice
+from maniport.evaluation import Evaluation
 from maniport.mocap import ArmFit, HumanMotion, Recording
 from maniport.motion import Placement, Planner, PlanSettings, RobotMotion, SeedBank
 from maniport.pipeline.config import Config
@@ -94,7 +94,7 @@ class FittedMap:
     adapter: DomainAdapter
     teacher: Array  # domain of the person's arm (m, d, d)
     seconds: float
-    choice: Choice | None = None
+    evaluation: Evaluation | None = None  # of a selected method
 
 
 @dataclass(frozen=True, eq=False)
