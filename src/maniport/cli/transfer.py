@@ -167,10 +167,7 @@ def _learned(config: Config, progress: Any) -> Any:
         raise InvalidInputError(f"--segments is needed for each of the {count} recordings; found {len(texts)}")
     segments = [AUTO if text == AUTO else [_interval(part) for part in text.split(",")] for text in texts]
     data = [config.human.read(file) for file in config.recording]
-    options = {**config.human.fit_options, "damping": config.transfer.damping or None, "spec": config.transfer.spec}
-    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
-    learned = learn(data, segments or None, random_state=config.seed, progress=progress, **options)
-    return replace(learned, config=config)
+    return replace(learn(data, segments or None, config, progress=progress), config=config)
 
 
 def _interval(text: str) -> tuple[float, float]:

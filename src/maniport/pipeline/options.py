@@ -292,7 +292,6 @@ class LearningOptions(Options):
         common=True,
     )  # fmt: skip
     components: int | None = option(None, "Number of Gaussians; default: minimum of the BIC", minimum=1, common=True)
-    lengths: str = option("mean", "Segment lengths of all persons", choices=("mean", "own"), common=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ from maniport.motion import (
 )  # fmt: skip
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import PLACED
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
 from maniport.pipeline.targets import MotionTargets
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings

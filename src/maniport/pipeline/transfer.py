@@ -20,7 +20,7 @@ from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
 from maniport.pipeline import stages
 from maniport.pipeline.config import Config
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import MotionResult, TransferResult
 from maniport.pipeline.targets import MotionTargets, bounded_profiles, targets_of
