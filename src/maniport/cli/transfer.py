@@ -85,12 +85,12 @@ def batch(
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
-    from maniport.util.signals import raising
+    from maniport.util.signals import ending_in_order, interrupt
 
     config = config.changed(recording=recordings) if recordings else config
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
     try:
-        with console.progress() as progress, raising():
+        with console.progress() as progress, ending_in_order(interrupt):
             result = transfer_batch(config.recording, config.robot.robot, output, config, progress=progress, **options)
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)

@@ -32,8 +32,7 @@ from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
-from maniport.pipeline.targets import MotionTargets
-from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
+from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, MotionTargets, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
 from maniport.util.validation import Array
 

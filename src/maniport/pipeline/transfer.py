@@ -23,8 +23,7 @@ from maniport.pipeline.config import Config
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import MotionResult, TransferResult
-from maniport.pipeline.targets import MotionTargets, bounded_profiles, targets_of
-from maniport.pipeline.values import SampledRobot, Settings
+from maniport.pipeline.values import MotionTargets, SampledRobot, Settings, bounded_profiles, targets_of
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, no_progress
