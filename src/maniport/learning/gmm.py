@@ -6,8 +6,6 @@ demonstrations deviate smoothly, as people do: 0.01 to 0.82 without `groups`, 0.
 deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
 """
 
-import json
-import os
 import warnings
 from typing import Any, Self
 
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError, NotSPDError
+from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError, NotSPDError
 from maniport.estimator import Estimator
 from maniport.learning.mixture import (
     Mixture,
@@ -26,7 +24,6 @@ from maniport.learning.mixture import (
     k_means_shares,
     regress,
 )
-from maniport.util.files import load_arrays, save_arrays
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, pieces
 from maniport.util.validation import (
@@ -39,11 +36,6 @@ from maniport.util.validation import (
     as_points,
     require_shape,
 )
-
-FILE_FORMAT = "maniport-profile-1"
-
-_MIXTURE = "weights_", "input_means_", "means_", "covariances_"
-_SAVED = (*_MIXTURE, "converged_", "history_", "log_likelihood_", "bic_curve_")
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
@@ -221,61 +213,10 @@ class ProfileGMM(NotebookDisplay, Estimator):
             covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
         return (centers, covariance) if return_covariance else centers
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the fitted model to an ``.npz`` file without pickled objects; `ProfileGMM.load` reads it."""
-        self._mixture()
-        parameters = self.get_params(deep=False)
-        if isinstance(parameters["random_state"], np.random.Generator):
-            parameters["random_state"] = None  # its state is not that of the fit
-        plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
-        content = {"format": FILE_FORMAT, "parameters": plain, "demonstrations": self.n_demonstrations_}
-        header = json.dumps(content, sort_keys=True)
-        arrays = {name: np.asarray(getattr(self, name)) for name in _SAVED}
-        save_arrays(path, {"profile_model": np.array(header), **arrays})
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a model that was written by `save`.
-
-        Raises
-        ------
-        FileFormatError
-            When the file cannot be read or holds something else.
-        """
-        arrays = load_arrays(path, "profile model", ("profile_model", *_SAVED))
-        try:
-            header = json.loads(str(arrays["profile_model"]))
-            if header["format"] != FILE_FORMAT:
-                raise ValueError(f"its format is {header['format']!r}; this version reads {FILE_FORMAT!r}")
-            model = cls(**header["parameters"])
-            count = header["demonstrations"]
-            model.n_demonstrations_ = None if count is None else as_count(count, "demonstrations")
-            for name in _SAVED:
-                value = as_finite(arrays[name], name) if name != "converged_" else arrays[name].astype(bool)
-                setattr(model, name, value.item() if value.ndim == 0 else value)
-            _require_mixture(*(getattr(model, name) for name in _MIXTURE))
-            model.n_components_, model.n_features_in_ = model.input_means_.shape
-        except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
-            raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None
-        return model
-
     def _mixture(self) -> Mixture:
         if not hasattr(self, "means_"):
             raise NotFittedError("this ProfileGMM is not fitted yet; call fit(inputs, ellipsoids) first")
         return Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
-
-
-def _require_mixture(weights: Any, inputs: Any, means: Any, covariances: Any) -> None:
-    """Raise `InvalidInputError` unless these make a mixture."""
-    require_shape(np.asarray(inputs), "input_means_", ("k", "f"))
-    k, f = inputs.shape
-    points = as_points(means, "means_", minimum=k)
-    m = f + points.shape[-1] * (points.shape[-1] + 1) // 2
-    require_shape(np.asarray(weights), "weights_", (k,))
-    require_shape(points, "means_", (k, "d", "d"))
-    require_shape(as_points(covariances, "covariances_", minimum=k), "covariances_", (k, m, m))
-    if np.any(weights <= 0) or abs(weights.sum() - 1) > 1e-6:
-        raise InvalidInputError(f"weights_ must be positive and add up to 1; found {weights}")
 
 
 def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:

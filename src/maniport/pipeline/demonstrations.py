@@ -148,14 +148,15 @@ class LearnedProfile(SavedResult):
         """Write `DATA_FILES` into an existing folder.
 
         ``profile.npz`` and ``path.npz`` are input of ``maniport track``, for both arms ``profile-left.npz`` and so on;
-        `ProfileGMM.load` reads ``model.npz``; ``demonstrations.npz`` has ``names``, ``time`` (m,), ``ellipsoids``
-        (k, m, a d, a d) and ``paths`` (k, m, 3 a).
+        ``model.npz`` has the attributes of `ProfileGMM`; ``demonstrations.npz`` has ``names``, ``time`` (m,),
+        ``ellipsoids`` (k, m, a d, a d) and ``paths`` (k, m, 3 a).
         """
         for part in self.each_arm():
             side = f"-{part.arms[0].side}" if len(self.arms) > 1 else ""
             save_ellipsoids(folder / f"profile{side}.npz", part.profile, self.time)
             save_path(folder / f"path{side}.npz", part.path, self.time)
-        self.model.save(folder / DATA_FILES[2])
+        names = "weights_", "input_means_", "means_", "covariances_"
+        save_arrays(folder / DATA_FILES[2], {name.strip("_"): getattr(self.model, name) for name in names})
         aligned = {"time": self.alignment.time, "ellipsoids": self.alignment.ellipsoids, "paths": self.paths}
         save_arrays(folder / DATA_FILES[3], {"names": np.array(self.names), **aligned})
 
