@@ -64,7 +64,7 @@ def fit(
     ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.evaluation import with_feasible_set
+    from maniport.evaluation.comparison import with_feasible_set
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 

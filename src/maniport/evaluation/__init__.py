@@ -9,7 +9,7 @@ from maniport.evaluation.capability import (
     polytope_extent,
     resemblance,
 )
-from maniport.evaluation.comparison import evaluate, select_method, with_feasible_set
+from maniport.evaluation.comparison import evaluate, select_method
 from maniport.evaluation.metrics import (
     RMSE,
     DistancePreservation,
@@ -41,5 +41,4 @@ __all__ = [
     "rmse",
     "select_method",
     "smoothness",
-    "with_feasible_set",
 ]

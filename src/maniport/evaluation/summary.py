@@ -28,6 +28,10 @@ class Gaps:
     """Statistics of distances to the feasible set.
 
     Methods are compared by the mean: where half of a profile is feasible, the median is zero for all of them.
+
+    Attributes
+    ----------
+    mean, median, p95, largest : float
     """
 
     mean: float

@@ -17,8 +17,9 @@ from maniport.arms import Arm, ArmGroup, as_group
 from maniport.arms.manipulability import JOINT_LIMITS
 from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
-from maniport.evaluation import Capability, compare_capabilities, select_method, with_feasible_set
+from maniport.evaluation import Capability, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,

@@ -10,7 +10,8 @@ import numpy as np
 from maniport.arms import Arm, load_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning, NotInvertibleError
-from maniport.evaluation import Evaluation, evaluate, select_method, with_feasible_set
+from maniport.evaluation import Evaluation, evaluate, select_method
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
