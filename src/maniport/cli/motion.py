@@ -30,7 +30,7 @@ def place(
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.motion.placement.placement import DATA_FILES
-    from maniport.pipeline.targets import bounded_profiles
+    from maniport.pipeline.values import bounded_profiles
     from maniport.report.metrics import report_of
     from maniport.util.atomic_io import folder_written_whole, require_free
     from maniport.util.files import save_ellipsoids
