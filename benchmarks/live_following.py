@@ -59,9 +59,11 @@ def webcam(recording: Recording, seed: int) -> Recording:
     random = np.random.default_rng(seed)
     time = np.arange(recording.time[0], recording.time[-1], 1.0 / FRAME_RATE)
     rows = np.abs(recording.time[:, None] - time).argmin(axis=0)
-    positions = np.empty((len(time), *recording.positions.shape[1:]))
+    positions = np.full((len(time), *recording.positions.shape[1:]), np.nan)
     for i in range(len(recording.names)):
         seen = ~np.isnan(recording.positions[:, i, 0])
+        if not seen.any():
+            continue
         spline = make_interp_spline(recording.time[seen], recording.positions[seen, i], k=1)
         positions[:, i] = spline(np.clip(time, *recording.time[seen][[0, -1]]))
         positions[~seen[rows], i] = np.nan
