@@ -160,7 +160,8 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
     return place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
-        workspace=settings.config.motion.bounds.T, reachability_map=[own.reachability_map for own in arms],
+        scale=settings.config.motion.scale, workspace=settings.config.motion.bounds.T,
+        reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
         random_state=robot.random, progress=settings.progress,
     )  # fmt: skip
