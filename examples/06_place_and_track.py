@@ -49,7 +49,6 @@ def main(folder):
     for name, values in (("distance", motion.distance), ("position error [mm]", 1e3 * motion.position_error)):
         largest = f"{values.max():.2f} (max at {motion.time[values.argmax()]:.1f} s)"
         print(f"{name}: {np.median(values):.2f} (median), {np.percentile(values, 95):.2f} (95 %), {largest}")
-    print(f"jerk {motion.rms_jerk:.0f} rad/s³ (root mean square)")
 
     # 5. Export joint positions for the robot's controller, and all arrays for NumPy.
     motion.save_joints_csv(folder / "joints.csv")

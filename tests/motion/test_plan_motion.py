@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from maniport import motion
 from maniport.arms import EllipsoidSpec
-from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
@@ -187,19 +187,6 @@ def test_the_lowest_point_is_below_all_links(panda, planned):
             if link == run.lowest.link:
                 row = int(np.argmin(np.abs(arm.control_time - run.lowest.time)))
                 assert heights[row] < run.lowest.height + 3e-3 + 0.2 * (link == "panda_hand")
-
-
-def test_options_of_the_tracker_make_it_follow(panda, planner, targets):
-    """With options of the controller it follows the plan; without, the plan is the motion."""
-    few = rows_of(targets, slice(5))
-    options = {"profiles": [few["profile"]], "time": few["time"], "paths": [few["path"]], "place": False}
-    options |= {"planner": planner, "position_tolerance": 0.01}
-    plain, tracked = (follow_profile(panda, **options, **more).arm.motion for more in ({}, {"tracking": {"rate": 90}}))
-    assert_array_equal(tracked.time, plain.time)
-    assert not np.array_equal(tracked.joint_positions, plain.joint_positions)
-    assert tracked.pointwise_best is not None
-    with pytest.raises(UnknownNameError, match="sped"):
-        follow_profile(panda, **options, tracking={"sped": 2.0})
 
 
 @pytest.mark.parametrize(

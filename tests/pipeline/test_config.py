@@ -37,7 +37,7 @@ def test_objects_become_names_in_files(tmp_path):
         ("humn: {}", ("humn", "human")),
         ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "at least 10")),
         ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
-        ("motion: {tracking: {}}", ("line 1", "tracking")),
+        ("motion: {costs: []}", ("line 1", "costs")),
         ("human: 3", ("line 1", "mapping")),
         ("seed: -1", ("seed",)),
         ("a: &x 1", ("a",)),

@@ -162,7 +162,7 @@ class Arm(JointSpace):
             raise InvalidInputError(f"a payload needs masses, and the description of {self.name!r} has none")
         inertia, tip = self.chain.inertia.copy(), self.chain.frames[self.frame]
         inertia[tip.joint] += point_mass(amount, tip.placement[:3, :3] @ point + tip.placement[:3, 3])
-        return self._changed(inertia=inertia)
+        return self._changed(inertia=inertia, payload=self.chain.payload + amount)
 
     def _changed(self, **fields: Any) -> "Arm":
         """Return the arm with other fields of its chain and the same cache of meshes."""

@@ -109,6 +109,7 @@ class Chain:
     # spatial inertia (joints + 1, 6, 6) of all that is fixed to the link after each joint (0: the base), linear rows
     # first, about the origin of the link's frame; None where the description has no masses
     inertia: Array | None = None
+    payload: float = 0.0  # mass in it that the end effector carries [kg]
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)  # acceleration of free fall in the base frame [m/s²]
     shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
     others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
