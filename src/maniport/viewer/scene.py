@@ -1,8 +1,7 @@
 """The scene of the page: a person's arms, a robot, ellipsoids; and where cameras look from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,8 +23,7 @@ SIZE = 0.25  # Length at which a semi-axis of 1 m/s per rad/s is drawn [m]
 Color = tuple[int, int, int]
 
 
-@dataclass(frozen=True)
-class Layout:
+class Layout(NamedTuple):
     """Size of the view, and the distance of person and robot from their places with one arm [m]."""
 
     height: float
@@ -65,27 +63,26 @@ def find_surfaces(robot: Arm | ArmGroup, tolerance: float = 0.01) -> tuple[list[
 
     Surfaces of one joint whose bounds differ by less than a tolerance [m] are the same.
     """
-
-    def bounds(surface: Surface) -> Array:
-        return np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])
-
-    arms = as_group(robot).arms
-    none: list[tuple[Surface, ...]] = [() for _ in arms]
+    arms, by_arm = as_group(robot).arms, list[tuple[Surface, ...]]()
     try:
-        by_arm = [arm.surfaces() for arm in arms]
+        for arm in arms:
+            by_arm.append(arm.surfaces())
+            if not by_arm[-1]:
+                raise FileFormatError(f"the description of {arm.name} names no shapes")
     except FileFormatError as error:
-        return none, " ".join(str(error).split())
-    for arm, surfaces in zip(arms, by_arm, strict=True):
-        if not surfaces:
-            return none, f"the description of {arm.name} names no shapes"
+        return [() for _ in arms], " ".join(str(error).split())
     if isinstance(robot, ArmGroup) and len(arms) > 1:  # surfaces of one joint may be simplified differently
-        shared = {surface.joint: bounds(surface) for surface in by_arm[0] if surface.joint <= robot.common[0, 1]}
+        shared = {surface.joint: _bounds(surface) for surface in by_arm[0] if surface.joint <= robot.common[0, 1]}
         by_arm[1] = tuple(
             surface
             for surface in by_arm[1]
-            if surface.joint not in shared or np.abs(bounds(surface) - shared[surface.joint]).max() >= tolerance
+            if surface.joint not in shared or np.abs(_bounds(surface) - shared[surface.joint]).max() >= tolerance
         )
     return by_arm, ""
+
+
+def _bounds(surface: Surface) -> Array:
+    return np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])
 
 
 def _edges(skeleton: Array) -> Array:
