@@ -35,12 +35,11 @@ class Page(HTMLParser):
             self.styles.append(data)
 
 
-def page_of(*parts, warnings=("a warning",), title="a title"):
-    """The page of metrics, tables, animations and images, as text."""
+def page_of(*parts, animation=None, warnings=("a warning",), title="a title"):
+    """The page of metrics, tables and an animation, as text."""
     metrics, tables = ([part for part in parts if isinstance(part, kind)] for kind in (Metric, Table))
-    contents = [part for part in parts if not isinstance(part, Metric | Table)]
     section = Section("a section", (*warnings_of("some", warnings), *metrics), tuple(tables), text="one\ntwo")
-    return as_html(Report(title, "a lead", (section,)), {"a section": contents})
+    return as_html(Report(title, "a lead", (section,)), animation)
 
 
 def map_with(domains, profiles):

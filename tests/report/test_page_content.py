@@ -21,8 +21,7 @@ def animation(result):
 
 def page_of(result):
     """Return the page of a result as text."""
-    report = report_of(result)
-    return as_html(report, {report.sections[0].key: [animation_of(result)]})
+    return as_html(report_of(result), animation_of(result))
 
 
 def test_a_transfer_has_stages_of_person_and_robot(result, animation):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from maniport.mocap import fit_arm, read_recording
-from maniport.report.metrics import report_of
 from maniport.report.recording import recording_report
 from maniport.report.renderings import as_markdown, as_numbers
+from maniport.report.values import report_of
 
 
 @pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")

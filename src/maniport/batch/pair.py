@@ -24,7 +24,7 @@ from maniport.pipeline.config import CONFIG
 from maniport.pipeline.targets import targets_of
 from maniport.pipeline.transfer import collected_warnings
 from maniport.pipeline.values import FittedMap, Human, SampledRobot
-from maniport.report.metrics import report_of
+from maniport.report.values import report_of
 from maniport.report.write import RUN_FILES, export_files, write_run
 from maniport.transfer import load_adapter
 from maniport.util.atomic_io import folder_written_whole, written_whole

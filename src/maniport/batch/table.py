@@ -40,8 +40,7 @@ METRICS = (
                                     "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
-    *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
-                                     "teacher_dispersion", "student_dispersion", "dispersion_ratio")),
+    *(f"adapter.{name}" for name in ("cost", "iterations", "converged", "dispersion_ratio")),
     *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "rank_correlation", "turn",
                                             "singular_value", "near_singular")),
     "person.frames", "person.largest_joint_step_deg",
@@ -61,14 +60,14 @@ PAGE = "index.html"
 
 def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
     """Return the row of a pair that is done; of several arms with names, the largest of each number."""
-    numbers, summary = as_numbers(report), report.summary
+    numbers = as_numbers(report)
     row = {
         **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(report.warnings),
         "warning_keys": " ".join(report.warning_keys),
         "folder": folder,
         "status": report.status,
-        "verdict": "" if summary is None else summary.title,
+        "verdict": report.outcome,
     }
     for name in METRICS:
         values = [_number(numbers, key) for key in (name, *(f"{arm}_{name}" for arm in arms))]

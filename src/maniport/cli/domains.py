@@ -10,8 +10,8 @@ from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robo
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import report_of
 from maniport.report.renderings import as_numbers, write_report
+from maniport.report.values import report_of
 from maniport.util.defaults import AUTO
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]

@@ -1,4 +1,4 @@
-"""Reports of a recording and of the human arm fitted to it."""
+"""Reports of recordings, of the human arm fitted to one, and of what is learned from several."""
 
 import json
 import shlex
@@ -12,7 +12,8 @@ import numpy as np
 from maniport.arms import myoarm
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import adult_range
-from maniport.errors import RecordingError, nearest_first
+from maniport.errors import RecordingError, argument, nearest_first
+from maniport.learning.mixture import points_each
 from maniport.mocap import ArmFit, HumanMotion, Recording
 from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.marker_sets import DIRECTIONS, ROLES
@@ -25,7 +26,7 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.report.metrics import describe
+from maniport.pipeline.learned import LearnedProfile
 from maniport.report.renderings import escaped
 from maniport.report.values import (
     Metric,
@@ -33,15 +34,18 @@ from maniport.report.values import (
     Section,
     Table,
     at_time,
+    describe,
+    in_axes,
     info,
     listed,
     notes,
     numbers,
+    software,
     statistics,
     table_of,
     warning,
     warnings_of,
-)
+)  # fmt: skip
 from maniport.util.defaults import AUTO
 
 RECORDING, FIT = "recording", "human-model"
@@ -209,3 +213,97 @@ def person_section(fit: ArmFit) -> Section:
     caption = "Angle between measured and modelled direction of each segment, and about its own axis where it is known."
     table = table_of([{"name": name, **item} for name, item in residuals.items()], columns, caption, "residual_deg")
     return Section("Human arm", metrics, (replace(table, value=residuals),), "person")
+
+
+AGREEMENT = {"agree": 0.2, "agree in part": 0.5, "do not agree": np.inf}
+"""Largest shares of the variance between demonstrations by words."""
+
+
+@describe.register
+def learned_report(learned: LearnedProfile) -> Report:
+    """Report a learned profile, agreement of the demonstrations first."""
+    agreement, names, k = learned.agreement, learned.names, len(learned.demonstrations)
+    outlier, held = "" if agreement.outlier is None else names[agreement.outlier], agreement.held_out
+    grade = next(words for words, bound in AGREEMENT.items() if agreement.share <= bound)
+    equal = [f"{names[i]} and {names[j]}" for i, j in np.argwhere(np.triu(agreement.apart < 1e-6, 1))]
+    texts = ["the demonstrations differ: their mean is a motion that nobody performed"] if grade != "agree" else []
+    texts += [f"{outlier} differs from the other demonstrations"] if outlier else []
+    data_warnings = (
+        *(warning("equal-demonstrations", f"{text} are the same: their agreement has no meaning") for text in equal),
+        *warnings_of(RECORDING, [text for part in learned.demonstrations for text in part.quality_warnings]),
+        *warnings_of("demonstrations-differ", texts),
+    )
+    lead = (
+        f"{k} demonstrations, aligned to the {np.ptp(learned.time):.1f} s of {learned.reference.name}. Each of "
+        f"{len(learned.time)} times has a mean ellipsoid, its covariance, and a position of the hand."
+    )
+    before, after, movement = agreement.before, agreement.after, agreement.movement
+    cause = f"The mean distance to the mean ellipsoid of the same time is {after:.2f} ({in_axes(after)})."
+    held_out = {} if held is None else {"learned": held.learned, "plain_mean": held.mean, "nearest_other": held.nearest,
+                                        "one_for_all_times": held.constant}  # fmt: skip
+    means = {name: float(np.mean(distances)) for name, distances in held_out.items()}
+    advice, components = "", 2 * learned.model.n_components_
+    _, n, d, _ = learned.alignment.ellipsoids.shape
+    if outlier:
+        cause += f" {outlier} is an outlier."
+        advice = f"Leave out {outlier}, or give it a profile of its own."
+    elif means and k * n >= components * points_each(d) and means["learned"] > means["plain_mean"]:
+        advice = f"More Gaussians may predict better: {argument('components', components)}."
+    text = listed(f"{value:.2f} to {name.replace('_', ' ')}" for name, value in means.items())
+    profile = [
+        info("Dispersion", "dispersion", {"before": before, "after": after},
+             f"{after:.2f} after alignment, {before:.2f} before",
+             "Mean distance to the mean ellipsoid of the same time; 0.1 is one axis 5 % too long.", main=True),
+        info("Variance between demonstrations", "variance_share", agreement.share, f"{100 * agreement.share:.0f} %",
+             "Share of all variance.", main=True),
+        *([info("Leave-one-out distance", "held_out", means, text, "Mean over the demonstrations.", main=True)]
+          if means else []),
+        info("Movement", "movement", movement, f"{movement:.2f}", "Mean distance of the profile from its mean."),
+        info("Gaussians", "gaussians", learned.model.n_components_),
+        *numbers(ellipsoids=len(learned.time), duration_s=round(float(np.ptp(learned.time)), 3)),
+    ]  # fmt: skip
+    spec, damping, arms = learned.spec, learned.regularization.epsilon, learned.arms
+    settings = (
+        info("Ellipsoids", "ellipsoids", {"kind": spec.kind, "part": spec.part}, f"{spec.kind}, {spec.part}",
+             "Trunk frame (x forward, y left, z up)."),
+        info("Damping", "damping", damping, f"{damping:.3g}" if damping else str(learned.regularization),
+             "Added to all eigenvalues before ellipsoids are compared."),
+        info("Arm", "arm", listed(arm.name for arm in arms), listed(f"{arm.name}, {arm.side}" for arm in arms)),
+        *software(learned.random_state),
+    )  # fmt: skip
+    sections = (
+        Section("Learned profile", tuple(profile), key="profile"),
+        _demonstrations(learned, outlier),
+        Section("Settings", settings, key="run", folded=True),
+    )
+    outcome = f"The demonstrations {grade}."
+    return Report(f"A profile of {k} demonstrations", lead, sections, data_warnings, outcome, cause, advice)
+
+
+def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
+    """List the demonstrations, and report what made them comparable: mirroring and segment lengths."""
+    agreement, held = learned.agreement, learned.agreement.held_out
+    sides = tuple(str(arm.side) for arm in learned.arms)
+    values = [
+        {"name": part.name, "start_s": float(part.motion.time[0]), "stop_s": float(part.motion.time[-1]),
+         "frames": len(part.motion), "side": listed(part.motion.names), "from_others": float(agreement.alone[i]),
+         "held_out": None if held is None else float(held.learned[i]),
+         "segment_lengths_m": {fit.arm.side: fit.segment_lengths for fit in part.motion.arms}}
+        for i, part in enumerate(learned.demonstrations)
+    ]  # fmt: skip
+    columns = {"demonstration": "{name}", "start": "{start_s:.2f} s", "stop": "{stop_s:.2f} s", "frames": "{frames}",
+               "arm": "{side}", "from the others": "{from_others:.2f}"}  # fmt: skip
+    if held is not None:
+        columns["held out"] = "{held_out:.2f}"
+    caption = "Mean distances after alignment: from the others, and from the profile learned without it."
+    mirrored = [part.name for part in learned.demonstrations if part.motion.names != sides]
+    arm = "arms that differ in size" if learned.lengths == "own" else f"{' and '.join(sides)} arm of mean lengths"
+    metrics = (
+        info("Reference", "reference", learned.alignment.reference, learned.reference.name,
+             "Gives the times of the profile."),
+        info("Outlier", "outlier", agreement.outlier, outlier or "none",
+             "At least 1.5 times the median distance from the others."),
+        *notes([f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []),
+        *notes([f"all ellipsoids are those of {arm}"]),
+    )  # fmt: skip
+    return Section("Demonstrations", metrics, (table_of(values, columns, caption, "demonstrations"),), "demonstrations")

@@ -2,22 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from maniport.arms import PERSONS, Arm, ArmGroup
+from maniport.arms import PERSONS, Arm
 from maniport.arms.chain import PRISMATIC
 from maniport.arms.collisions import Collisions
 from maniport.arms.loaders import ROBOTS
 from maniport.arms.loaders.limbs import Limb
 from maniport.arms.loaders.packages import arm_names, packages_with
 from maniport.errors import argument
-from maniport.motion import FeasibleEllipsoids, Placement
+from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import describe, measure
-from maniport.report.values import Metric, Report, Section, Table, info, listed, numbers, table_of, warning
+from maniport.report.values import Metric, Report, Section, Table, describe, info, listed, numbers, table_of, warning
 
 
 @describe.register
@@ -55,19 +53,6 @@ def arm_report(arm: Arm) -> Report:
         ("joint", "position limits", "velocity limit", "effort limit"), tuple(rows), key="joints", value=limits
     )
     return Report(arm.name, "", (Section("", metrics, (joints,)),))
-
-
-@describe.register
-def group_report(arms: ArmGroup) -> Report:
-    """Describe a group of arms: shared joints, and each arm."""
-    metrics = (
-        info("Arms", "arms", arms.name),
-        info("Degrees of freedom", "degrees_of_freedom", arms.dof),
-        info("Shared", "shared", list(arms.shared), description="Joints that move several arms."),
-    )
-    sections = [replace(arm_report(arm).sections[0], title=side.capitalize(), key=side)
-                for side, arm in zip(arms.names, arms.arms, strict=True)]  # fmt: skip
-    return Report(arms.name, "", (Section("", metrics), *sections))
 
 
 def chain_metrics(arm: Arm) -> list[Metric]:
@@ -149,7 +134,8 @@ def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
 def placement_report(placed: Placement) -> Report:
     """Describe the placement of a path, with its alternatives."""
     values = [
-        {"rank": rank, "scale": item.scale, **_angles(item), "offset_m": item.offset.tolist(), "rms": item.rms,
+        {"rank": rank, "scale": item.scale, "yaw_deg": float(np.degrees(item.yaw)), "offset_m": item.offset.tolist(),
+         "tilt_deg": float(np.degrees(item.tilt)), "heading_deg": float(np.degrees(item.heading)), "rms": item.rms,
          "max": float(item.planned_distance.max())}
         for rank, item in enumerate(placed.candidates, 1)
     ]  # fmt: skip
@@ -165,14 +151,9 @@ def placement_report(placed: Placement) -> Report:
     return Report(f"A path of {len(placed.path)} waypoints", "", (section,))
 
 
-def _angles(placed: Any) -> dict[str, float]:
-    """Return yaw, tilt and heading of a placement."""
-    return {f"{name}_deg": float(np.degrees(getattr(placed, name))) for name in ("yaw", "tilt", "heading")}
-
-
 def placement_section(placed: Placement) -> Section:
     """Describe the placement of a path and whether the robot reaches it."""
-    yaw, tilt, heading = _angles(placed).values()
+    yaw, tilt, heading = np.degrees([placed.yaw, placed.tilt, placed.heading]).tolist()
     offset, out = placed.offset.tolist(), int((~placed.reachable).sum())
     far = 1e3 * float(placed.position_error.max()) if out else 0.0
     text = f"{out} of {len(placed.path)} waypoints of the path are out of reach, by up to {far:.1f} mm"
@@ -188,13 +169,3 @@ def placement_section(placed: Placement) -> Section:
                  farthest_out_of_reach_mm=far),
     )  # fmt: skip
     return Section("Placement", metrics, key="placement")
-
-
-@describe.register
-def feasible_report(nearest: FeasibleEllipsoids) -> Report:
-    """Describe the nearest feasible ellipsoids."""
-    count, d = nearest.ellipsoids.shape[:2]
-    metrics = measure("distance", nearest.distance)
-    if nearest.position_error is not None:
-        metrics += measure("position_error", 1e3 * nearest.position_error)
-    return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))

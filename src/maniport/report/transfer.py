@@ -8,11 +8,21 @@ from maniport.evaluation.baselines import IDENTITY
 from maniport.evaluation.comparison import GAP_SEARCH
 from maniport.evaluation.selection import Choice
 from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
-from maniport.report.metrics import describe
-from maniport.report.values import Metric, Report, Section, Table, info, listed, notes, numbers, sentence, warning
+from maniport.report.values import (
+    Metric,
+    Report,
+    Section,
+    Table,
+    describe,
+    info,
+    listed,
+    notes,
+    numbers,
+    sentence,
+    warning,
+)
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
-from maniport.transfer.identifiability import Identifiability
 from maniport.transfer.rotation_group import rotation_angle
 
 
@@ -27,25 +37,24 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
     # base_rotation, damping and eigenvalue_floor have metrics of their own
     parameters = [f"{name} {value}" for name, value in adapter.get_params(deep=False).items()
                   if name not in ("base_rotation", "damping", "eigenvalue_floor") and value is not None]  # fmt: skip
-    name = type(adapter).__name__
-    method = info("Method", "method", name, description=f"{listed(parameters)}." if parameters else "")
+    about = f"{listed(parameters)}." if parameters else ""
+    method = info("Method", "method", type(adapter).__name__, description=about)
     if not is_fitted(adapter):
         return Section("Adapter", (method, Metric("State", "not fitted; call fit(teacher, student)")), key="adapter")
-    ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
     teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
-    rotation = None if adapter.base_rotation_ is None else np.asarray(adapter.base_rotation_)
-    rotated = "none"
-    if rotation is not None:
+    ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
+    rotation, turn = adapter.base_rotation_, adapter.map_rotation_
+    rotated = "none: both base frames have the same orientation"
+    if rotation is None:
+        rotated = "unknown"
+    elif not np.allclose(rotation, np.eye(len(rotation))):
         rotated = f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
-        if np.allclose(rotation, np.eye(len(rotation))):
-            rotated = "none: both base frames have the same orientation"
-    angle = np.degrees(rotation_angle(np.eye(len(adapter.map_rotation_)), adapter.map_rotation_))
-    added, floor = (float(adapter.teacher_damping_), float(adapter.student_damping_)), adapter.eigenvalue_floor
     regularized = "none"
-    if floor is not None:
-        regularized = f"eigenvalues are raised to at least {floor:g}"
-    if adapter.damping is not None:
-        regularized = f"damping {adapter.damping:g}: adds {added[0]:.3g} to the teacher, {added[1]:.3g} to the student"
+    if adapter.eigenvalue_floor is not None:
+        regularized = f"eigenvalues are raised to at least {adapter.eigenvalue_floor:g}"
+    elif adapter.damping is not None:
+        added = f"adds {adapter.teacher_damping_:.3g} to the teacher, {adapter.student_damping_:.3g} to the student"
+        regularized = f"damping {adapter.damping:g}: {added}"
     ended = f"{adapter.stop_reason_} ({'' if adapter.converged_ else 'not '}converged)"
     determined = []
     if (result := getattr(adapter, "identifiability_", None)) is not None:
@@ -58,30 +67,22 @@ def adapter_section(adapter: DomainAdapter, *more: Metric, mounted: bool = False
         *determined,
         method,
         *more,
-        info("Base rotation", "base_rotation", None if rotation is None else rotation.round(6).tolist(), rotated,
-             "From the teacher's base frame to the student's."),
+        info("Base rotation", "base_rotation", None if rotation is None else np.asarray(rotation).round(6).tolist(),
+             rotated, "From the teacher's base frame to the student's."),
         info("Rotation", "rotation", np.asarray(adapter.rotation_).round(6).tolist(),
-             f"{angle:.1f}° with the base rotation"),
+             f"{np.degrees(rotation_angle(np.eye(len(turn)), turn)):.1f}° with the base rotation"),
         info("Dispersion", "dispersion_ratio", ratio,
              f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
              "Root mean squared distance of the ellipsoids from their mean."),
         Metric("Regularization", regularized, "Distances need ellipsoids of full rank."),
-        *numbers(damping=adapter.damping, eigenvalue_floor=floor, teacher_damping=added[0], student_damping=added[1],
-                 released_damping=float(adapter.released_damping_)),
         info("Fit", "iterations", int(adapter.n_iter_),
              f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}; {ended}"),
         *([info("Held-out samples", "report", asdict(adapter.report_), adapter.report_.in_words())]
           if hasattr(adapter, "report_") else []),
-        *numbers(dimension=len(adapter.rotation_), teacher_dispersion=teacher, student_dispersion=student,
-                 converged=bool(adapter.converged_), stop_reason=adapter.stop_reason_, cost_start=start, cost=end),
+        *numbers(damping=adapter.damping, eigenvalue_floor=adapter.eigenvalue_floor,
+                 converged=bool(adapter.converged_), cost=end),
     )  # fmt: skip
     return Section("Adapter", metrics, key="adapter")
-
-
-@describe.register
-def identifiability_report(result: Identifiability) -> Report:
-    """Describe which directions of the rotation the domains determine."""
-    return Report("", "", (Section("", (info("Result", "identifiability", result.in_words()),)),))
 
 
 COLUMNS = {

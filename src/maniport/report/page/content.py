@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from maniport.errors import InvalidInputError
 from maniport.motion import status
 from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_choice, as_times
+from maniport.util.validation import Array
 
 
 @dataclass(frozen=True)
@@ -79,10 +78,6 @@ class Body:
     path: Array | None = None  # (n, 3) target positions of the end effector [m]
     parts: tuple[Part, ...] = ()  # surfaces, which replace the skeleton
 
-    def __post_init__(self) -> None:
-        for role in self.ellipsoids:
-            as_choice(role, "role", tuple(ROLES))
-
 
 @dataclass(frozen=True, eq=False)
 class Stage:
@@ -94,14 +89,6 @@ class Stage:
     torso: Array | None = None  # (k, 7) rods of a torso: start, end, radius [m]
 
 
-@dataclass(frozen=True)
-class Image:
-    """A PNG image with a description."""
-
-    png: bytes
-    description: str
-
-
 @dataclass(frozen=True, eq=False)
 class Line:
     """Values over time, nan where there are none; `style` 0 to 2: solid, dashed, dotted; `wide` lines are pale."""
@@ -111,9 +98,6 @@ class Line:
     role: str = "achieved"
     style: int = 0
     wide: bool = False
-
-    def __post_init__(self) -> None:
-        as_choice(self.role, "role", tuple(ROLES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,18 +148,8 @@ class Animation:
     note: str = ""
     states: tuple[str, ...] = ()  # a key of STATES for each time
 
-    def __post_init__(self) -> None:
-        count = len(as_times(self.time))
-        arrays = {f"the skeleton of {body.name!r}": body.skeleton for stage in self.stages for body in stage.bodies}
-        arrays |= {f"the line {line.name!r} of {panel.title!r}": line.values
-                   for panels in self.panels.values() for panel in panels for line in panel.lines}  # fmt: skip
-        arrays |= {f"the profile {part.name!r}": part.coordinates for part in (self.map.profiles if self.map else ())}
-        for name, array in arrays.items():
-            if len(array) != count:
-                raise InvalidInputError(f"{name} must have {count} entries, one for each time; found {len(array)}")
 
-
-def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
+def as_json(animation: Animation, frames: int) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
     kept, chart, names = evenly_spaced(len(animation.time), frames), animation.map, list(STATES)
     time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
@@ -192,7 +166,7 @@ def as_json(animation: Animation, frames: int, *, surfaces: bool = True) -> str:
                         "skeleton": packed(body.skeleton[kept]),
                         "ellipsoids": {role: _six(points[kept]) for role, points in body.ellipsoids.items()},
                         "path": None if body.path is None else packed(body.path[kept]),
-                        "parts": [_part(part, kept) for part in body.parts] if surfaces else [],
+                        "parts": [_part(part, kept) for part in body.parts],
                     } for body in stage.bodies
                 ],
             } for stage in animation.stages

@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from maniport.errors import InvalidInputError
-from maniport.report.metrics import report_of
 from maniport.report.page import write_page
-from maniport.report.page.content import Image
 from maniport.report.renderings import files_of, write_report
+from maniport.report.values import report_of
 from maniport.studies.methods import compare_methods, methods_report
 from maniport.studies.paper.human_robot import human_robot
 from maniport.studies.paper.known_truth import toy, toy_draw, two_dof
@@ -63,12 +62,12 @@ def reproduce(
     for adapter in (ParallelTransport(), RiemannianICP(), NearestNeighbor()):
         fit_quietly(adapter, toy_draw(0))  # loads the kernels, which would count as part of the first fit
     with folder_written_whole(output, FILES, overwrite) as folder:
-        experiments, pictures = [], dict[str, list[Image]]()
+        experiments = []
         for name in names:
             experiments.append(experiment := EXPERIMENTS[name](first, report, draws=count))
             report(experiment.title, 1.0, f"{len(experiment.lines)} results")
             if figures:
-                pictures[name] = _drawn(name, first, folder, report)
+                _draw(name, first, folder, report)
             (folder / f"{name}.csv").write_text(as_csv(experiment), encoding="utf-8")
             for suffix in (".md", ".json"):
                 drawn = FIGURES[name] if figures else ()
@@ -78,12 +77,12 @@ def reproduce(
         if compared is not None:
             for suffix in (".md", ".json"):
                 write_report(folder / f"methods{suffix}", methods_report(compared))
-        write_page(folder / REPORT, report_of(reproduction), pictures)
+        write_page(folder / REPORT, report_of(reproduction))
     return reproduction
 
 
-def _drawn(name: str, seed: int, folder: Path, progress: Progress) -> list[Image]:
-    """Draw the figures of an experiment, and return them for the page."""
+def _draw(name: str, seed: int, folder: Path, progress: Progress) -> None:
+    """Draw the figures of an experiment."""
     from maniport.report import figures
     from maniport.studies.paper.figures import DRAWN  # matplotlib is slow to load
 
@@ -92,4 +91,3 @@ def _drawn(name: str, seed: int, folder: Path, progress: Progress) -> list[Image
     for title, figure in DRAWN[name](seed).items():
         figures.save(figure, folder / title)
     progress(step, 1.0, ", ".join(FIGURES[name]))
-    return [Image((folder / f"{title}.png").read_bytes(), title) for title in FIGURES[name]]

@@ -65,7 +65,7 @@ class Player {
 
   // A titled group of charts; the first two are open.
   group(k, title, nodes) {
-    const id = `${this.host.dataset.source}-${k}`, heading = make("h3", k < 2 ? { id } : {}, [title]);
+    const id = `motion-${k}`, heading = make("h3", k < 2 ? { id } : {}, [title]);
     if (k < 2) this.host.append(heading, ...nodes);
     else this.host.append(make("details", { class: "folded", id }, [make("summary", {}, [heading]), ...nodes]));
   }
