@@ -7,11 +7,11 @@ import re
 
 import numpy as np
 import pytest
-from pages import Page, map_with, page_of
+from pages import Page, page_of
 
 from maniport.errors import InvalidInputError
 from maniport.report.page.animation import semi_axis_panels
-from maniport.report.page.content import Animation, Body, Cloud, DomainMap, Line, Panel, Stage, unpacked
+from maniport.report.page.content import Animation, Body, Line, Panel, Stage, unpacked
 from maniport.report.values import Metric, Table
 
 
@@ -21,7 +21,7 @@ def animation(motion):
     skeleton = np.cumsum(np.ones((40, 4, 3)) * np.linspace(0.1, 0.2, 40)[:, None, None], axis=1)
     panels = {"Ellipsoids": semi_axis_panels({"person": teacher, "target": 2 * teacher}, "m/s")}
     stages = (Stage("person", (Body("person", skeleton, {"person": teacher}),)),)
-    return Animation(time, stages, panels, map_with({"person": teacher}, {"target": 2 * teacher}), unit="m/s")
+    return Animation(time, stages, panels, unit="m/s")
 
 
 def read(text):
@@ -56,7 +56,6 @@ def test_data_are_the_arrays_of_the_animation(animation):
         (data["time"], animation.time - animation.time[0]),
         (decoded["skeleton"], body.skeleton),
         (decoded["ellipsoids"]["person"], body.ellipsoids["person"][:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]),
-        (data["map"]["profiles"][0]["coordinates"], animation.map.profiles[0].coordinates),
     ]
     for panel, drawn in zip(animation.panels["Ellipsoids"], data["panels"]["Ellipsoids"], strict=True):
         pairs += [(b["values"], a.values) for a, b in zip(panel.lines, drawn["lines"], strict=True)]
@@ -72,12 +71,11 @@ def test_the_page_of_a_long_motion_is_small():
     drawn = dict.fromkeys(("person", "target", "achieved"), shells)
     stages = tuple(Stage(name, (Body(name, skeleton, drawn, skeleton[:, -1]),)) for name in ("a", "b"))
     panels = {"all": tuple(Panel(str(k), "", (Line("x", values),)) for k in range(50))}
-    chart = DomainMap((), 3 * (Cloud("c", "person", np.zeros((count, 2)), shells),))
-    text = page_of(animation=Animation(time, stages, panels, chart))
+    text = page_of(animation=Animation(time, stages, panels))
     assert len(text.encode()) < 6_000_000
     data = read(text)
     assert (data["time"][0], data["time"][-1]) == (0.0, np.float32(time[-1]))
-    assert len(data["time"]) == len(data["map"]["profiles"][0]["coordinates"]) <= 1500
+    assert len(data["time"]) <= 1500
     with pytest.raises(InvalidInputError, match="below 6 MB"):
         page_of(Metric("n", "x" * 6_000_000))
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pages import map_with, page_of
+from pages import page_of
 
 from maniport.report import report_of
 from maniport.report.page import write_page
@@ -14,7 +14,7 @@ from maniport.report.page.content import Animation, Body, Line, Panel, Stage
 
 @pytest.fixture(scope="module")
 def page(motion, tmp_path_factory):
-    """A page of a moving arm with ellipsoids, curves and a map, for 5.5 seconds with a pause."""
+    """A page of a moving arm with ellipsoids and curves, for 5.5 seconds with a pause."""
     time, teacher = motion(3, 60)
     target = 1.5 * teacher
     swing = np.linspace(0, 1, 60)
@@ -29,7 +29,6 @@ def page(motion, tmp_path_factory):
         time,
         stages,
         {"Ellipsoids": semi_axis_panels({"person": teacher, "target": target}, "m"), "Joints": (bend,)},
-        map_with({"person": teacher[::3], "achieved": 2 * teacher[::3]}, {"person": teacher, "target": target}),
         legend={"person": "the person's", "target": "target", "achieved": "the robot's"},
         clocks={"robot": 4.0 * time},
     )
@@ -46,7 +45,7 @@ def opened(browser, page):
 
 
 def test_the_page_is_drawn_without_errors(opened):
-    counts = {".stage canvas": 2, ".chart": 4, ".map canvas": 3, "input[type=range]": 1, ".mind li": 1, ".marker": 2}
+    counts = {".stage canvas": 2, ".chart": 4, "input[type=range]": 1, ".mind li": 1}
     assert {name: opened.run(f"document.querySelectorAll('{name}').length") for name in counts} == counts
     assert opened.run("document.title") == "A <b>title</b>"
     assert opened.run("document.documentElement.dataset.error || null") is None

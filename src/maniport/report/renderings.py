@@ -19,7 +19,7 @@ SUMMARY, PAGE = "summary.json", "report.html"
 """Files of a run: its report as numbers, and the page. A folder with both holds results."""
 
 LEARNED = "learned"
-FIGURES = ("arms", "ellipsoids", "curves", "motion", "diffusion_map", LEARNED)
+FIGURES = ("arms", "ellipsoids", "curves", "motion", LEARNED)
 """Names of the figures of a result, which `maniport figures` adds."""
 
 ENDINGS = (".png", ".svg")  # Formats of the files of a figure

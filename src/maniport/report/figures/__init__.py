@@ -33,7 +33,6 @@ from maniport.report.figures.drawing import (  # noqa: E402
     curves,
     diffusion_map,
     ellipsoids,
-    map_figure,
     panel_figure,
 )
 
@@ -135,11 +134,6 @@ def _figures(data: dict[str, Any], shape: str = "Ellipsoids") -> dict[str, Figur
         drawn["curves"] = panel_figure(time, panels, columns)
     if panels := _panels(data, lambda topic: topic not in (shape, HUMAN_JOINTS)):
         drawn["motion"] = panel_figure(time, panels, columns)
-    if data["map"]:
-        sets = data["map"]["domains"], data["map"]["profiles"]
-        domains, paths = ({cloud["name"]: cloud["coordinates"] for cloud in part} for part in sets)
-        roles = {cloud["name"]: cloud["role"] for part in sets for cloud in part}
-        drawn["diffusion_map"] = map_figure(domains, paths, time, roles)
     return drawn
 
 

@@ -163,31 +163,19 @@ def arms(
 def diffusion_map(domains: Mapping[str, Array], profiles: Mapping[str, Array]) -> Figure:
     """Draw domains as clouds and profiles as lines in two diffusion coordinates."""
     chart = map_of([*domains.values(), *profiles.values()])
-    clouds, lines = ({name: chart.transform(points) for name, points in sets.items()} for sets in (domains, profiles))
-    return map_figure(clouds, lines)
-
-
-def map_figure(
-    domains: Mapping[str, Array],
-    profiles: Mapping[str, Array],
-    time: Array | None = None,
-    roles: Mapping[str, str] | None = None,
-) -> Figure:
-    """Draw coordinates (n, 2) of domains as clouds and those of profiles as lines."""
     figure, handles = column_figure(3.2), []
     panel = figure.subplots()
-    for color, (name, points) in zip(_colors(domains, roles), domains.items(), strict=True):
-        panel.scatter(points[:, 0], points[:, 1], s=2, color=color, alpha=0.25, lw=0, rasterized=True)
+    for color, (name, points) in zip(COLORS, domains.items(), strict=False):
+        x, y = chart.transform(points).T
+        panel.scatter(x, y, s=2, color=color, alpha=0.25, lw=0, rasterized=True)
         handles.append(Line2D([], [], color=color, marker="o", alpha=0.5, ms=3, ls="", label=f"domain: {name}"))
-    styles = ("-", *LINE_STYLES, *LINE_STYLES)
-    for color, style, (name, path) in zip(_colors(profiles, roles), styles, profiles.items(), strict=False):
-        points = path if time is None else _with_breaks(time, path)[1]
-        panel.plot(*points.T, color="white", lw=1.8)
-        panel.plot(*points.T, color=color, lw=1.0, ls=style)
+    for color, style, (name, points) in zip(COLORS, ("-", *2 * LINE_STYLES), profiles.items(), strict=False):
+        path = chart.transform(points)
+        panel.plot(*path.T, color="white", lw=1.8)
+        panel.plot(*path.T, color=color, lw=1.0, ls=style)
         panel.plot(*path[0], "o", color=color, mec="white", mew=0.6, ms=5)
         handles.append(Line2D([], [], color=color, lw=1.0, ls=style, label=f"profile: {name}"))
-    if profiles:
-        handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
+    handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
     panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
     panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
     panel.tick_params(labelsize=TEXT)

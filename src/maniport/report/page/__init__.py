@@ -22,7 +22,7 @@ from maniport.version import __version__
 CARDS = ("distance", "position_error", "orientation_error", "limits", "collisions")
 """Keys of the metrics of a summary that are on cards."""
 
-SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "map", "player", "page", "print")
+SCRIPTS = ("geometry", "surface", "scene", "curves", "strips", "states", "player", "page", "print")
 
 
 def write_page(path: str | os.PathLike[str], report: Report, animation: Animation | None = None) -> None:
@@ -58,8 +58,7 @@ def _page(report: Report, animation: Animation | None, frames: int) -> str:
             if k and section.title and not section.folded]  # fmt: skip
     data, note, end = "", "", ""
     if animation is not None:
-        titles = [*animation.panels, *(["Domains and profiles"] if animation.map is not None else [])]
-        menu[:0] = [(title, f"motion-{i}") for i, title in enumerate(titles)]  # the scripts give these ids
+        menu[:0] = [(title, f"motion-{i}") for i, title in enumerate(animation.panels)]  # the scripts give these ids
         few = f" {frames} of {len(animation.time)} times are included." if len(animation.time) > frames else ""
         note, end = animation.note + few, " Keys: space to play, ← and → to step."
         data = f'<script type="application/json" id="motion">{as_json(animation, frames)}</script>'

@@ -1,4 +1,4 @@
-"""Content of the page of a result: arms with their ellipsoids, curves over time, and the map of the domains."""
+"""Content of the page of a result: arms with their ellipsoids and curves over time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -23,16 +23,12 @@ from maniport.report.page.content import (
     TARGET,
     Animation,
     Body,
-    Cloud,
-    DomainMap,
     Line,
     Panel,
     Part,
     Stage,
 )
-from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import lengths
-from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 TORSO = np.array([
@@ -86,7 +82,6 @@ def animation_of(result: TransferResult | MotionResult | LearnedProfile) -> Anim
         time,
         tuple(stages),
         {topic: _alternated(panels, names) for topic, panels in topics.items()},
-        _map(transfer.arms[0], spec, transfer.base_rotation) if transfer is not None and len(names) == 1 else None,
         unit=spec.bounded.unit,
         clocks={"robot": moved[0].time} if transfer is not None and moved else {},
         legend={role: ROLES[role].about for role in _profiles_of(result.arms[0], spec)} if spec.part != "full" else {},
@@ -148,30 +143,6 @@ def _body(
         points, places = np.unique(corners, axis=0, return_inverse=True)
         parts.append(Part(points, places.reshape(-1, 3), poses[:, surface.joint]))
     return replace(body, parts=tuple(parts))
-
-
-def _map(arm: ArmTransfer, spec: EllipsoidSpec, base_rotation: Array, fitted: int = 40, dots: int = 300) -> DomainMap:
-    """Return the map of the domains, regularized as in the fit, in the robot's base frame; fitted to few points."""
-    rotation, student = spec.rotation(base_rotation), arm.adapter.student_side
-    human, robot = (item[evenly_spaced(len(item), dots)] for item in (arm.teacher_domain, arm.student_domain))
-    human, demonstrated = (
-        rotation @ arm.adapter.teacher_side(points) @ rotation.T for points in (human, arm.demonstrated_profile)
-    )
-    domains = {PERSON.name: human, ACHIEVED.name: student(robot)}
-    profiles = {PERSON.name: demonstrated, TARGET.name: student(arm.target_profile)}
-    chart = map_of([*domains.values(), *profiles.values()], fitted)
-    if arm.motion is not None and spec.kind == "velocity":
-        placed = np.eye(3) if arm.placement is None else arm.placement.rotation
-        back = spec.rotation(placed.T)  # the domain is that of the base before the path was placed
-        moved = {TARGET.name: arm.motion.target, ACHIEVED.name: arm.motion.achieved}
-        profiles |= {role: student(back @ points @ back.T, role) for role, points in moved.items()}
-    names = {PERSON.name: "person", TARGET.name: "target", ACHIEVED.name: arm.robot.name}
-    clouds, lines = (
-        tuple(Cloud(names[role], role, chart.transform(points), points if points.shape[-1] <= 3 else None)
-              for role, points in sets.items())
-        for sets in (domains, profiles)
-    )  # fmt: skip
-    return DomainMap(clouds, lines, "Ellipsoids are regularized as in the fit.")
 
 
 def _profiles_of(arm: ArmResult, spec: EllipsoidSpec) -> dict[str, Array]:

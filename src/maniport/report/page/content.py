@@ -115,32 +115,12 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
-    """Ellipsoids on a map."""
-
-    name: str
-    role: str
-    coordinates: Array  # (n, 2)
-    ellipsoids: Array | None  # (n, d, d), d ≤ 3
-
-
-@dataclass(frozen=True, eq=False)
-class DomainMap:
-    """Domains as clouds, and profiles as lines with a point for each time of an animation."""
-
-    domains: tuple[Cloud, ...]
-    profiles: tuple[Cloud, ...] = ()
-    note: str = ""
-
-
-@dataclass(frozen=True, eq=False)
 class Animation:
-    """Moving arms, curves and a map with one time."""
+    """Moving arms and curves with one time."""
 
     time: Array  # (n,) ascending [s]
     stages: tuple[Stage, ...]  # side by side, with one scale
     panels: Mapping[str, tuple[Panel, ...]] = field(default_factory=dict)  # by topic
-    map: DomainMap | None = None
     unit: str = ""  # of semi-axes
     size: float = 0.25  # length of a semi-axis of one `unit` [m]
     clocks: Mapping[str, Array] = field(default_factory=dict)  # (n,) further times by name [s]
@@ -151,7 +131,7 @@ class Animation:
 
 def as_json(animation: Animation, frames: int) -> str:
     """Encode an animation for a ``<script>`` element with data, thinned to at most `frames` times."""
-    kept, chart, names = evenly_spaced(len(animation.time), frames), animation.map, list(STATES)
+    kept, names = evenly_spaced(len(animation.time), frames), list(STATES)
     time, states = animation.time[kept], [names.index(animation.states[k]) for k in kept if animation.states]
     data = vars(animation) | {
         "start": float(time[0]),
@@ -175,10 +155,6 @@ def as_json(animation: Animation, frames: int) -> str:
             topic: [vars(panel) | {"lines": [vars(line) | {"values": packed(line.values[kept])}
                                              for line in panel.lines]} for panel in panels]
             for topic, panels in animation.panels.items()
-        },
-        "map": None if chart is None else vars(chart) | {
-            "domains": [_cloud(cloud) for cloud in chart.domains],
-            "profiles": [_cloud(cloud, kept) for cloud in chart.profiles],
         },
         "clocks": {name: packed(times[kept]) for name, times in animation.clocks.items()},
         "states": {"names": names, "values": packed(states, "u16")} if states else None,
@@ -232,8 +208,3 @@ def _part(part: Part, kept: NDArray[np.intp]) -> dict[str, Any]:
         "triangles": packed(part.triangles, "u16" if part.triangles.max(initial=0) < 2**16 else "u32"),
         "poses": packed(np.concatenate([poses[:, :3, 3], rotations], axis=1)),
     }
-
-
-def _cloud(cloud: Cloud, kept: NDArray[np.intp] | slice = slice(None)) -> dict[str, Any]:
-    ellipsoids = None if cloud.ellipsoids is None else _six(cloud.ellipsoids[kept])
-    return vars(cloud) | {"coordinates": packed(cloud.coordinates[kept]), "ellipsoids": ellipsoids}

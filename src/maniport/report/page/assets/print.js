@@ -6,7 +6,6 @@ function printed(on) {
   if (on) page.dataset.print = "true"; else delete page.dataset.print;
   colors.known.clear();
   player?.show();
-  player?.chart?.draw();
 }
 
 function readyForPrint() {
