@@ -48,7 +48,7 @@ def test_markdown_shows_names_as_they_are(attack):
     """As GitHub renders it, text of results makes no tag, link, image, entity or heading of its own."""
     table = Table((attack, "b"), ((attack, "c"),), attack)
     facts = [Metric(attack, attack, attack), Metric("", attack), Metric("", attack, severity="warning")]
-    shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), (), *4 * (attack,)))
+    shown = as_markdown(Report(attack, attack, (Section(attack, tuple(facts), (table,)),), *4 * (attack,)))
     tokens = [
         token
         for block in MarkdownIt("commonmark").enable("table").parse(shown)

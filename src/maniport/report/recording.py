@@ -29,6 +29,8 @@ from maniport.mocap.roles import (
 from maniport.pipeline.learned import LearnedProfile
 from maniport.report.renderings import escaped
 from maniport.report.values import (
+    FIT,
+    RECORDING,
     Metric,
     Report,
     Section,
@@ -47,9 +49,6 @@ from maniport.report.values import (
     warnings_of,
 )  # fmt: skip
 from maniport.util.defaults import AUTO
-
-RECORDING, FIT = "recording", "human-model"
-"""Keys of warnings about a recording, and about the difference between model and person."""
 
 
 @describe.register
@@ -90,8 +89,7 @@ def recording_report(
         Section("Roles of the points", tuple(metrics), (table,), "arms"),
         _completion(recording, *roles[best], best, command or shlex.quote(recording.source or "FILE")),
     )
-    quality_warnings = warnings_of(RECORDING, recording.quality_warnings)
-    return Report(recording.source or "A recording", sections=sections, data_warnings=quality_warnings)
+    return Report(recording.source or "A recording", sections=sections)
 
 
 def recording_section(recording: Recording, points: bool = False) -> Section:
@@ -109,6 +107,7 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
         info("Vertical axis", "up", recording.up),
         *([info("Points", "points", names, f"{len(names)}: {listed(names)}")] if points else []),
         info("Missing", "missing", gaps, missing, "Share of the frames."),
+        *warnings_of(RECORDING, recording.quality_warnings),
     ]
     return Section("Recording", (*metrics, *notes(recording.notes)), key="recording")
 
@@ -169,9 +168,8 @@ def _completion(recording: Recording, family: str, roles: Mapping[str, Any], sid
 @describe.register
 def fit_report(fit: ArmFit | HumanMotion) -> Report:
     """Describe the fit of one or both human arms."""
-    data_warnings = warnings_of(FIT, fit.quality_warnings)
     if isinstance(fit, ArmFit):
-        return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),), data_warnings=data_warnings)
+        return Report(f"{fit.arm.name}, fitted to a person", "", (person_section(fit),))
     both = []
     if len(fit.arms) > 1:
         apart = np.linalg.norm(fit.hands[1] - fit.hands[0], axis=-1)
@@ -179,7 +177,7 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
         both.append(Section("Both arms", (distance,)))
     arms = [replace(person_section(own), title=f"Human {own.arm.side} arm", key=str(own.arm.side)) for own in fit.arms]
     title = f"{' and '.join(own.arm.name for own in fit.arms)}, fitted to a person"
-    return Report(title, sections=(*both, *arms), data_warnings=data_warnings)
+    return Report(title, sections=(*both, *arms))
 
 
 def person_section(fit: ArmFit) -> Section:
@@ -193,6 +191,7 @@ def person_section(fit: ArmFit) -> Section:
     texts = [f"The recording does not determine {listed(names)}: {why}" for why, names in by_reason.items()]
     frames = f"{fit.arm.name}, {len(fit)} frames, {fit.time[0]:.2f} to {fit.time[-1]:.2f} s"
     metrics = (
+        *warnings_of(FIT, fit.quality_warnings),
         *warnings_of("undetermined-joints", texts),
         info("Model", "model", fit.arm.name, frames),
         info("Arm", "side", fit.arm.side, f"{fit.arm.side}: {fit.side_reason}"),
@@ -228,7 +227,7 @@ def learned_report(learned: LearnedProfile) -> Report:
     equal = [f"{names[i]} and {names[j]}" for i, j in np.argwhere(np.triu(agreement.apart < 1e-6, 1))]
     texts = ["the demonstrations differ: their mean is a motion that nobody performed"] if grade != "agree" else []
     texts += [f"{outlier} differs from the other demonstrations"] if outlier else []
-    data_warnings = (
+    warned = (
         *(warning("equal-demonstrations", f"{text} are the same: their agreement has no meaning") for text in equal),
         *warnings_of(RECORDING, [text for part in learned.demonstrations for text in part.quality_warnings]),
         *warnings_of("demonstrations-differ", texts),
@@ -272,12 +271,12 @@ def learned_report(learned: LearnedProfile) -> Report:
         *software(learned.random_state),
     )  # fmt: skip
     sections = (
-        Section("Learned profile", tuple(profile), key="profile"),
+        Section("Learned profile", (*warned, *profile), key="profile"),
         _demonstrations(learned, outlier),
         Section("Settings", settings, key="run", folded=True),
     )
     outcome = f"The demonstrations {grade}."
-    return Report(f"A profile of {k} demonstrations", lead, sections, data_warnings, outcome, cause, advice)
+    return Report(f"A profile of {k} demonstrations", lead, sections, outcome, cause, advice)
 
 
 def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:

@@ -11,7 +11,7 @@ from maniport.pipeline.config import CONFIG, OPTIONS
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import ArmResult, ArmTransfer, MotionResult, TransferResult
 from maniport.report.metrics import METRICS, MISSED_SHARE, group_section, motion_section
-from maniport.report.recording import FIT, RECORDING, person_section, recording_section
+from maniport.report.recording import person_section, recording_section
 from maniport.report.robot import chain_metrics, placement_section
 from maniport.report.transfer import adapter_section, evaluation_section, label
 from maniport.report.values import (
@@ -51,7 +51,7 @@ Result = TransferResult | MotionResult
 def result_report(result: TransferResult | MotionResult) -> Report:
     """Report a transfer, or a robot's motion along target ellipsoids."""
     several, robot = len(result.arms) > 1, result.robot.name
-    sections, motions, fits = [], dict[str, Metrics](), list[str]()
+    sections, motions = [], dict[str, Metrics]()
     if several and result.motion is not None:
         time = result.time if isinstance(result, TransferResult) else result.motion.trajectory.time
         collisions = result.arms[0].collisions
@@ -60,8 +60,6 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         own = _arm_sections(arm)
         motions[arm.name] = {metric.key: metric for metric in own[0].metrics if not metric.is_warning}
         sections += _named(arm.name, own) if several else own
-        if isinstance(arm, ArmTransfer):
-            fits += [f"{arm.name.capitalize()} arm: " * several + text for text in arm.fit.quality_warnings]
     if isinstance(result, TransferResult):
         source, spec = Path(result.recording.source).stem or "A recording", result.spec
         person = " and ".join(str(arm.fit.arm.side) for arm in result.arms)
@@ -73,16 +71,15 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         named = robot if robot != robot.lower() else robot[:1].upper() + robot[1:]
         title = f"{source[:1].upper()}{source[1:]} → {named}: transfer result"
         sections.append(replace(recording_section(result.recording), folded=True))
-        data_warnings = (*warnings_of(RECORDING, result.recording.quality_warnings), *warnings_of(FIT, fits))
     else:
         assert result.motion is not None
-        trajectory, data_warnings = result.motion.trajectory, ()
+        trajectory = result.motion.trajectory
         lead = (
             f"{len(trajectory.time)} target ellipsoids, followed by {robot} in {np.ptp(trajectory.control_time):.1f} s."
         )
         title = f"{Path(result.sources[0]).stem} → {robot}" if result.sources else f"The motion of {robot}"
     sections = sorted([*sections, _settings(result)], key=lambda section: section.folded)
-    report = Report(title, lead, tuple(sections), data_warnings)
+    report = Report(title, lead, tuple(sections))
     if result.motion is not None:
         return _with_outcome(report, result, motions)
     evaluations = (arm.evaluation for arm in result.arms if isinstance(arm, ArmTransfer))

@@ -33,18 +33,13 @@ def arm_report(arm: Arm) -> Report:
         columns = (text if limit < np.inf else "unknown" for text, limit in zip(largest, (speed, effort), strict=True))
         rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", *columns))
     limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
-    chain, coupled = arm.chain, dict[str, str]()
-    mass = None if chain.inertia is None else float(chain.inertia[1:, 0, 0].sum())
-    for joint, row, offset in zip(chain.joints, chain.coupling, chain.offset, strict=True):
-        if joint.name not in (*chain.coordinates, *chain.locked):
-            terms = [f"{factor:g} · {name}" for factor, name in zip(row, chain.coordinates, strict=True) if factor]
-            coupled[joint.name] = " + ".join([*terms, *([f"{offset:.3g}"] if offset or not terms else [])])
+    inertia = arm.chain.inertia
+    mass = None if inertia is None else float(inertia[1:, 0, 0].sum())
     metrics = (
         info("Arm", "arm", arm.name, arm.name + (f", a human {arm.side} arm" if arm.side else "")),
         info("Degrees of freedom", "degrees_of_freedom", arm.dof),
         *chain_metrics(arm),
         *([] if arm.side else [info("Moving mass", "moving_mass_kg", mass, f"{mass:.3g} kg" if mass else "unknown")]),
-        info("Coupled joints", "coupled_joints", coupled, listed(f"{name} = {rule}" for name, rule in coupled.items())),
         info("Frames", "frames", list(arm.frames)),
         # no motion of a person is planned
         *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),

@@ -15,11 +15,13 @@ from numpy.typing import ArrayLike
 
 from maniport.version import __version__
 
-INFO, NOTE, WARNING, ERROR = SEVERITIES = ("info", "note", "warning", "error")
-GREEN, AMBER, RED = "green", "amber", "red"
-STATUS = {INFO: GREEN, NOTE: GREEN, WARNING: AMBER, ERROR: RED}
-"""Status of a result by the worst severity of its metrics."""
-MEANING = {GREEN: "no warnings", AMBER: "check the warnings before execution", RED: "do not execute"}
+INFO, NOTE, WARNING, ERROR = "info", "note", "warning", "error"
+RED = "red"
+STATUS = {"green": "no warnings", "amber": "check the warnings before execution", RED: "do not execute"}
+"""Status of a result without warnings, with warnings and with errors, and its meaning."""
+
+RECORDING, FIT = "recording", "human-model"
+"""Keys of warnings about a recording, and about the difference between model and person."""
 
 SUFFIXES = {"mm": "_mm", "m": "_m", "°": "_deg", "s": "_s", "Hz": "_hz"}
 """Ends of keys in JSON by unit."""
@@ -115,8 +117,6 @@ class Report:
         Title, and a sentence about the kind of result.
     sections : tuple of Section
         Metrics and tables by topic.
-    data_warnings : tuple of Metric
-        Warnings about the data, which precede those of the sections.
     outcome : str
         The outcome of a result in one sentence; empty for other objects.
     cause, advice : str
@@ -130,7 +130,6 @@ class Report:
     title: str
     lead: str = ""
     sections: tuple[Section, ...] = ()
-    data_warnings: tuple[Metric, ...] = ()
     outcome: str = ""
     cause: str = ""
     advice: str = ""
@@ -151,12 +150,12 @@ class Report:
 
     @property
     def warning_metrics(self) -> tuple[Metric, ...]:
-        """The warnings, each text once; errors come first."""
-        unique = dict[str, Metric]()
-        for metric in (*self.data_warnings, *self.metrics):
+        """The warnings, each text once; errors come first, then those about the data."""
+        unique, rank = dict[str, Metric](), {RECORDING: -2, FIT: -1}
+        for metric in self.metrics:
             if metric.is_warning and metric.text:
                 unique.setdefault(metric.text, metric)
-        return tuple(sorted(unique.values(), key=lambda metric: metric.severity != ERROR))
+        return tuple(sorted(unique.values(), key=lambda metric: (metric.severity != ERROR, rank.get(metric.key, 0))))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -178,14 +177,14 @@ class Report:
         """``"green"``, ``"amber"`` or ``"red"``: the worst of all metrics; empty where there is no outcome."""
         if not (self.outcome and self.graded):
             return ""
-        severities = [metric.severity for metric in (*self.data_warnings, *self.metrics)]
-        return STATUS[max(severities, key=SEVERITIES.index, default=INFO)]
+        severities = {metric.severity for metric in self.metrics}
+        return list(STATUS)[2 if ERROR in severities else WARNING in severities]
 
     @property
     def status_text(self) -> str:
         """The status with its meaning and the kinds of the warnings in words; empty without a status."""
         kinds = ", ".join(key.replace("-", " ") for key in self.warning_keys)
-        return f"{self.status.capitalize()}: {MEANING[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
+        return f"{self.status.capitalize()}: {STATUS[self.status]}{kinds and f' ({kinds})'}." if self.status else ""
 
     def command_for(self, folder: str = "results") -> str:
         """Return the command of the next step with the folder of the results, quoted for a shell."""

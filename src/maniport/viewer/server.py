@@ -19,7 +19,7 @@ from maniport.util.optional import viser
 from maniport.util.ports import LOOPBACK, LOOPBACK_NAMES, bound
 from maniport.util.validation import Array
 from maniport.viewer.panel import Panel
-from maniport.viewer.scene import FIELD_OF_VIEW, ONE_ARM, Scene, camera_for, find_surfaces
+from maniport.viewer.scene import FIELD_OF_VIEW, Scene, camera_for, find_surfaces
 from maniport.viewer.state import Frame, Target, ViewState
 
 NUMBERS_PERIOD = 0.25  # Time between two updates of the numbers [s]; they could not be read faster
@@ -37,7 +37,7 @@ class Page:
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(330)
-        server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0, ONE_ARM))
+        server.initial_camera.position, server.initial_camera.look_at = map(tuple, camera_for(1.0))
         server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
         self.url = f"http://{LOOPBACK}:{server.get_port()}/"
 
@@ -136,7 +136,7 @@ class LiveView(Page):
             stop.wait(max(0.0, 1.0 / rate - (clock.perf_counter() - started)))
 
     def _frame(self, client: Any) -> None:
-        position, target = camera_for(client.camera.aspect, self._scene.layout)
+        position, target = camera_for(client.camera.aspect, len(self.state.sides))
         client.camera.position = position  # viser shifts the target along, so that it is set afterwards
         client.camera.look_at = target
 

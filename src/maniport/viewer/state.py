@@ -171,11 +171,6 @@ class Frame:
         """Polyline from base to end effector, shape (k, 3) [m]."""
         return self.student.skeleton(self.student_joints)
 
-    @cached_property
-    def student_links(self) -> Array:
-        """Poses of the robot's base and of what follows each joint, shape (joints + 1, 4, 4)."""
-        return self.student.link_poses(self.student_joints)
-
 
 class Side:
     """One arm of the person and one of the robot, and the maps between them."""
