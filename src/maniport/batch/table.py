@@ -70,8 +70,9 @@ def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequen
         "verdict": report.outcome,
     }
     for name in METRICS:
-        values = [_number(numbers, key) for key in (name, *(f"{arm}_{name}" for arm in arms))]
-        row[name] = values[0] if values[0] is not None else max((v for v in values if v is not None), default=None)
+        of_all = name.replace("motion.", "arms.")
+        values = [_number(numbers, key) for key in (name, of_all, *(f"{arm}_{name}" for arm in arms))]
+        row[name] = max((value for value in values if value is not None), default=None)
     return row
 
 

@@ -150,8 +150,11 @@ def motion_report(motion: ArmMotion | RobotMotion) -> Report:
     return Report(" and ".join(f"{arm.arm} at {arm.frame}" for arm in arms), lead, sections)
 
 
-def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = None) -> Section:
-    """Describe the motion of an arm, of a result; `time` (n,): reported times of its waypoints [s]."""
+def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = None, alone: bool = True) -> Section:
+    """Describe the motion of an arm, of a result; `time` (n,): reported times of its waypoints [s].
+
+    What concerns the trajectory of several arms together is in `group_section`.
+    """
     metrics = measure("distance", motion.distance, time)
     if (error := motion.position_error) is not None:
         share = float(np.mean(error > FAR * motion.position_tolerance))
@@ -159,7 +162,8 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         metrics += measure("position_error", 1e3 * error, time, tolerance=tolerance, far_share=share)
     if motion.orientation_error is not None:
         metrics += measure("orientation_error", np.degrees(motion.orientation_error), time)
-    metrics += _of_trajectory(motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
+    if alone:
+        metrics += _of_trajectory(motion, motion.limits, motion.clearance, motion.demonstrated_time, time)
     by_speed = result is not None and result.spec.kind == "velocity"
     metrics += [item for own in getattr(result, "capabilities", ()) for item in _of_capability(own, by_speed)]
     if result is not None and result.gap is not None:
@@ -200,10 +204,10 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
         metrics += measure("lowest_point", link=lowest.link, height_mm=height, at_s=at,
                            _depth=0.0 if on_table else -height, _option=argument("table", 0))  # fmt: skip
-    return Section("Robot motion", (*metrics, *_unchecked(motion, result)), key="motion")
+    return Section("Robot motion", (*metrics, *_unchecked(motion, result, alone)), key="motion")
 
 
-def _unchecked(motion: ArmMotion, result: ArmResult | None) -> list[Metric]:
+def _unchecked(motion: ArmMotion, result: ArmResult | None, alone: bool) -> list[Metric]:
     """Warn of what the solver failed at, and of what is assumed or not checked."""
     warned = []
     if motion.held.any():
@@ -217,7 +221,8 @@ def _unchecked(motion: ArmMotion, result: ArmResult | None) -> list[Metric]:
         warned.append(warning("unchecked-floor", text))
     if motion.limits is not None:
         unchecked = () if result is None or result.collisions is None else result.collisions.unchecked
-        warned += [*assumed_limits(motion.limits), *collision_warnings(motion.clearance, unchecked)]
+        warned += assumed_limits(motion.limits)
+        warned += collision_warnings(motion.clearance, unchecked) if alone else []
     elif VELOCITY_LIMIT in motion.status:
         warned.append(warning("too-fast", "the motion is too fast for the robot in places: give it more time"))
     return warned

@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms import myoarm
 from maniport.arms.chain import RIGHT, SIDES
 from maniport.arms.human import adult_range
 from maniport.errors import RecordingError, argument, nearest_first
 from maniport.learning.mixture import points_each
 from maniport.mocap import ArmFit, HumanMotion, Recording
-from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.marker_sets import DIRECTIONS, ROLES
 from maniport.mocap.roles import (
     assign_roles,
@@ -138,31 +136,21 @@ def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, A
 
 def _completion(recording: Recording, family: str, roles: Mapping[str, Any], side: str, command: str) -> Section:
     """Explain how to assign missing roles."""
-    required = missing_roles(roles)
-    wanted = required or [role for role in ("hand", "elbow_axis", "wrist_axis") if role not in roles]
-    if not wanted:
+    if not (required := missing_roles(roles)):
         return Section("")
-    if required:
-        title, lines = "Missing roles", [f"The {side} arm lacks {listed(required)}."]
-        for role in required:
-            usual = usual_names(role, family, side)
-            near = nearest_first(usual.replace("'", ""), recording.observed)[:3]
-            lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
-    else:
-        arm = myoarm()
-        joints = listed([arm.joint_names[joint] for joint in unobservable_joints(arm, roles)])
-        undetermined = f"; unobservable joints stay near neutral: {joints}" if joints else ""
-        title = "Additional roles"
-        lines = [f"The {side} arm has all required points{undetermined}.",
-                 f"Points for {listed(wanted)} would add information, if the recording has them."]  # fmt: skip
-    template = example_markers(wanted)
+    lines = [f"The {side} arm lacks {listed(required)}."]
+    for role in required:
+        usual = usual_names(role, family, side)
+        near = nearest_first(usual.replace("'", ""), recording.observed)[:3]
+        lines.append(f"- {role}: usually {usual}; nearest here: {escaped(listed(near)) or 'none'}")
+    template = example_markers(required)
     lines += [
         "Replace the capitalized words with point names and save as markers.json:",
         f"`{json.dumps(template)}`",
         f"Then run `maniport transfer {command} --markers markers.json"
         f"{' --side left' if side == 'left' else ''} -o results`",
     ]
-    return Section(title, tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))
+    return Section("Missing roles", tuple(numbers(markers=template)), key="to_complete", text="\n".join(lines))
 
 
 @describe.register

@@ -31,10 +31,6 @@ from maniport.report.values import (
 )
 from maniport.util.defaults import POSITION_TOLERANCE
 
-OF_ALL_ARMS = frozenset({"duration", "collisions", "collision", "unchecked-collisions", "missing-meshes",
-                         "unchecked-links", "limits-exceeded"})  # fmt: skip
-"""Keys of metrics and of warnings that concern all arms together."""
-
 GRADES = {
     "position_error": {"position tracked": 0.0, "position mostly tracked": MISSED_SHARE,
                        "position not tracked": np.inf},
@@ -57,7 +53,7 @@ def result_report(result: TransferResult | MotionResult) -> Report:
         collisions = result.arms[0].collisions
         sections.append(group_section(result.motion, time, () if collisions is None else collisions.unchecked))
     for arm in result.arms:
-        own = _arm_sections(arm)
+        own = _arm_sections(arm, alone=not several)
         motions[arm.name] = {metric.key: metric for metric in own[0].metrics if not metric.is_warning}
         sections += _named(arm.name, own) if several else own
     if isinstance(result, TransferResult):
@@ -89,10 +85,11 @@ def result_report(result: TransferResult | MotionResult) -> Report:
     return replace(report, outcome=f"{robot} has its targets and was not moved.", cause=text, graded=False)
 
 
-def _arm_sections(arm: ArmResult) -> list[Section]:
+def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
     """Describe all that belongs to one arm; the first section is its motion."""
     if arm.motion is not None:
-        sections = [motion_section(arm.motion, arm.time if isinstance(arm, ArmTransfer) else arm.motion.time, arm)]
+        time = arm.time if isinstance(arm, ArmTransfer) else arm.motion.time
+        sections = [motion_section(arm.motion, time, arm, alone)]
         if arm.placement is not None:
             sections.append(replace(placement_section(arm.placement), folded=True))
     else:
@@ -104,11 +101,9 @@ def _arm_sections(arm: ArmResult) -> list[Section]:
     if isinstance(arm, ArmTransfer):
         compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation, choice=arm.choice)]
         human, robot = len(arm.teacher_domain), len(arm.student_domain)
-        text, value = (
-            f"{human} samples of the person, {robot} samples of the robot",
-            {"teacher": human, "student": robot},
-        )
-        fitted = adapter_section(arm.adapter, Metric("Domains", text, key="samples", value=value), mounted=True)
+        samples = {"teacher": human, "student": robot}
+        text = f"{human} samples of the person, {robot} samples of the robot"
+        fitted = adapter_section(arm.adapter, Metric("Domains", text, key="samples", value=samples), mounted=True)
         sections += [replace(item, folded=True) for item in (*compared, fitted, person_section(arm.fit))]
     return sections
 
@@ -120,8 +115,6 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
     def named(metric: Metric) -> Metric:
         if metric.severity != INFO and metric.text:
             return replace(metric, text=f"{name} arm: {metric.text}")
-        if metric.key in OF_ALL_ARMS:
-            return replace(metric, text="", main=False)
         return replace(metric, label=f"{name}: {metric.label[:1].lower()}{metric.label[1:]}") if metric.main else metric
 
     return [
@@ -129,7 +122,7 @@ def _named(arm: str, sections: Sequence[Section]) -> list[Section]:
             section,
             title=f"{name} arm: {section.title[:1].lower()}{section.title[1:]}",
             key=f"{arm}_{section.key}",
-            metrics=tuple(named(item) for item in section.metrics if not (item.is_warning and item.key in OF_ALL_ARMS)),
+            metrics=tuple(map(named, section.metrics)),
             folded=True,
         )
         for section in sections
@@ -178,24 +171,19 @@ def _with_outcome(report: Report, result: Result, motions: Mapping[str, Metrics]
         grades = "; ".join(_grade(metrics[key]) for key in GRADES if key in metrics)
         title = f"{grades}: {counts['count'] - counts['missed']} of {counts['count']} waypoints reached"
         text = f"median distance {median:.2f}: {in_axes(median)}." if median > ENOUGH_DISTANCE else ""
-        if "jumps" in metrics and (error := metrics["position_error"].value)["far_share"]:
-            at_jumps = metrics["jumps"].value.get("there", {"position_error_mm": 0.0})
-            if at_jumps["position_error_mm"] >= error["max"]:
-                text = f"{text} The position error is largest where the recording jumps.".strip()
         start = f"{name.capitalize()}: " if several else ""
         titles.append(sentence(start + title))
         texts += [sentence(start + text)] if text else []
     report = replace(report, outcome=" ".join(titles), cause=" ".join(texts))
-    advice, command = _advice(result, motions, report.status)
+    advice, command = _advice(result, motions, report)
     return replace(report, advice=advice, command="" if several else command)
 
 
-def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tuple[str, str]:
+def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> tuple[str, str]:
     """Advise what improves the result most, with its command; of several arms the first with an advice decides."""
     slower = _track(result, "slower", speed_scale=0.5 * (result.config.motion.speed_scale if result.config else 1.0))
-    if status == RED:
-        limits = (metrics["limits"] for metrics in motions.values() if "limits" in metrics)
-        exceeded = any(METRICS["limits"].level(item.value) > METRICS["limits"].warn_above for item in limits)
+    if report.status == RED:
+        exceeded = "limits-exceeded" in report.warning_keys
         return ("Do not execute: reduce the speed scale.", slower) if exceeded else ("Do not execute.", "")
     for arm, metrics in zip(result.arms, motions.values(), strict=True):
         motion, error = arm.motion, metrics.get("position_error")

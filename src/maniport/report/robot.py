@@ -20,18 +20,19 @@ from maniport.report.values import Metric, Report, Section, Table, describe, inf
 
 @describe.register
 def arm_report(arm: Arm) -> Report:
-    """Describe an arm: its joints with their limits, coupled and fixed joints, and frames."""
-    speeds, efforts = (
-        np.full(arm.dof, np.inf) if limits is None else limits for limits in (arm.velocity_limits, arm.effort_limits)
-    )
-    rows = []
-    for name, unit, low, high, speed, effort in zip(
-        arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True
-    ):
-        degrees = f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" if unit == "rad" else ""
-        largest = (f"{speed:.3g} {unit}/s", f"{effort:.3g} {'N m' if unit == 'rad' else 'N'}")
-        columns = (text if limit < np.inf else "unknown" for text, limit in zip(largest, (speed, effort), strict=True))
-        rows.append((name, f"{low:.3f} to {high:.3f} {unit}{degrees}", *columns))
+    """Describe an arm: its joints with their limits, fixed joints, and frames."""
+    unknown = np.full(arm.dof, np.inf)
+    speeds, efforts = (unknown if own is None else own for own in (arm.velocity_limits, arm.effort_limits))
+
+    def limit(value: float, unit: str) -> str:
+        return f"{value:.3g} {unit}" if value < np.inf else "unknown"
+
+    joints = zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, speeds, efforts, strict=True)
+    rows = [
+        (name, f"{low:.3f} to {high:.3f} {unit}" + f" ({np.degrees(low):.0f}° to {np.degrees(high):.0f}°)" * angle,
+         limit(speed, f"{unit}/s"), limit(effort, "N m" if angle else "N"))
+        for name, unit, low, high, speed, effort in joints for angle in [unit == "rad"]
+    ]  # fmt: skip
     limits = dict(zip(arm.joint_names, np.transpose([arm.lower, arm.upper]).tolist(), strict=True))
     inertia = arm.chain.inertia
     mass = None if inertia is None else float(inertia[1:, 0, 0].sum())
@@ -44,10 +45,8 @@ def arm_report(arm: Arm) -> Report:
         # no motion of a person is planned
         *([] if arm.side else assumed_limits(MotionLimits.of(arm, joint_limit_margin=0.0))),
     )
-    joints = Table(
-        ("joint", "position limits", "velocity limit", "effort limit"), tuple(rows), key="joints", value=limits
-    )
-    return Report(arm.name, "", (Section("", metrics, (joints,)),))
+    columns = "joint", "position limits", "velocity limit", "effort limit"
+    return Report(arm.name, "", (Section("", metrics, (Table(columns, tuple(rows), key="joints", value=limits),)),))
 
 
 def chain_metrics(arm: Arm) -> list[Metric]:
@@ -96,12 +95,10 @@ def collision_warnings(result: Collisions | Clearance, unchecked: Sequence[str] 
     if not result.checked:
         return [warning("unchecked-collisions", f"collisions are not checked: {result.reason}")]
     links = listed(result.unchecked if isinstance(result, Collisions) else unchecked)
-    meshes = listed(result.stand_ins)
-    texts = {
-        "missing-meshes": f"meshes of {meshes} are missing; the collision shapes of these links are checked instead",
-        "unchecked-links": f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet",
-    }
-    return [warning(key, text) for (key, text), names in zip(texts.items(), (meshes, links), strict=True) if names]
+    text = f"meshes of {listed(result.stand_ins)} are missing; the collision shapes of these links are checked instead"
+    warned = [warning("missing-meshes", text)] if result.stand_ins else []
+    text = f"not checked for collisions: {links}; their shapes are unknown or convex hulls always meet"
+    return [*warned, *([warning("unchecked-links", text)] if links else [])]
 
 
 def robot_report(name: str, limbs: Sequence[Limb], arm: Arm | None) -> Report:
