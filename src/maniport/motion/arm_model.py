@@ -140,13 +140,16 @@ class InverseDynamics:
             result[row] = pin.rnea(self._model, self._data, *state)
         return result
 
+    def gravity(self, q: Array) -> Array:
+        """Torques g at n configurations (n, dof) [N m] or [N]."""
+        return np.array([pin.computeGeneralizedGravity(self._model, self._data, row) for row in q])
+
     def along(self, q: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
         """Return a, b and g (n, dof) of the torques a u + b x + g on a path with derivatives `first` and `second`.
 
         u is the acceleration and x the squared speed of the path's parameter.
         """
-        still = np.zeros(q.shape)
-        gravity = self.torques(q, still, still)
+        still, gravity = np.zeros(q.shape), self.gravity(q)
         return self.torques(q, still, first) - gravity, self.torques(q, first, second) - gravity, gravity
 
 

@@ -165,7 +165,7 @@ class MotionLimits:
         if self.dynamics is None or not np.isfinite(self.effort).any():
             return
         q = self.arm.sample(400, 0)
-        torques = np.abs(self.dynamics.torques(q, np.zeros(q.shape), np.zeros(q.shape)))
+        torques = np.abs(self.dynamics.gravity(q))
         shares = torques / self.effort
         if np.mean(shares.max(axis=1) < 1.0) < least:
             joint = int(np.bincount(shares.argmax(axis=1)).argmax())

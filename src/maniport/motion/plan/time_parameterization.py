@@ -208,8 +208,7 @@ def _sampled(limits: MotionLimits, path: JointPath, speed: Array, rate: float) -
     if np.isfinite(limits.effort_rate).any() and limits.dynamics is not None:
         # the torques of averaged positions are nearly the averaged torques
         torques = np.ascontiguousarray((limits.torques(raw.T, rate) / limits.effort_rate).T)
-        still = np.zeros(raw.T.shape)
-        moving = torques - (limits.dynamics.torques(raw.T, still, still) / limits.effort_rate).T
+        moving = torques - (limits.dynamics.gravity(raw.T) / limits.effort_rate).T
         abrupt = max(abrupt, 2.2 * np.abs(moving).max())
     widest = max(0, int(np.ceil(0.5 * (abrupt * rate - 1.0))))
     require_few(len(clock) + 2.0 * widest)
@@ -240,8 +239,7 @@ def _torque_shares(limits: MotionLimits, samples: Array, rate: float) -> tuple[A
     """Shares of what gravity leaves of the torques, and of torque rates, shapes (m,) and (m - 1,); 0 where unknown."""
     if limits.dynamics is None or not (np.isfinite(limits.effort) | np.isfinite(limits.effort_rate)).any():
         return np.zeros(len(samples)), np.zeros(len(samples) - 1)
-    still = np.zeros(samples.shape)
-    torques, held = limits.torques(samples, rate), limits.dynamics.torques(samples, still, still)
+    torques, held = limits.torques(samples, rate), limits.dynamics.gravity(samples)
     left = np.maximum(limits.effort - np.sign(torques - held) * held, 1e-3 * np.minimum(limits.effort, 1e6))
     rates = np.abs(np.diff(torques, axis=0)) * (rate / limits.effort_rate)
     return (np.abs(torques - held) / left).max(axis=1), rates.max(axis=1)
