@@ -82,10 +82,8 @@ class MotionLimits:
 
         Raises
         ------
-        FileFormatError
-            When the file cannot be read, names unknown joints or keys, or a value is not allowed.
-        InvalidInputError
-            The same for a mapping; or for another margin.
+        FileFormatError, InvalidInputError
+            When a file, or a mapping, names unknown joints or keys, or a value is not allowed.
         """
         share = as_number(joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
         is_file = isinstance(source, str | os.PathLike)

@@ -124,13 +124,7 @@ class Objective:
         return np.asarray(damped - self.shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
-        """Convert target ellipsoids to damped ones, shape (n, d, d), which are positive-definite.
-
-        Raises
-        ------
-        InvalidInputError, NotSPDError
-            When they are not.
-        """
+        """Convert target ellipsoids to damped ones, shape (n, d, d), which must be positive-definite."""
         damped = self.damped(as_square(ellipsoids, name, self.spec.size))
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
         return as_points(damped, label, minimum=minimum, hint=hint)

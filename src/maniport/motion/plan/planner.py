@@ -58,13 +58,7 @@ class Planner:
     def of(
         cls, limits: MotionLimits, spec: EllipsoidSpec, collisions: Collisions | bool = True, random_state: Any = 0
     ) -> "Planner":
-        """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions.
-
-        Raises
-        ------
-        InvalidInputError
-            When an arm has too few joints, or coupled ones.
-        """
+        """Sample the arms within their limits, each with the same seed; ``collisions=True``: self-collisions."""
         group, model = as_group(limits.arm), as_collisions(collisions, limits.arm)
         alone = (None,) * len(group) if model is None else model.of_arms
         generators, arms = _copies(as_generator(random_state), len(group)), []

@@ -84,8 +84,10 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
 
 
-def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, share: float = 0.3) -> Trajectory:
+def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike) -> Trajectory:
     """Begin and end at a home configuration, with straight motions in joint space from rest to rest.
+
+    They use 30 % of the limits of velocity, acceleration and jerk.
 
     Parameters
     ----------
@@ -94,23 +96,15 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, 
     limits : MotionLimits
     home : array_like, shape (dof,)
         Within the position limits [rad] or [m].
-    share : float
-        Share of the limits of velocity, acceleration and jerk that is used.
 
     Returns
     -------
     Trajectory
         Longer; its waypoints are passed later.
-
-    Raises
-    ------
-    InvalidInputError
-        When the home configuration has another shape or is beyond the limits, or a motion takes more than 3 million
-        samples.
     """
     start = limits.arm.require_within_limits(home, "home", single=True)
     rate = (len(motion.control_time) - 1) / motion.control_time[-1]
-    slow = replace(limits, **{quantity: share * getattr(limits, quantity) for quantity in DERIVATIVES})
+    slow = replace(limits, **{quantity: 0.3 * getattr(limits, quantity) for quantity in DERIVATIVES})
 
     def straight(first: Array, last: Array) -> Array:
         duration = float((np.abs(last - first) / slow.velocity).max())  # with velocity limits alone
