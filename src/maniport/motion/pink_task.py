@@ -46,6 +46,9 @@ class EllipsoidTask(Task):  # type: ignore[misc]  # Pink is untyped
         self.arm, self.objective = arm, Objective.of(arm, spec, damping, positive=True)
         self._targets: Targets | None = None
 
+    def __repr__(self) -> str:
+        return f"EllipsoidTask({self.arm!r}, cost={self.cost}, gain={self.gain}, lm_damping={self.lm_damping})"
+
     def set_target(self, ellipsoid: ArrayLike) -> None:
         """Set the target ellipsoid in the base frame, without damping, shape (d, d)."""
         damped = self.objective.checked(np.asarray(ellipsoid)[None], "ellipsoid")
