@@ -24,7 +24,8 @@ def main(folder):
     """Transfer three seconds of climbing a ladder to the Panda."""
     folder.mkdir(parents=True, exist_ok=True)
     # 1. Fit the person's arm; joint angles give ellipsoids and hand path.
-    recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 25.0).resample(15.0)
+    recording = mp.read_recording(shipped_recording("ladder")).crop(22.0, 25.0)
+    recording = mp.Recording(recording.names, recording.positions[::2], recording.time[::2])  # 15 Hz
     person = mp.fit_arm(recording)
     profile = person.arm.manipulability(person.joint_angles)
     hand = person.arm.forward(person.joint_angles)[:, :3, 3]

@@ -17,7 +17,7 @@ from maniport.motion.plan.time_parameterization import retime, with_approach
 
 PLANAR = Arm.from_dh("planar", [[0, 0, 0.5, 0]] * 3)
 CRANE = Arm.from_dh("crane", [[0, 0, 0, 0], [0, 0, 0.5, 0]], [0, -2], [1, 2], kinds=["prismatic", "revolute"])
-SIX = Arm.from_dh("six", [[0, 0.1, 0.3, 1.5]] * 6, -6, 6, velocity_limits=3.0)
+SIX = Arm.from_dh("six", [[0, 0.1, 0.3, 1.5]] * 6, -6, 6).with_limits(velocity=3.0)
 HARD = {"default": {"velocity": 2.0, "acceleration": 10.0, "jerk": 5000.0}}
 
 

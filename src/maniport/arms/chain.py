@@ -146,6 +146,17 @@ class Chain:
         return {**{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()}, **self.others}
 
 
+def point_mass(mass: float, point: Array) -> Array:
+    """Spatial inertia (6, 6), linear rows first, of a mass [kg] at a point (3,) [m], about the origin."""
+    return np.asarray(pin.Inertia(mass, point, np.zeros((3, 3))).matrix())
+
+
+def moved_inertia(inertia: Array, pose: Array) -> Array:
+    """Spatial inertia (..., 6, 6) about another frame in which its present frame has the pose (4, 4)."""
+    force = pin.SE3(pose).dualAction  # transforms forces and momenta
+    return np.asarray(force @ inertia @ force.T)
+
+
 def _require_rigid(placement: Array, what: str) -> None:
     """Require a rotation and a translation within ±MAX_POSITION [m]."""
     turn, shift = placement[:3, :3], placement[:3, 3]

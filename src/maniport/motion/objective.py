@@ -1,33 +1,27 @@
 """Objective of an arm: the costs of its ellipsoid, end-effector position and orientation, evaluated together.
 
-The cost of joint positions q is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|², with
-
-- r_ellipsoid = W^½ vec(log X), X = (A + ε I)^-½ (M(q) + ε I) (A + ε I)^-½, for a target A. vec is the Mandel form, so
-  that the length is the affine-invariant distance; the weights W of the directions are mostly the identity;
-- r_position = w (p(q) − p);
-- r_orientation = c_k (R(q) e_k − R e_k) of the axes k of the end effector. With one axis the square is that of the
-  angle between the two, to second order, with all three and c_k = c/√2 that of the rotation between them.
-
-Searches, placement, seed configurations, controller and planner use it.
+The cost of joint positions q is f(q) = |r_ellipsoid|² + |r_position|² + |r_orientation|², with the residuals of
+`maniport.motion.costs`. Searches, placement, seed configurations, controller and planner use it.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError
-from maniport.motion.kernels import add_log_residual, add_residual, log_slopes
-from maniport.spd.kernels import compose, congruence, eigh
-from maniport.spd.matrix_functions import apply, roots, to_vector
+from maniport.motion.costs.ellipsoid import EllipsoidCost
+from maniport.motion.costs.orientation import OrientationCost
+from maniport.motion.costs.position import PoseCost, PositionCost
+from maniport.motion.kernels import add_residual
+from maniport.spd.matrix_functions import roots
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
-from maniport.util.validation import SPD_TOLERANCE, Array, as_choice, as_number, as_points, as_square
+from maniport.util.validation import Array, as_points, as_square
 
 Damping = float | Regularization | None  # How ellipsoids are damped before they are compared; see `as_damping`
 
@@ -39,10 +33,6 @@ FOLLOWING_WEIGHT = 200.0
 steps, which use first derivatives only."""
 EXACT_WEIGHT = 1000.0
 """The same of the pointwise optimum, with a position error of less than 0.1 mm."""
-
-POINTING, WHOLE = "pointing", "whole"
-"""Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
-ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
 HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellipsoids"
 
@@ -61,14 +51,6 @@ def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool
     if positive and own.epsilon == 0.0:
         raise InvalidInputError(f"damping must be above 0, since arms pass singular configurations; found {damping!r}")
     return own
-
-
-def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
-    """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
-    as_number(weight, "orientation_weight", above=0.0)
-    if as_choice(keep, "orientation_axes", (POINTING, WHOLE)) == POINTING:
-        return 0.0, 0.0, weight
-    return (weight / math.sqrt(2.0),) * 3
 
 
 @dataclass(frozen=True)
@@ -187,110 +169,60 @@ class Targets:
         """A, without damping, shape (n, d, d)."""
         return self.objective.undamped(self.root @ self.root)
 
+    @property
+    def ellipsoid_cost(self) -> EllipsoidCost:
+        """Cost of the ellipsoids."""
+        own = self.objective
+        return EllipsoidCost(own.arm, own.spec, own.shift, self.root, self.whitening, self.weights)
+
+    @property
+    def orientation_cost(self) -> OrientationCost | None:
+        """Cost of the orientations; None where they have none."""
+        own, rotations = self.objective, self.rotations
+        return OrientationCost(own.arm, rotations, own.axis_weights) if self.turned and rotations is not None else None
+
+    @property
+    def pose_costs(self) -> tuple[PoseCost, ...]:
+        """Costs of position and orientation, as far as there are any."""
+        costs: list[PoseCost] = []
+        if self.positions is not None:
+            costs.append(PositionCost(self.arm, self.positions, self.objective.position_weight))
+        orientation = self.orientation_cost
+        return tuple(costs) if orientation is None else (*costs, orientation)
+
     def evaluate(self, q: Array) -> tuple[Array, Array, Array]:
         """√f (n,), half the gradient (n, dof) and Gauss-Newton Hessian (n, dof, dof) of f; √f may be infinite."""
         parts = self.linearize(q)
         return np.sqrt(parts.ellipsoid_square + parts.pose_square), parts.gradient, parts.hessian
 
-    def linearize(self, q: Array) -> Linearization:
+    def linearize(self, q: Array) -> "Linearization":
         """Evaluate f and its derivatives at configurations (n, dof); the kinematics is computed once."""
         poses, jacobian, velocity, changes = self.arm.posed_differentials(q, self.objective.spec.bounded)
-        values, vectors, singular, changes = self.spectrum(velocity, changes)
-        gradient, hessian, square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
-        if self.weights is None:
-            add_log_residual(values, vectors, self.whitening, changes, square, gradient, hessian)
-        else:
-            rows = to_vector(self._log_changes(values, vectors, changes))
-            residual = to_vector(compose(np.log(values), vectors))
-            pull = (self.weights @ residual[..., None])[..., 0]
-            gradient += (rows @ pull[..., None])[..., 0]
-            hessian += rows @ self.weights @ np.swapaxes(rows, -1, -2)
-            square += np.sum(residual * pull, axis=1)
-        residual = self.pose_residual(poses)
-        add_residual(residual, self.pose_jacobian(poses, jacobian), gradient, hessian)
-        square[singular] = np.inf
-        return Linearization(square, np.sum(residual**2, axis=1), gradient, hessian, poses)
+        gradient, hessian, pose_square = np.zeros(q.shape), np.zeros((*q.shape, q.shape[1])), np.zeros(len(q))
+        square = self.ellipsoid_cost.add(velocity, changes, gradient, hessian)
+        for cost in self.pose_costs:
+            residual = cost.at(poses)
+            add_residual(residual, cost.slopes(poses, jacobian), gradient, hessian)
+            pose_square += np.sum(residual**2, axis=1)
+        return Linearization(square, pose_square, gradient, hessian, poses)
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
         square = np.square(self.distance(q))
         if self.weights is not None:
-            vectors = to_vector(self.logarithms(q))
-            square = np.einsum("ni,nij,nj->n", vectors, self.weights, vectors)
-        if self.positions is not None or self.turned:
-            square = square + np.sum(self.pose_residual(self.arm.forward(q)) ** 2, axis=1)
+            square = np.sum(self.ellipsoid_cost.residual(q) ** 2, axis=1)
+        if self.pose_costs:
+            poses = self.arm.forward(q)
+            for cost in self.pose_costs:
+                square = square + np.sum(cost.at(poses) ** 2, axis=1)
         return np.asarray(square)
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
-        values, _, singular, _ = self.spectrum(self.arm.ellipsoids(q, self.objective.spec.bounded))
-        return np.where(singular, np.inf, np.sqrt(np.sum(np.log(values) ** 2, axis=1)))
+        return self.ellipsoid_cost.distance(q)
 
     def position_error(self, q: Array) -> Array | None:
         """Position error [m], shape (n,); None without target positions."""
         if self.positions is None:
             return None
         return np.asarray(np.linalg.norm(self.arm.forward(q)[:, :3, 3] - self.positions, axis=1))
-
-    def orientation_error(self, q: Array) -> Array | None:
-        """Largest angle between an axis with a weight and its target, shape (n,) [rad]; None without such axes."""
-        if self.rotations is None or not self.turned:
-            return None
-        axes = np.flatnonzero(self.objective.axis_weights)
-        chords = np.linalg.norm(self.arm.forward(q)[:, :3, axes] - self.rotations[:, :, axes], axis=1)
-        return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chords.max(axis=1), 1.0)))
-
-    def pose_residual(self, poses: Array) -> Array:
-        """r_position and r_orientation for poses (n, 4, 4) of the end effector, shape (n, r); r may be 0."""
-        own, parts = self.objective, [np.empty((len(poses), 0))]
-        if self.positions is not None:
-            parts.append(own.position_weight * (poses[:, :3, 3] - self.positions))
-        if self.rotations is not None:
-            axes = np.flatnonzero(own.axis_weights)
-            parts += [own.axis_weights[k] * (poses[:, :3, k] - self.rotations[:, :, k]) for k in axes]
-        return np.concatenate(parts, axis=1)
-
-    def pose_jacobian(self, poses: Array, jacobian: Array) -> Array:
-        """Their derivatives for Jacobians (n, 6, dof) of the end effector, shape (n, r, dof)."""
-        own, parts = self.objective, [jacobian[:, :0]]
-        if self.positions is not None:
-            parts.append(own.position_weight * jacobian[:, :3])
-        if self.rotations is not None:
-            axes = np.flatnonzero(own.axis_weights)
-            parts += [-own.axis_weights[k] * np.cross(poses[:, :3, k, None], jacobian[:, 3:], axis=1) for k in axes]
-        return np.concatenate(parts, axis=1)
-
-    def spectrum(self, velocity: Array, changes: Array | None = None) -> tuple[Array, Array, NDArray[np.bool_], Array]:
-        """Eigenvalues (1 where M is singular) and -vectors of X, singularity, and derivatives of M.
-
-        `velocity` are velocity ellipsoids (n, d, d), `changes` their derivatives (n, dof, d, d).
-        """
-        singular, achieved, own = np.zeros(len(velocity), bool), velocity, self.objective
-        if own.spec.kind == "force":
-            values, vectors = eigh(velocity)
-            singular = values[:, 0] <= SPD_TOLERANCE * values.sum(axis=1)
-            values[singular] = 1.0
-            achieved = compose(1.0 / values, vectors)
-            changes = None if changes is None else -achieved[:, None] @ changes @ achieved[:, None]
-        values, vectors = eigh(congruence(self.whitening, own.damped(achieved)))
-        singular |= values[:, 0] <= SPD_TOLERANCE * values[:, -1]
-        values[singular] = 1.0
-        return values, vectors, singular, np.empty((0,)) if changes is None else changes
-
-    def logarithms(self, q: Array) -> Array:
-        """Log X, shape (n, d, d), where nothing is singular."""
-        achieved = self.objective.damped(self.arm.ellipsoids(q, self.objective.spec))
-        return apply(congruence(self.whitening, achieved), np.log)
-
-    def log_changes(self, q: Array) -> Array:
-        """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        _, velocity, changes = self.arm.differentials(q, self.objective.spec.bounded)
-        values, vectors, _, changes = self.spectrum(velocity, changes)
-        return self._log_changes(values, vectors, changes)
-
-    def _log_changes(self, values: Array, vectors: Array, changes: Array) -> Array:
-        """Return derivatives of log X in the base frame; as in `add_log_residual`."""
-        frames = np.swapaxes(vectors, -1, -2) @ self.whitening
-        inner = frames[:, None] @ changes @ np.swapaxes(frames, -1, -2)[:, None]
-        turned = log_slopes(values)[:, None] * inner
-        return np.asarray(vectors[:, None] @ turned @ np.swapaxes(vectors, -1, -2)[:, None])

@@ -72,9 +72,6 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {errors}" if largest else ""
         values: dict[str, Any] = {name: {"position_error_mm": value} for name, value in largest.items()}
         metrics += measure("jumps", points=int(jumps.sum()), **values, _text=text)
-    if result is not None and result.free is not None:
-        kept, free = (float(np.mean(moved.distance)) for moved in (motion, result.free))
-        metrics += measure("orientation_cost", kept=kept, free=free, _difference=kept - free)
     if result is not None and (lowest := result.lowest) is not None:
         on_table = result.collisions is not None and result.collisions.table is not None
         height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))

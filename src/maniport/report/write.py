@@ -8,8 +8,8 @@ from typing import Any
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import DATA_FILES as LEARNED_DATA
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
 from maniport.report.metrics import report_of
 from maniport.report.renderings import FIGURES, LEARNED, PAGE, SUMMARY, files_of, write_report

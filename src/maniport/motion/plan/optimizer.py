@@ -20,6 +20,7 @@ from scipy.linalg import LinAlgError, solveh_banded
 
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions
+from maniport.motion.costs.smoothness import Differences, SmoothnessCost
 from maniport.motion.search.descent import LARGEST_DAMPING, LEAST_GAIN, PathCost
 from maniport.util.validation import Array
 
@@ -100,41 +101,6 @@ def levenberg_marquardt(problem: Any, state: Any, rel_tol: float, max_iter: int 
     return state
 
 
-class Differences:
-    """The k-th derivative at uneven times as a banded matrix D of n − k rows."""
-
-    def __init__(self, time: Array, order: int):
-        count = len(time) - order
-        at = np.stack([time[k : count + k] for k in range(order + 1)], axis=1)
-        rows = np.tile(np.eye(order + 1), (count, 1, 1))
-        for level in range(1, order + 1):
-            gap = at[:, level:] - at[:, : at.shape[1] - level]
-            rows = level * (rows[:, 1:] - rows[:, :-1]) / gap[..., None]
-        self.order, self.rows, self.spans = order, rows[:, 0], (at[:, -1] - at[:, 0]) / order
-
-    def __call__(self, values: Array) -> Array:
-        """D applied to values (n, dof)."""
-        m = len(self.rows)
-        return np.asarray(sum(self.rows[:, k, None] * values[k : m + k] for k in range(self.order + 1)))
-
-    def transposed(self, values: Array) -> Array:
-        """Dᵀ applied to values (n − k, dof)."""
-        m = len(self.rows)
-        out = np.zeros((m + self.order, values.shape[1]))
-        for k in range(self.order + 1):
-            out[k : m + k] += self.rows[:, k, None] * values
-        return out
-
-    def normal(self, weights: Array) -> Array:
-        """Lower diagonals of Dᵀ W D for each joint, shape (k + 1, n, dof); W is diagonal, `weights` (n − k, dof)."""
-        m = len(self.rows)
-        band = np.zeros((self.order + 1, m + self.order, weights.shape[1]))
-        for below in range(self.order + 1):
-            for k in range(self.order + 1 - below):
-                band[below, k : m + k] += weights * (self.rows[:, k] * self.rows[:, k + below])[:, None]
-        return band
-
-
 class TrajectoryCost:
     """Cost of a trajectory, its gradient and its banded Hessian; `waypoints` have `evaluate` of a `PathCost`."""
 
@@ -144,12 +110,7 @@ class TrajectoryCost:
         n = len(time)
         self.clearance = np.broadcast_to(terms.clearance, n)
         self.stiffness = (CLEARANCE_WEIGHT * (CLEARANCE / self.clearance)) ** 2  # contact costs the same for every c
-        self.smoothness = np.zeros((min(4, n), n, arm.dof))  # lower diagonals of the Hessian of each joint
-        for order, cost in ((1, terms.velocity_cost), (3, terms.jerk_cost)):
-            if n > order:
-                difference = Differences(time, order)
-                weights = np.repeat(cost * difference.spans[:, None], arm.dof, axis=1)
-                self.smoothness[: order + 1] += difference.normal(weights)
+        self.smoothness = SmoothnessCost(time, arm.dof, terms.velocity_cost, terms.jerk_cost)
         limits = ((1, terms.velocity), (2, terms.acceleration))
         self.limited = [(Differences(time, k), limit) for k, limit in limits if limit is not None and n > k]
 
@@ -166,11 +127,7 @@ class TrajectoryCost:
             np.add.at(square, rows, stiffness * lacking**2)
             np.add.at(gradient, rows, (-stiffness * lacking)[:, None] * slope)
             np.add.at(hessian, rows, stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :])
-        band, smooth = self.smoothness.copy(), self.smoothness[0] * q  # half the gradient of a quadratic cost
-        for below in range(1, len(band)):
-            line = band[below, : len(q) - below]
-            smooth[below:] += line * q[:-below]
-            smooth[:-below] += line * q[below:]
+        smooth, band = self.smoothness.gradient(q), self.smoothness.band.copy()
         cost = float(np.sum(self.weights * square) + np.sum(q * smooth))
         gradient = self.weights[:, None] * gradient + smooth
         for difference, limit in self.limited:

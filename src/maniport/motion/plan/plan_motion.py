@@ -9,13 +9,16 @@ from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.errors import InvalidInputError
+from maniport.motion.costs.cost import Cost, as_costs
+from maniport.motion.costs.orientation import axis_weights
+from maniport.motion.costs.position import RelativePositionCost
 from maniport.motion.motion_limits import MotionLimits
-from maniport.motion.objective import EXACT_WEIGHT, Damping, axis_weights
+from maniport.motion.objective import EXACT_WEIGHT, Damping
 from maniport.motion.plan.arm_planner import planning_time_scale
 from maniport.motion.plan.plan_settings import PlanSettings
 from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.time_parameterization import with_approach
-from maniport.motion.problem import Cost, MotionProblem, RelativePositionCost, as_costs
+from maniport.motion.problem import MotionProblem
 from maniport.motion.robot_motion import RobotMotion
 from maniport.motion.schedule import of_each, require_few, require_rows, schedules_of
 from maniport.motion.search.descent import STARTS, interpolated_distance, pointwise_best
@@ -65,8 +68,8 @@ def plan_motion(
     spec, damping, weights, progress
         As in `maniport.motion.track`.
     rotations : array_like, shape (n, 3, 3), or a sequence of them, optional
-        Target orientations of the end effectors in the base frame; `orientation_axes` and `orientation_weight` set
-        which axes count and how much. The pointwise optimum ignores them.
+        Target orientations of the end effectors in the base frame; `orientation_axes` sets which axes count. The
+        pointwise optimum ignores them.
     costs : sequence of Cost, optional
         Further costs, over all joints; see `maniport.motion.problem.Cost`. The pointwise optimum ignores them.
     hand_targets : {"placed", "relative"}
@@ -88,7 +91,7 @@ def plan_motion(
         planner.require_fits(arms, spec)
     settings = settings.resolved(arms, planner)
     arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    axes = axis_weights(settings.orientation_axes)
     schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, axes, arrays)
     if len({schedule.positions is None for schedule in schedules}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
