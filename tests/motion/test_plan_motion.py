@@ -90,6 +90,17 @@ def test_jumps_of_the_recording_are_named(planned):
     assert reported["there"]["position_error_mm"] == pytest.approx(1e3 * arm.position_error[[3, 4, 8, 9]].max())
 
 
+def test_an_exceeded_torque_is_reported(planned):
+    """The warning has the joint, its limit and the time."""
+    arm = planned.arms[0]
+    report = report_of(replace(arm, limits=replace(arm.limits, effort=np.array([87.0, 5.0, *[87.0] * 5]))))
+    (text,) = (text for text in report.warnings if "torque" in text)
+    joint, share, at = arm.limit_use.largest["torque"]
+    assert joint == "panda_joint2"
+    assert "torques-exceeded" in report.warning_keys
+    assert f"{joint} at {share * arm.limits.effort[1] / 5.0:.2f} times its torque limit of 5 N m at" in text
+
+
 def test_clearance_is_measured_between_the_waypoints(planned, planner):
     """No control step next to the closest waypoint is nearer to a collision than the clearance."""
     arm = planned.arms[0]
