@@ -208,14 +208,11 @@ class Targets:
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
-        square = np.square(self.distance(q))
-        if self.weights is not None:
-            square = np.sum(self.ellipsoid_cost.residual(q) ** 2, axis=1)
-        if self.pose_costs:
-            poses = self.arm.forward(q)
-            for cost in self.pose_costs:
-                square = square + np.sum(cost.at(poses) ** 2, axis=1)
-        return np.asarray(square)
+        poses, velocity = self.arm.posed_ellipsoids(q, self.objective.spec.bounded)
+        square = self.ellipsoid_cost.square(velocity)
+        for cost in self.pose_costs:
+            square += np.sum(cost.at(poses) ** 2, axis=1)
+        return square
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""
