@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
-from maniport.arms.arm_group import CooperativeArm
 from maniport.util.validation import Array
 
 
 def sample_domain(
-    arm: Arm | CooperativeArm,
+    arm: Arm,
     n: int,
     random_state: Any = None,
     sequence: str = "sobol",
@@ -21,7 +20,7 @@ def sample_domain(
 
     Parameters
     ----------
-    arm : Arm, or the relative or absolute one of a pair
+    arm : Arm
     n : int
         Number of ellipsoids. 4096 for a teacher and 16384 for a student suffice for an arm of seven joints; powers of
         two keep a Sobol sequence balanced.
@@ -71,9 +70,7 @@ def sample_domains(
     return tuple(np.moveaxis(ellipsoids, 1, 0))
 
 
-def _configurations(
-    arm: Arm | ArmGroup | CooperativeArm, n: int, random_state: Any, sequence: str, collisions: Any
-) -> Array:
+def _configurations(arm: Arm | ArmGroup, n: int, random_state: Any, sequence: str, collisions: Any) -> Array:
     """Return samples of the joint space, free of collisions where they are given."""
     if collisions is None:
         return arm.sample(n, random_state, sequence)
