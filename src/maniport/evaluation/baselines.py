@@ -15,13 +15,13 @@ def baselines_for(
 ) -> dict[str, DomainAdapter]:
     """Make unfitted baselines with the adapter's regularization and base_rotation, without the adapter's own method."""
     parameters = adapter.get_params(deep=False)
-    shared: dict[str, Any] = {key: parameters.get(key) for key in ("damping", "eigenvalue_floor", "base_rotation")}
+    shared: dict[str, Any] = {key: parameters.get(key) for key in ("damping", "base_rotation")}
     baselines = {}
     for row in rows:
         baseline = method_of(row, **shared)
         own = baseline.get_params(deep=False)
-        if not isinstance(row, str) and any(own.get(key) != shared[key] for key in ("damping", "eigenvalue_floor")):
-            raise InvalidInputError(f"rows must have the adapter's damping and eigenvalue_floor; found {row!r}")
+        if not isinstance(row, str) and own.get("damping") != shared["damping"]:
+            raise InvalidInputError(f"rows must have the adapter's damping; found {row!r}")
         if not isinstance(baseline, type(adapter)):
             baselines[row if isinstance(row, str) else name_of(baseline)] = baseline
     if name in baselines:

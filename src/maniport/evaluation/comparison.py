@@ -125,9 +125,7 @@ def evaluate(
                 failures=tuple(method.report_.failures()) if isinstance(method, LengthField) else (),
             )
         measured.append(replace(result, warnings=tuple(dict.fromkeys(str(warning.message) for warning in caught))))
-    identifiability = getattr(adapter, "identifiability_", None)
-    fit = [str(adapter.stop_reason_), *([identifiability.in_words()] if identifiability else [])]
-    measured[0] = replace(measured[0], note="; ".join(fit))
+    measured[0] = replace(measured[0], note=str(adapter.stop_reason_))
     if robot is not None:
         search = {"spec": spec, "bank": bank, "n_starts": n_starts}
         measured = _with_gaps(measured, images, robot, len(demonstrated), adapter.student_regularization, **search)
@@ -137,8 +135,8 @@ def evaluate(
     settings = {
         "profile": f"{len(demonstrated)} ellipsoids",
         "domains": f"{len(teacher)} of the teacher, {len(student)} of the student",
-        "regularization": str(Regularization(adapter.damping, adapter.eigenvalue_floor)),
-        GAP_SEARCH: "" if robot is None else _gap_search(len(demonstrated), adapter.eigenvalue_floor),
+        "regularization": str(Regularization(adapter.damping)),
+        GAP_SEARCH: "" if robot is None else _gap_search(len(demonstrated)),
         "further samples": f"{len(probes)}, {held_out}",
         "identity test": f"{sizes} ellipsoids" if sizes else "not measured",
         "seed": random_state if isinstance(random_state, int) else "none",
@@ -149,19 +147,11 @@ def evaluate(
 def _with_gaps(
     rows: Sequence[Row], images: Sequence[Array], robot: Arm, count: int, own: Regularization, **search: Any
 ) -> list[Row]:
-    """Search the feasibility gaps of the images of all methods at once: of `count` ellipsoids of a profile, and probes.
-
-    A floor has no derivative: the search adds it to all eigenvalues instead, and the distance is measured with
-    lifted eigenvalues. Both are upper bounds of the least distance.
-    """
+    """Search the feasibility gaps of the images of all methods: of `count` ellipsoids of a profile, and probes."""
     along = evenly_spaced(count, GAP_POINTS)
     targets = np.concatenate([mapped[np.r_[along, count : len(mapped)]] for mapped in images])
     ellipsoids, inverse = np.unique(targets, axis=0, return_inverse=True)
-    damping = own if own.eigenvalue_floor is None else Regularization.absolute(own.eigenvalue_floor)
-    nearest = nearest_feasible(robot, ellipsoids, damping=damping, **search)
-    distances = nearest.distance
-    if own.eigenvalue_floor is not None:
-        distances = distance_unchecked(own.apply(ellipsoids), own.apply(nearest.ellipsoids))
+    distances = nearest_feasible(robot, ellipsoids, damping=own, **search).distance
     results = []
     for row, gaps in zip(rows, distances[inverse.ravel()].reshape(len(rows), -1), strict=True):
         profile, domain = np.split(gaps, [len(along)])
@@ -170,14 +160,9 @@ def _with_gaps(
     return results
 
 
-def _gap_search(count: int, floor: float | None) -> str:
+def _gap_search(count: int) -> str:
     """Describe the search of the gaps of `count` ellipsoids."""
-    texts = []
-    if count > GAP_POINTS:
-        texts.append(f"searched at {GAP_POINTS} of the profile's {count} ellipsoids, evenly spread")
-    if floor is not None:
-        texts.append("the search adds the floor to all eigenvalues; distances are measured with lifted eigenvalues")
-    return "; ".join(texts)
+    return f"searched at {GAP_POINTS} of the profile's {count} ellipsoids, evenly spread" if count > GAP_POINTS else ""
 
 
 def _sampled(arm: Arm | None, domain: Array, n: int, spec: EllipsoidSpec, random: np.random.Generator) -> Array:

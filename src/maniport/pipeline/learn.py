@@ -47,7 +47,6 @@ def learn(
     jumps: str = KEEP,
     lengths: str = "mean",
     damping: float | None = DAMPING,
-    eigenvalue_floor: float | None = None,
     components: int | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
@@ -74,7 +73,7 @@ def learn(
     lengths : {"mean", "own"}
         With "mean" all ellipsoids are made by one arm with the mean of all lengths, so that ways of using an arm are
         compared; with "own" sizes count, too: at equal joint angles by 2 √3 log of the ratio of lengths.
-    damping, eigenvalue_floor : float, optional
+    damping : float, optional
         Regularization of ellipsoids, which are singular where an arm is stretched; see `maniport.spd.regularization`.
     components : int, optional
         Number of Gaussians. Default: of 1, 2, 4, 8, 16 and 32 the last before the BIC grows.
@@ -88,7 +87,7 @@ def learn(
     """
     require_person(person, AUTO if side == BOTH else side, height, smooth, jumps)
     as_choice(lengths, "lengths", ("mean", "own"))
-    regularization = Regularization(damping, eigenvalue_floor)
+    regularization = Regularization(damping)
     seed = as_count(random_state, "random_state", minimum=0)
     components = None if components is None else as_count(components, "components")
     options = {"person": person, "markers": markers, "side": side, "height": height, "smooth": smooth, "jumps": jumps}

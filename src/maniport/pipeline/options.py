@@ -166,7 +166,6 @@ class TransferOptions(Options):
         choices=(UNIT, JOINT_LIMITS), metavar="WORD|W1,W2,…",
     )  # fmt: skip
     damping: float | None = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
-    eigenvalue_floor: float | None = option(None, "Smallest eigenvalue, instead of damping", above=0.0)
     base_rotation: tuple[float, ...] = option(
         (0.0, 0.0, 0.0), "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3,
         unchecked=True,
@@ -185,9 +184,8 @@ class TransferOptions(Options):
 
     @property
     def regularization(self) -> dict[str, float | None]:
-        """Arguments of a transfer method; a floor replaces the damping."""
-        damping = self.damping or None if self.eigenvalue_floor is None else None
-        return {"damping": damping, "eigenvalue_floor": self.eigenvalue_floor}
+        """Arguments of a transfer method."""
+        return {"damping": self.damping or None}
 
     @property
     def rotation(self) -> Any:

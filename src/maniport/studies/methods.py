@@ -16,11 +16,9 @@ from maniport.feasibility import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
-from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
 from maniport.studies.paper import trajectories
 from maniport.transfer import METHODS, DomainAdapter, method_of, name_of
-from maniport.transfer.length_field.field import KAPPA, released
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.optional import optimal_transport
 from maniport.util.progress import Progress, Step
@@ -113,7 +111,7 @@ def compare_methods(
     rows: Sequence[str], random_state: int = 0, progress: Progress | None = None, names: Sequence[str] | None = None
 ) -> dict[str, Evaluation]:
     """Evaluate methods by motion; if every method is requested, the transport between Gaussians comes last."""
-    further = [GaussianTransport(DAMPING, None, np.eye(3))] if set(rows) >= set(METHODS) else []
+    further = [GaussianTransport(DAMPING, np.eye(3))] if set(rows) >= set(METHODS) else []
     evaluated = study((TRANSPORT,), names, random_state, progress, rows=(*rows, *further))
     return {motion: evaluation for (motion, _), (_, evaluation) in evaluated.items()}
 
@@ -159,16 +157,10 @@ class GaussianTransport(DomainAdapter):
         start, goal = _log_vectors(teacher, self.teacher_mean_), _log_vectors(student, self.student_mean_)
         self._solver = optimal_transport().da.LinearTransport().fit(Xs=start, Xt=goal)
         self._set_closed_form("closed form")
-        self.released_damping_ = (1.0 - np.sqrt(KAPPA)) * self.student_damping_  # off an eigenvalue of ε
 
-    def _map(self, points: Array) -> tuple[Array, float]:
+    def _map(self, points: Array) -> Array:
         moved = self._solver.transform(Xs=_log_vectors(points, self.teacher_mean_))
-        images = congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp))
-        return images, self.released_damping_
-
-    def _images(self, points: Array) -> Array:
-        values, vectors = eigh(self._map(points)[0])
-        return compose(released(values, float(self.student_damping_)), vectors)
+        return congruence(roots(self.student_mean_)[0], apply(from_vector(moved), np.exp))
 
     def _map_back(self, points: Array) -> Array:
         raise NotInvertibleError(f"{type(self).__name__} has no inverse")
