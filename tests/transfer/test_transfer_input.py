@@ -16,28 +16,6 @@ INDEFINITE[1, 0, 0] = -1.0
 BROKEN[1, 2, 2] = np.nan
 
 
-@pytest.mark.parametrize("name", ["teacher", "student"])
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (1.0, "matrices"),
-        (GOOD[0], "shape"),
-        (GOOD[None], "shape"),
-        ([[[1.0, 0.0], [0.0]]], "numbers"),
-        (GOOD[:0], "at least 2"),
-        (np.ones((4, 1, 1)), "1×1"),
-        (BROKEN, r"\(1, 2, 2\)"),
-        (INDEFINITE, r"\[1\] is indefinite"),
-    ],
-)
-def test_bad_domains(name, value, message):
-    """A domain that cannot be used is refused by name, the same with every regularization."""
-    domains = {"teacher": GOOD, "student": GOOD, name: value}
-    for remedy in ({}, {"damping": 0.01}):
-        with pytest.raises(InvalidInputError, match=rf"^{name}.*{message}"):
-            mp.ParallelTransport(**remedy).fit(**domains)
-
-
 @pytest.mark.parametrize(
     ("method", "options", "message"),
     [

@@ -44,7 +44,7 @@ CAPTION = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A motion of a human arm."""
 
@@ -71,39 +71,27 @@ def motions(names: Iterable[str] | None = None) -> tuple[Motion, ...]:
 
 
 def study(
-    methods: Sequence[str] = (AUTO,),
+    method: str = AUTO,
     names: Iterable[str] | None = None,
     random_state: int = 0,
     progress: Progress | None = None,
     rows: Sequence[str | DomainAdapter] = (*BASELINES, LOOKUP, *FITTED_METHODS),
-) -> dict[tuple[str, str], tuple[Motion, Evaluation]]:
-    """Evaluate methods on the motions, by (motion, method)."""
-    robot, shared = load_arm(ROBOT), {"damping": DAMPING, "base_rotation": np.eye(3)}
+) -> dict[Motion, Evaluation]:
+    """Evaluate a method on the motions, by motion, with other methods in further rows."""
+    robot = load_arm(ROBOT)
+    shared: dict[str, Any] = {"damping": DAMPING, "base_rotation": np.eye(3)}
     student, evaluated = sample_domain(robot, STUDENT_SAMPLES, random_state + 1), {}
     for motion in motions(names):
-        teacher = sample_domain(motion.person, TEACHER_SAMPLES, random_state)
-        for method in methods:
-            step = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
-            if method == AUTO:
-                options: dict[str, Any] = {"robot": robot, "random_state": random_state, **shared}
-                adapter = select_method(teacher, student, motion.profile, **options).adapter
-            else:
-                adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot).fit(
-                    teacher, student
-                )
-            evaluation = evaluate(
-                adapter,
-                teacher,
-                student,
-                motion.profile,
-                robot=robot,
-                person=motion.person,
-                name=name_of(adapter),
-                rows=rows,
-                random_state=random_state,
-            )
-            evaluated[motion.name, method] = (motion, evaluation)
-            step.end(f"{evaluation.adapter.name} and {len(evaluation.rows) - 1} more")
+        step, teacher = Step(progress, motion.name), sample_domain(motion.person, TEACHER_SAMPLES, random_state)
+        options: dict[str, Any] = {"robot": robot, "random_state": random_state}
+        if method == AUTO:
+            adapter = select_method(teacher, student, motion.profile, **options, **shared).adapter
+        else:
+            adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
+            adapter.fit(teacher, student)
+        options |= {"person": motion.person, "name": name_of(adapter), "rows": rows}
+        evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
+        step.end(f"{evaluated[motion].adapter.name} and {len(evaluated[motion].rows) - 1} more")
     return evaluated
 
 
@@ -112,8 +100,8 @@ def compare_methods(
 ) -> dict[str, Evaluation]:
     """Evaluate methods by motion; if every method is requested, the transport between Gaussians comes last."""
     further = [GaussianTransport(DAMPING, np.eye(3))] if set(rows) >= set(METHODS) else []
-    evaluated = study((TRANSPORT,), names, random_state, progress, rows=(*rows, *further))
-    return {motion: evaluation for (motion, _), (_, evaluation) in evaluated.items()}
+    evaluated = study(TRANSPORT, names, random_state, progress, rows=(*rows, *further))
+    return {motion.name: evaluation for motion, evaluation in evaluated.items()}
 
 
 def methods_report(evaluations: Mapping[str, Evaluation]) -> Report:
