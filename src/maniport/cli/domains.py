@@ -152,16 +152,13 @@ def reproduce(
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
     methods: Methods = None,
-    figures: Annotated[bool, typer.Option("--figures", help="Also draw the figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat the paper's experiments."""
     from maniport.studies.paper.run import reproduce
 
     with console.progress() as progress:
-        result = reproduce(
-            which, output, config.seed, progress, methods=_rows(methods), figures=figures, overwrite=overwrite
-        )
+        result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
     console.print_report(report_of(result), output=str(output))
 
 

@@ -184,7 +184,7 @@ def _adapter(arm: ArmTransfer) -> Section:
         angle = float(np.degrees(rotation_angle(adapter.rotation_, start)))
         name, key = "Rotation from parallel transport", "rotation_from_transport"
         more.append(Metric(name, f"{angle:.2f}°", "", key, angle, "°"))
-    return adapter_section(adapter, *more, mounted=True)
+    return adapter_section(adapter, *more)
 
 
 def _summary(result: Result, motions: Mapping[str, Metrics], status: str) -> Summary:

@@ -35,7 +35,6 @@ class Maps:
         teacher: Array,  # domain (n, 3, 3) of the person's arm
         student: Array,  # domain (m, 3, 3) of the robot
         damping: float | None = 0.01,
-        eigenvalue_floor: float | None = None,
         loaded: DomainAdapter | None = None,
         robot: Arm | None = None,
         bank: SeedBank | None = None,
@@ -43,7 +42,7 @@ class Maps:
         first: Iterable[str] = (),  # methods that are fitted at once
     ):
         self._domains, self._robot, self._loaded = (teacher, student), (robot, VELOCITY, bank), loaded
-        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
+        self._options = {"damping": damping, "random_state": 0}
         self.names = (*([] if loaded is None else [LOADED]), *METHODS)
         self._wanted = np.eye(3) if base_rotation is None else base_rotation
         self._order = list(self.names)

@@ -54,11 +54,11 @@ def prepare(
         raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
     require_person(person, AUTO if both else side)
     loaded = None if adapter is None else load_adapter(adapter)
-    options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
+    options: dict[str, Any] = {"damping": DAMPING}
     if loaded is not None:
         require_drawable(loaded)  # before any long work
-        if (loaded.damping, loaded.eigenvalue_floor) != (None, None):
-            options = {"damping": loaded.damping, "eigenvalue_floor": loaded.eigenvalue_floor}
+        if loaded.damping is not None:
+            options = {"damping": loaded.damping}
     if base_rotation is None:
         base_rotation = getattr(loaded, "base_rotation", None)
     rotation = np.eye(3) if base_rotation is None else as_rotation(base_rotation, "base_rotation", 3)
