@@ -4,7 +4,6 @@ import numpy as np
 from sklearn.base import clone
 
 import maniport as mp
-from maniport.transfer import Search
 from sizes import motion_alone
 
 
@@ -37,8 +36,8 @@ def test_texts_are_escaped():
 
 
 def test_the_prompt_of_an_adapter_makes_it_again():
-    icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2))
-    again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP, "Search": Search})
+    icp = mp.RiemannianICP(damping=0.01, random_state=0, n_starts=2)
+    again = eval(repr(icp), {"RiemannianICP": mp.RiemannianICP})
     assert again.get_params() == icp.get_params()
     assert repr(again) == repr(clone(icp))
     assert "#" not in repr(again)

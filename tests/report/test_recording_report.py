@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from maniport.mocap import fit_arm, read_recording
 from maniport.report.recording import recording_report
@@ -12,7 +11,6 @@ from maniport.report.renderings import as_numbers
 from maniport.report.values import report_of
 
 
-@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_reported_roles_are_an_input():
     def prefixed(names):
         return f"p{names}" if isinstance(names, str) else [prefixed(one) for one in names]

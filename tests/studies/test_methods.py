@@ -9,7 +9,7 @@ from maniport.errors import InvalidInputError
 from maniport.report import as_markdown, report_of
 from maniport.studies import methods
 from maniport.studies.methods import EVALUATIONS, compare_methods, methods_report, methods_section, motions
-from maniport.studies.paper import known_truth, run
+from maniport.studies.paper import experiments, run
 from maniport.transfer import METHODS
 
 
@@ -37,7 +37,7 @@ def test_reproduce_writes_the_comparison_where_it_is_asked_for(small, monkeypatc
     """Only beside the experiment from human to robot, and before any work is begun otherwise refused."""
     with pytest.raises(InvalidInputError, match="methods are compared in the experiment 'human-robot'; found 'toy'"):
         run.reproduce("toy", tmp_path / "out", methods=("identity",))
-    toy = known_truth.toy(0, draws=1)
+    toy = experiments.toy(0, draws=1)
     monkeypatch.setitem(run.EXPERIMENTS, "human-robot", lambda *given, **more: toy)
     monkeypatch.setattr(run, "compare_methods", partial(compare_methods, names=["H-Eval-2"]))
     actual = run.reproduce("human-robot", tmp_path / "out", methods=("identity",), draws=1)
@@ -53,7 +53,6 @@ def test_transport_between_gaussians_comes_last_of_all_methods(small):
     assert 0.0 < comparison.rows[-1].feasibility_gap.mean < comparison.row("identity").feasibility_gap.mean
 
 
-@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_motions_are_those_of_the_paper_and_the_recordings():
     """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
     actual = motions([*EVALUATIONS, "freeform"])

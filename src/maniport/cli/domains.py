@@ -22,7 +22,7 @@ CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
 
 
-@command(*CHAIN, "side", "height", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
+@command(*CHAIN, "side", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
          example="maniport domain panda -n 16384 -o panda.npz")  # fmt: skip
 def domain(
     config: Config,
@@ -37,7 +37,7 @@ def domain(
 
     require_suffix(output, ".npz")
     human, spec = config.human, config.transfer.spec
-    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side, human.height)
+    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side)
     ellipsoids = sample_domain(body, n, config.seed, spec=spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
@@ -47,7 +47,7 @@ def domain(
 
 
 @command(
-    "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "ellipsoids", "part", "seed",
+    "robot", *CHAIN, "method", "damping", "base_rotation", "ellipsoids", "part", "seed",
     common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method="icp"),
     without=("hand_targets", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
@@ -63,7 +63,7 @@ def fit(
     ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.feasibility import with_feasible_set
+    from maniport.evaluation.comparison import with_feasible_set
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 
@@ -73,7 +73,7 @@ def fit(
     arm, seed = optional_robot(config), config.seed
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
-    adapter = method_of(transfer.method, **transfer.regularization, base_rotation=rotation, random_state=seed)
+    adapter = method_of(transfer.method, damping=transfer.damping or None, base_rotation=rotation, random_state=seed)
     if arm is not None:
         adapter = with_feasible_set(adapter, arm, transfer.spec, random_state=seed)
     with console.progress() as progress:
@@ -121,7 +121,7 @@ def evaluate(
 ) -> None:
     """Compare a fitted adapter with baselines."""
     from maniport.evaluation import evaluate
-    from maniport.evaluation.baselines import BASELINES
+    from maniport.evaluation.summary import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 
@@ -147,16 +147,13 @@ def reproduce(
     which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
     methods: Methods = None,
-    figures: Annotated[bool, typer.Option("--figures", help="Also draw the figures.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Repeat the paper's experiments."""
     from maniport.studies.paper.run import reproduce
 
     with console.progress() as progress:
-        result = reproduce(
-            which, output, config.seed, progress, methods=_rows(methods), figures=figures, overwrite=overwrite
-        )
+        result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
     console.print_report(report_of(result), output=str(output))
 
 

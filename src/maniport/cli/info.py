@@ -20,7 +20,7 @@ from maniport.util.input_limits import KEYPOINTS_BYTES, read_whole
 
 
 @command(
-    *("unit", "vertical_axis", "fps", "start", "stop", "markers", "side", "height"),
+    *("unit", "fps", "start", "stop", "markers", "side"),
     *("frame", "joints", "base", "lock", "mesh_folders"),
     example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )
@@ -76,7 +76,7 @@ def _description(what: str, config: Config) -> Report:
         return recording_report(
             human.read(what), human.roles(), human.side, command=f"{shlex.quote(what)} {words}".strip()
         )
-    _require_none(config.changed(side=AUTO, height=None), "human", f"{what!r} is no recording")
+    _require_none(config.changed(side=AUTO), "human", f"{what!r} is no recording")
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, config)
     _require_none(config, "robot", f"{what!r} holds arrays")
@@ -125,7 +125,7 @@ def _of_robot(what: str, config: Config) -> Report:
     robot = replace(config.robot, robot=(what,))
     if limbs and default is None and not robot.frame and not robot.joints:
         return robot_report(what, limbs, None)
-    arm: Any = robot.load_arm(config.human.side, config.human.height)
+    arm: Any = robot.load_arm(config.human.side)
     return robot_report(what, limbs, arm)
 
 

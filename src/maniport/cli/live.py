@@ -95,7 +95,7 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
 
 
 @command(
-    "person", "side", "height", "robot", "base_rotation", "seed",
+    "person", "side", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
     example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
 )  # fmt: skip

@@ -87,12 +87,12 @@ def batch(
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
-    from maniport.util.signals import raising
+    from maniport.util.signals import ending_in_order, interrupt
 
     config = config.changed(recording=recordings) if recordings else config
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
     try:
-        with console.progress() as progress, raising():
+        with console.progress() as progress, ending_in_order(interrupt):
             result = transfer_batch(config.recording, config.robot.robot, output, config, progress=progress, **options)
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)
@@ -169,10 +169,7 @@ def _learned(config: Config, progress: Any) -> Any:
         raise InvalidInputError(f"--segments is needed for each of the {count} recordings; found {len(texts)}")
     segments = [AUTO if text == AUTO else [_interval(part) for part in text.split(",")] for text in texts]
     data = [config.human.read(file) for file in config.recording]
-    options = {**config.human.fit_options, **config.transfer.regularization, "spec": config.transfer.spec}
-    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
-    learned = learn(data, segments or None, random_state=config.seed, progress=progress, **options)
-    return replace(learned, config=config)
+    return replace(learn(data, segments or None, config, progress=progress), config=config)
 
 
 def _interval(text: str) -> tuple[float, float]:
@@ -184,7 +181,7 @@ def _interval(text: str) -> tuple[float, float]:
 
 
 @command(
-    "robot", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
+    "robot", "scale", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
     without=("hand_targets", "pose"), common=("workspace",),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
@@ -199,7 +196,7 @@ def place(
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.motion.placement.placement import DATA_FILES
-    from maniport.pipeline.targets import bounded_profiles
+    from maniport.pipeline.values import bounded_profiles
     from maniport.report.values import report_of
     from maniport.util.atomic_io import folder_written_whole, require_free
     from maniport.util.files import save_ellipsoids
@@ -213,9 +210,10 @@ def place(
     control, options = config.motion.control(arm := config.robot.load_arm()), config.placement
     with console.progress() as progress:
         placed = place_path(
-            positions, targets, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
-            spec=spec.bounded, damping=config.transfer.damping or 0.0, collisions=control.collisions,
-            random_state=config.seed, progress=progress,
+            positions, targets, arm, time=time, scale=config.motion.scale, tilt=options.tilt,
+            workspace=config.motion.bounds.T, rank=options.rank, spec=spec.bounded,
+            damping=config.transfer.damping or 0.0, collisions=control.collisions, random_state=config.seed,
+            progress=progress,
         )  # fmt: skip
     with folder_written_whole(output, files, overwrite) as staging:
         placed.write_data(staging, time)

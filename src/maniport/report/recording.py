@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from maniport.arms.chain import RIGHT, SIDES
-from maniport.arms.human import adult_range
+from maniport.arms.human import FRACTIONS
 from maniport.errors import RecordingError, argument, nearest_first
 from maniport.learning.mixture import points_each
 from maniport.mocap import ArmFit, HumanMotion, Recording
@@ -24,7 +24,7 @@ from maniport.mocap.roles import (
     role_position,
     usual_names,
 )
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.report.renderings import escaped
 from maniport.report.values import (
     FIT,
@@ -33,7 +33,6 @@ from maniport.report.values import (
     Report,
     Section,
     Table,
-    at_time,
     describe,
     in_axes,
     info,
@@ -102,7 +101,6 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
         info("Format", "format", recording.format, recording.format.removeprefix(".").upper()),
         info("Frames", "frames", len(recording), frames),
         *numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3)),
-        info("Vertical axis", "up", recording.up),
         *([info("Points", "points", names, f"{len(names)}: {listed(names)}")] if points else []),
         info("Missing", "missing", gaps, missing, "Share of the frames."),
         *warnings_of(RECORDING, recording.quality_warnings),
@@ -127,7 +125,7 @@ def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, A
         except RecordingError as error:
             warned.append(warning("markers", str(error)))
     for name, length in lengths.items():
-        low, high = adult_range(name)
+        low, high = 0.85 * 1.4 * FRACTIONS[name], 1.15 * 2.1 * FRACTIONS[name]  # of 1.4 to 2.1 m, ± 15 % [m]
         if not low <= length <= high:
             text = f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m"
             warned.append(warning("segment-lengths", f"the {side} arm: {text}"))
@@ -171,7 +169,6 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
 def person_section(fit: ArmFit) -> Section:
     """Describe the fit of a human arm and what the recording does not determine."""
     lengths = {name: round(float(length), 4) for name, length in fit.segment_lengths.items()}
-    step, step_at = fit.largest_step
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     by_reason: dict[str, list[str]] = {}
     for name, reason in fit.unobservable.items():
@@ -187,8 +184,6 @@ def person_section(fit: ArmFit) -> Section:
         info("Segments", "segment_lengths", lengths,
              listed(f"{name} {length:.3f} m" for name, length in lengths.items()),
              "The model is scaled to these lengths.", "m"),
-        info("Largest joint step", "largest_joint_step", step, f"{step:.1f}° {at_time(step_at)}",
-             "Between successive frames.", "°"),
         info("Saturated joints", "fraction_at_limit", at_limit,
              listed(f"{name} {100 * part:.0f} %" for name, part in at_limit.items()),
              "Share of the frames; the true angle may exceed the limit."),
@@ -284,13 +279,12 @@ def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
         columns["held out"] = "{held_out:.2f}"
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
     mirrored = [part.name for part in learned.demonstrations if part.motion.names != sides]
-    arm = "arms that differ in size" if learned.lengths == "own" else f"{' and '.join(sides)} arm of mean lengths"
     metrics = (
         info("Reference", "reference", learned.alignment.reference, learned.reference.name,
              "Gives the times of the profile."),
         info("Outlier", "outlier", agreement.outlier, outlier or "none",
              "At least 1.5 times the median distance from the others."),
         *notes([f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []),
-        *notes([f"all ellipsoids are those of {arm}"]),
+        *notes([f"all ellipsoids are those of {' and '.join(sides)} arm of mean lengths"]),
     )  # fmt: skip
     return Section("Demonstrations", metrics, (table_of(values, columns, caption, "demonstrations"),), "demonstrations")

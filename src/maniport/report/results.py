@@ -99,11 +99,11 @@ def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
             warned.append(warning(definition.warning_key, definition.warning.format(median=gap.median)))
         sections = [Section("Robot motion", tuple(warned), key="motion", text="The robot was not moved.")]
     if isinstance(arm, ArmTransfer):
-        compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation, choice=arm.choice)]
+        compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation)]
         human, robot = len(arm.teacher_domain), len(arm.student_domain)
         samples = {"teacher": human, "student": robot}
         text = f"{human} samples of the person, {robot} samples of the robot"
-        fitted = adapter_section(arm.adapter, Metric("Domains", text, key="samples", value=samples), mounted=True)
+        fitted = adapter_section(arm.adapter, Metric("Domains", text, key="samples", value=samples))
         sections += [replace(item, folded=True) for item in (*compared, fitted, person_section(arm.fit))]
     return sections
 
@@ -204,8 +204,9 @@ def _advice(result: Result, motions: Mapping[str, Metrics], report: Report) -> t
         if parts.motion > parts.infeasible:
             command = _track(result, "all", joint_limit_margin=0.0)
             return "Limits dominate the distance: use the whole range of the joints.", command
-        better = arm.evaluation.summary.recommended if isinstance(arm, ArmTransfer) and arm.evaluation else ""
-        if better and isinstance(arm, ArmTransfer) and arm.choice is None and better != arm.method:
+        evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
+        better = "" if evaluation is None or evaluation.rejected is not None else evaluation.recommended
+        if better and evaluation is not None and better != evaluation.adapter.name:
             text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
             command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
             return text, command if result.config is not None and len(result.config.recording) == 1 else ""

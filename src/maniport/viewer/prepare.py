@@ -49,16 +49,13 @@ def prepare(
         raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
     if both and adapter is not None:
         raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
-    require_person(human.person, AUTO if both else human.side, human.height)
+    require_person(human.person, AUTO if both else human.side)
     loaded = None if adapter is None else load_adapter(adapter)
-    options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
-    base_rotation: Any = None
+    damping, base_rotation = DAMPING, None
     if loaded is not None:
         if (d := len(loaded.teacher_mean_)) != 3:
             raise InvalidInputError(f"the adapter maps {d}×{d} ellipsoids; the live view shows 3×3 ones")
-        if (loaded.damping, loaded.eigenvalue_floor) != (None, None):
-            options = {"damping": loaded.damping, "eigenvalue_floor": loaded.eigenvalue_floor}
-        base_rotation = loaded.base_rotation
+        damping, base_rotation = loaded.damping or damping, loaded.base_rotation
     if base_rotation is None or transfer.base_rotation != Config().transfer.base_rotation:
         base_rotation = transfer.rotation
     rotation = np.asarray(base_rotation, dtype=float)
@@ -70,10 +67,10 @@ def prepare(
     progress("Prepare page", 0.0)
     sides = []
     for teacher, student, base in zip(persons, group.arms, bases, strict=True):
-        bank = SeedBank.build(student, BANK_SIZE, seed)
+        bank = SeedBank(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
         sides.append(
-            Side(teacher, student, Maps(*domains, loaded=loaded, bank=bank, robot=student, **options), bank, base)
+            Side(teacher, student, Maps(*domains, loaded=loaded, bank=bank, robot=student, damping=damping), bank, base)
         )
     playback = None if time is None else Playback(time, np.concatenate(motion, axis=1))
     state = ViewState(robot, sides, playback)
@@ -89,11 +86,8 @@ def _person(
     """Return the person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     side = BOTH if both else human.side
     if recording is None:
-        arms = tuple(
-            human_arm(human.person, own, human.height)
-            for own in (GROUP if both else (RIGHT if side == AUTO else side,))
-        )
+        arms = tuple(human_arm(human.person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
-    fits = fit_arms(read_recording(recording), human.person, progress=progress, side=side, height=human.height)
+    fits = fit_arms(read_recording(recording), human.person, progress=progress, side=side)
     return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases

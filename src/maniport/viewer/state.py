@@ -15,7 +15,7 @@ import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, as_group
 from maniport.errors import ManiportWarning, NotSPDError
-from maniport.feasibility import with_feasible_set
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import Objective, Placement, SeedBank, nearest_feasible, place_path
 from maniport.motion.controller import Controller
 from maniport.motion.limits import BrakingLimit
@@ -63,13 +63,12 @@ class Maps:
         teacher: Array,  # domain (n, 3, 3) of the person's arm
         student: Array,  # domain (m, 3, 3) of the robot
         damping: float | None = 0.01,
-        eigenvalue_floor: float | None = None,
         loaded: DomainAdapter | None = None,
         robot: Arm | None = None,
         bank: SeedBank | None = None,
     ):
         self._domains, self._robot, self._loaded = (teacher, student), (robot, VELOCITY, bank), loaded
-        self._options = {"damping": damping, "eigenvalue_floor": eigenvalue_floor, "random_state": 0}
+        self._options = {"damping": damping, "random_state": 0}
         self.names = (*([] if loaded is None else [LOADED]), *METHODS)
         self._fitted: dict[tuple[str, bytes], LiveMap] = {}
         self._last: LiveMap | None = None
