@@ -34,7 +34,7 @@ METRICS = (
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count", "jumps.points",
+    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count",
                                     "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),

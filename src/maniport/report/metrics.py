@@ -106,7 +106,6 @@ METRICS = {
         "Angle between longest axes", "Where both ellipsoids have a longest axis.", "°", warn_above=30.0,
         warning_key="longest-axis",
         warning="the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"),
-    "jumps": Definition("Jumps of the recording", "Mostly errors of the recording or of its fit.", text="{_text}"),
     "lowest_point": Definition(
         "Lowest point", "Of the moving links, above the base plane.", text="{height_mm:.0f} mm, {link} at {at_s:.1f} s",
         level=itemgetter("_depth"), warn_above=0.0, warning_key="below-base-plane",
@@ -185,14 +184,6 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
     angle = np.degrees(motion.major_axis_angle)
     if np.isfinite(angle).any():
         metrics += measure("major_axis_angle", angle, time)
-    if motion.limits is not None and error is not None:
-        jumps = motion.jumps
-        rows = {"there": error[jumps], "elsewhere": error[~jumps]} if jumps.any() else {}
-        largest = {name: 1e3 * float(some.max()) for name, some in rows.items() if len(some)}
-        errors = listed(f"{name} {value:.1f} mm" for name, value in largest.items())
-        text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {errors}" if largest else ""
-        values: dict[str, Any] = {name: {"position_error_mm": value} for name, value in largest.items()}
-        metrics += measure("jumps", points=int(jumps.sum()), **values, _text=text)
     if result is not None and (lowest := result.lowest) is not None:
         on_table = result.collisions is not None and result.collisions.table is not None
         height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))

@@ -26,7 +26,6 @@ from maniport.report.values import (
     numbers,
     sentence,
     software,
-    warning,
     warnings_of,
 )
 from maniport.util.defaults import POSITION_TOLERANCE
@@ -78,11 +77,7 @@ def result_report(result: TransferResult | MotionResult) -> Report:
     report = Report(title, lead, tuple(sections))
     if result.motion is not None:
         return _with_outcome(report, result, motions)
-    evaluations = (arm.evaluation for arm in result.arms if isinstance(arm, ArmTransfer))
-    gaps = [item.adapter.feasibility_gap for item in evaluations if item is not None]
-    medians = listed(f"{gap.median:.2f}" for gap in gaps if gap is not None)
-    text = f"Median distance of the targets to the feasible set: {medians}." if medians else ""
-    return replace(report, outcome=f"{robot} has its targets and was not moved.", cause=text, graded=False)
+    return replace(report, outcome=f"{robot} has its targets and was not moved.", graded=False)
 
 
 def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
@@ -93,11 +88,7 @@ def _arm_sections(arm: ArmResult, alone: bool) -> list[Section]:
         if arm.placement is not None:
             sections.append(replace(placement_section(arm.placement), folded=True))
     else:
-        gap = arm.evaluation.adapter.feasibility_gap if isinstance(arm, ArmTransfer) and arm.evaluation else None
-        definition, warned = METRICS["feasibility_gap"], []
-        if gap is not None and gap.median > definition.warn_above:
-            warned.append(warning(definition.warning_key, definition.warning.format(median=gap.median)))
-        sections = [Section("Robot motion", tuple(warned), key="motion", text="The robot was not moved.")]
+        sections = [Section("Robot motion", key="motion", text="The robot was not moved.")]
     if isinstance(arm, ArmTransfer):
         compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation)]
         human, robot = len(arm.teacher_domain), len(arm.student_domain)

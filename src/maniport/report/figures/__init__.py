@@ -1,7 +1,7 @@
-"""Figures for papers: ellipsoids along a motion, curves over time, arms in space, and domains on a map.
+"""Figures for papers: ellipsoids along a motion, curves over time, and arms in space.
 
 Every function returns a `matplotlib.figure.Figure` without a window and without global state, as wide as one column of
-a paper. Profiles and domains are mappings from names to arrays. Colors follow roles (``roles=``, as in
+a paper. Profiles are mappings from names to arrays. Colors follow roles (``roles=``, as in
 `maniport.report.page.content`), else the order. `write_figures` draws the figures of a saved result.
 """
 
@@ -31,13 +31,12 @@ from matplotlib.figure import Figure  # noqa: E402
 from maniport.report.figures.drawing import (  # noqa: E402
     arms,
     curves,
-    diffusion_map,
     ellipsoids,
     panel_figure,
 )
 
 __all__ = [
-    "arms", "curves", "diffusion_map", "ellipsoids", "panel_figure", "save", "write_figures",
+    "arms", "curves", "ellipsoids", "panel_figure", "save", "write_figures",
 ]  # fmt: skip
 
 # Settings of the user must not change the figures; letters remain letters, which a paper sets in its own font.

@@ -1,4 +1,4 @@
-"""What figures draw: curves over time, ellipsoids in rows, arms in space, and domains on a map."""
+"""What figures draw: curves over time, ellipsoids in rows, and arms in space."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -7,14 +7,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from maniport.report.page.animation import semi_axis_panels
 from maniport.report.page.content import ACHIEVED, OTHERS, PERSON, ROLES, TARGET, Panel, is_gap
-from maniport.spd.diffusion_map import map_of
 from maniport.spd.ellipsoid import axes
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
@@ -158,29 +156,6 @@ def arms(
     scale = f"semi-axes of 1 {unit} are drawn {size:g} m long"
     figure.text(0.5, 0.02, scale, fontsize=TEXT, ha="center", va="bottom")
     return figure
-
-
-def diffusion_map(domains: Mapping[str, Array], profiles: Mapping[str, Array]) -> Figure:
-    """Draw domains as clouds and profiles as lines in two diffusion coordinates."""
-    chart = map_of([*domains.values(), *profiles.values()])
-    figure, handles = column_figure(3.2), []
-    panel = figure.subplots()
-    for color, (name, points) in zip(COLORS, domains.items(), strict=False):
-        x, y = chart.transform(points).T
-        panel.scatter(x, y, s=2, color=color, alpha=0.25, lw=0, rasterized=True)
-        handles.append(Line2D([], [], color=color, marker="o", alpha=0.5, ms=3, ls="", label=f"domain: {name}"))
-    for color, style, (name, points) in zip(COLORS, ("-", *2 * LINE_STYLES), profiles.items(), strict=False):
-        path = chart.transform(points)
-        panel.plot(*path.T, color="white", lw=1.8)
-        panel.plot(*path.T, color=color, lw=1.0, ls=style)
-        panel.plot(*path[0], "o", color=color, mec="white", mew=0.6, ms=5)
-        handles.append(Line2D([], [], color=color, lw=1.0, ls=style, label=f"profile: {name}"))
-    handles.append(Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="start of a profile"))
-    panel.set_xlabel("first diffusion coordinate", fontsize=TEXT)
-    panel.set_ylabel("second diffusion coordinate", fontsize=TEXT)
-    panel.tick_params(labelsize=TEXT)
-    _legend(figure, handles)
-    return laid_out(figure)
 
 
 def column_figure(height: float, columns: int = 1, layout: Any = "constrained") -> Figure:
