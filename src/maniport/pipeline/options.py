@@ -121,9 +121,13 @@ class RobotOptions(Options):
         return arm.with_payload(self.payload, self.payload_center)
 
     def _load(self, both: bool, side: str) -> Any:
-        from maniport.arms import Arm, ArmGroup, load_arm, load_arms
+        from maniport.arms import Arm, ArmGroup, as_group, load_arm, load_arms
 
         if isinstance(robot := self.robot[0], Arm | ArmGroup):
+            if any(arm.chain.payload for arm in as_group(robot).arms):  # run.yaml would lose it
+                raise InvalidInputError(
+                    f"{argument('robot')} must have no payload of its own; use {argument('payload')}"
+                )
             return robot
         options: dict[str, Any] = {"joints": self.joints or None, "lock": self.lock, "mesh_folders": self.mesh_folders}
         if not (both or self.several):
