@@ -121,7 +121,7 @@ def _adapters() -> list[bytes]:
 def _recordings() -> list[bytes]:
     names = np.array(["shoulder", "elbow", "wrist"])
     positions = 0.05 * np.arange(45.0).reshape(5, 3, 3)
-    arrays = _saved(lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m", up="z"))
+    arrays = _saved(lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m"))
     return [arrays, _saved(read_recording("freeform").crop(0, 0.3).save)]
 
 

@@ -12,7 +12,7 @@ from maniport.pipeline.option import options_of
 def test_a_saved_configuration_is_equal_when_loaded(tmp_path):
     """Every option survives, paths of files become absolute."""
     config = Config().changed(
-        recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth=6,
+        recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth="off",
         workspace=[[0.2, None], [0, 1], [-np.inf, 1]], base_rotation=(0.0, 0.1, 1e-7), robot=["ur5", "panda"], seed=3,
         pose=[(0, 0.3, 0, 0), (0, -0.3, 0, 0)], collisions=False,
     )  # fmt: skip

@@ -242,13 +242,15 @@ def test_tempo_and_placement(own):
     [
         ({"time": None}, "no times"),
         ({"speed_scale": 0.0}, "speed_scale"),
+        ({"scale": 0.0, "place": True}, "scale"),
+        ({"scale": 0.5}, "scale= is for a path that is placed"),
         ({"orientation": "demonstrated"}, "orientation"),
         ({"positions": np.zeros((20, 3))}, "shape"),
         ({"time": np.arange(20.0), "place": False}, "shape"),
     ],
 )
 def test_wrong_targets_are_named(own, change, word):
-    """Missing times, a speed_scale of zero, and unequal lengths."""
+    """Missing times, scales of zero, a scale without placement, and unequal lengths."""
     panda, time, profile, path = own
     arguments = {"time": time, "positions": path} | change
     with pytest.raises(InvalidInputError, match=word):

@@ -21,7 +21,6 @@ def objects(small_result):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
         icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(teacher, student)
-    bank = mp.SeedBank.build(panda, 1024, 0)
     return {
         "Arm": panda,
         "Recording": small_result.recording,
@@ -30,7 +29,6 @@ def objects(small_result):
         "Identifiability": icp.identifiability_,
         "Placement": small_result.arm.placement,
         "ArmMotion": mp.track(panda, profile, path=path, time=time, start=joints[0]).arms[0],
-        "FeasibleEllipsoids": mp.nearest_feasible(panda, profile, positions=path, bank=bank),
         "MotionResult": motion_alone(small_result),
         "TransferResult": small_result,
         "Evaluation": small_result.arm.evaluation,

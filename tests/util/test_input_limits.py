@@ -64,7 +64,7 @@ WRITERS = {
     "ellipsoids": (lambda path: save_ellipsoids(path, ELLIPSOIDS, TIMES), load_ellipsoids),
     "path": (lambda path: files.save_path(path, ARM[:, 2], TIMES), load_path),
     "recording": (
-        lambda path: np.savez(path, names=["RSHO", "RELB", "RWRA"], positions=ARM, time=TIMES, unit="m", up="z"),
+        lambda path: np.savez(path, names=["RSHO", "RELB", "RWRA"], positions=ARM, time=TIMES, unit="m"),
         read_recording,
     ),
     "poses": (

@@ -15,7 +15,7 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 
 
 @command(
-    "robot", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
+    "robot", "scale", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
     without=("hand_targets", "pose"), common=("workspace",),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
@@ -44,9 +44,10 @@ def place(
     control, options = config.motion.control(arm := config.robot.load_arm()), config.placement
     with console.progress() as progress:
         placed = place_path(
-            positions, targets, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
-            spec=spec.bounded, damping=config.transfer.damping or 0.0, collisions=control.collisions,
-            random_state=config.seed, progress=progress,
+            positions, targets, arm, time=time, scale=config.motion.scale, tilt=options.tilt,
+            workspace=config.motion.bounds.T, rank=options.rank, spec=spec.bounded,
+            damping=config.transfer.damping or 0.0, collisions=control.collisions, random_state=config.seed,
+            progress=progress,
         )  # fmt: skip
     with folder_written_whole(output, files, overwrite) as staging:
         placed.write_data(staging, time)

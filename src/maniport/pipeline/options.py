@@ -28,9 +28,6 @@ class HumanOptions(Options):
     unit: str | None = option(
         None, "Unit of length; recognized by default", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
     )
-    vertical_axis: str | None = option(
-        None, "Vertical axis; recognized by default", choices=("x", "y", "z", "-x", "-y", "-z"), common=True
-    )
     fps: float | None = option(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
     start: float | None = option(None, "Start of the part that is used", "s", common=True)
     stop: float | None = option(None, "End of the part that is used", "s", common=True)
@@ -38,13 +35,12 @@ class HumanOptions(Options):
     person: str = option(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
     side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
-    smooth: str | float = option(AUTO, "Low-pass filter: auto, off, or cutoff", "Hz", (AUTO, "off"), above=0.0)
-    jumps: str = option(defaults.KEEP, "Treatment of joint jumps", choices=(defaults.KEEP, "smooth", "split"))
+    smooth: str = option(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
     @property
     def fit_options(self) -> dict[str, Any]:
         """Arguments of `maniport.fit_arm`."""
-        names = ("person", "side", "height", "smooth", "jumps")
+        names = ("person", "side", "height", "smooth")
         return {"markers": self.roles(), **{name: getattr(self, name) for name in names}}
 
     def read(self, recording: "Recording | str | os.PathLike[str]") -> "Recording":
@@ -52,7 +48,7 @@ class HumanOptions(Options):
         from maniport.mocap import Recording, read_recording
 
         if not isinstance(recording, Recording):
-            recording = read_recording(recording, unit=self.unit, up=self.vertical_axis, rate=self.fps)
+            recording = read_recording(recording, unit=self.unit, rate=self.fps)
         return recording if self.start is None and self.stop is None else recording.crop(self.start, self.stop)
 
     def roles(self) -> Mapping[str, Any] | None:
@@ -219,6 +215,7 @@ class MotionOptions(Options):
     home: tuple[float, ...] | None = option(
         None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
     )
+    scale: float | None = option(None, "Scale of the path; searched by default", above=0.0, common=True)
     workspace: tuple[float, ...] | None = option(
         None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
         unchecked=True,

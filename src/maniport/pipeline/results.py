@@ -10,7 +10,7 @@ import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
-from maniport.arms.collisions.hulls import lowest_points
+from maniport.arms.collisions.hulls import lowest_point
 from maniport.errors import InvalidInputError
 from maniport.evaluation import Capability, Evaluation
 from maniport.mocap import ArmFit, Recording
@@ -73,16 +73,10 @@ class ArmResult(NotebookDisplay):
         return f"{type(self).__name__}({self.name!r}, {self.robot.name!r}, {moved})"
 
     @cached_property
-    def lowest_of_links(self) -> tuple[Lowest, ...]:
-        """Lowest point of each moving link over the motion, the lowest first; empty where no shape is available."""
-        if self.motion is None:
-            return ()
-        return lowest_points(self.robot, self.motion.control_time, self.motion.control_positions)
-
-    @property
     def lowest(self) -> Lowest | None:
         """Lowest point of all moving links over the motion; None where no shape is available."""
-        return self.lowest_of_links[0] if self.lowest_of_links else None
+        motion = self.motion
+        return None if motion is None else lowest_point(self.robot, motion.control_time, motion.control_positions)
 
     @property
     def mean_distance(self) -> "MeanDistance":

@@ -25,7 +25,7 @@ from maniport.motion import (
     MotionLimits,
     Placement,
     Planner,
-    feasibility_gap,
+    nearest_feasible,
     place_path,
     plan_motion,
 )  # fmt: skip
@@ -35,6 +35,7 @@ from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
 from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, MotionTargets, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 
@@ -156,7 +157,8 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
     return place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
-        workspace=settings.config.motion.bounds.T, reachability_map=[own.reachability_map for own in arms],
+        scale=settings.config.motion.scale, workspace=settings.config.motion.bounds.T,
+        reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
         random_state=robot.random, progress=settings.progress,
     )  # fmt: skip
@@ -203,9 +205,10 @@ def measure(
     assert settings.control is not None
     budget, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
-        gap = feasibility_gap(
-            own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, n_points=budget.gap_points, n_starts=budget.gap_starts,
+        rows = evenly_spaced(len(motion.target), budget.gap_points)
+        nearest = nearest_feasible(
+            own.limits.arm, motion.target[rows], bank=own.bank, spec=motion.spec, damping=motion.damping,
+            progress=settings.progress, n_starts=budget.gap_starts,
         )  # fmt: skip
         results.append(
             ArmResult(
@@ -214,7 +217,7 @@ def measure(
                 spec=settings.specs[i],
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
-                gap=gap,
+                gap=np.interp(np.arange(len(motion.target)), rows, nearest.distance),
                 collisions=own.collisions,
             )
         )

@@ -87,7 +87,7 @@ def transfer_recording(
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     """Load the robot of a configuration, and check all options for it."""
     transfer, human, side = config.transfer, config.human, config.human.side
-    require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth, human.jumps)
+    require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth)
     human.roles()
     robot = _with_limits(config.robot.load(side == BOTH), config)
     group = as_group(robot)
@@ -183,8 +183,9 @@ def follow_profile(
         raise InvalidInputError(text)
     robot = _with_limits(robot, config)
     settings = Settings(config, robot, _control_of(robot, config), progress=progress or no_progress)
-    if config.motion.workspace is not None and (paths is None or not place):
-        raise InvalidInputError("workspace bounds a path that is placed; found none")
+    for name in ("workspace", "scale"):
+        if getattr(config.motion, name) is not None and (paths is None or not place):
+            raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
     group, generator = as_group(robot), np.random.default_rng(config.seed)
     times = as_times(time)
     for name, values in (("profiles", profiles), ("paths", paths)):

@@ -126,8 +126,8 @@ def _of_trajectory(
     sources = {name: text for name, text in limits.sources.items() if name in DERIVATIVES}
     of_torques = {name: text for name, text in limits.sources.items() if name not in DERIVATIVES}
     for key, shares, texts in (("limits", used, sources), ("torques", torques, of_torques)):
-        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
-                    for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
+        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}{_effort(limits, use['joint'], name)} "
+                    + at_time(use["at_s"]) for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
         written = {name: use for name, use in shares.items() if name != "position"}  # which cannot be exceeded
         text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in written.items())
         if shares:
@@ -143,6 +143,12 @@ def _of_trajectory(
         "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
         clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair, _when=when,
     )  # fmt: skip
+
+
+def _effort(limits: MotionLimits, joint: str, quantity: str) -> str:
+    i = limits.arm.joint_names.index(joint)
+    unit = {"rad": "N m", "m": "N"}[limits.arm.joint_units[i]]
+    return f" limit of {limits.effort[i]:.4g} {unit}" if quantity == "torque" else ""
 
 
 def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:

@@ -13,10 +13,10 @@ from maniport.arms.loaders import ROBOTS
 from maniport.arms.loaders.limbs import Limb
 from maniport.arms.loaders.packages import arm_names, packages_with
 from maniport.errors import argument
-from maniport.motion import FeasibleEllipsoids, Placement
+from maniport.motion import Placement
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.trajectory import Clearance
-from maniport.report.metrics import describe, measure
+from maniport.report.metrics import describe
 from maniport.report.values import Metric, Report, Section, Table, info, listed, numbers, table_of, warning
 
 
@@ -188,13 +188,3 @@ def placement_section(placed: Placement) -> Section:
                  farthest_out_of_reach_mm=far),
     )  # fmt: skip
     return Section("Placement", metrics, key="placement")
-
-
-@describe.register
-def feasible_report(nearest: FeasibleEllipsoids) -> Report:
-    """Describe the nearest feasible ellipsoids."""
-    count, d = nearest.ellipsoids.shape[:2]
-    metrics = measure("distance", nearest.distance)
-    if nearest.position_error is not None:
-        metrics += measure("position_error", 1e3 * nearest.position_error)
-    return Report(f"{count} ellipsoids of {d} × {d}", "", (Section("", tuple(metrics)),))
