@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
-from maniport.arms.arm_group import CooperativeArm
 from maniport.util.validation import Array
 
 
 def sample_domain(
-    arm: Arm | ArmGroup | CooperativeArm,
+    arm: Arm | ArmGroup,
     n: int,
     random_state: Any = None,
     sequence: str = "sobol",
@@ -21,7 +20,7 @@ def sample_domain(
 
     Parameters
     ----------
-    arm : Arm, ArmGroup, or the relative or absolute one of a pair
+    arm : Arm or ArmGroup
         All arms of a group are sampled at the same configurations of all its joints.
     n : int
         Number of ellipsoids. 4096 for a teacher and 16384 for a student suffice for an arm of seven joints; powers of

@@ -95,7 +95,7 @@ def test_an_exceeded_torque_is_reported(planned):
     arm = planned.arms[0]
     report = report_of(replace(arm, limits=replace(arm.limits, effort=np.array([87.0, 5.0, *[87.0] * 5]))))
     (text,) = (text for text in report.warnings if "torque" in text)
-    joint, share, _ = arm.limit_use.largest["torque"]
+    joint, share, _at = arm.limit_use.largest["torque"]
     assert joint == "panda_joint2"
     assert "torques-exceeded" in report.warning_keys
     assert f"{joint} at {share * arm.limits.effort[1] / 5.0:.2f} times its torque limit of 5 N m at" in text

@@ -22,7 +22,7 @@ CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
 
 
-@command(*CHAIN, "side", "height", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
+@command(*CHAIN, "side", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
          example="maniport domain panda -n 16384 -o panda.npz")  # fmt: skip
 def domain(
     config: Config,
@@ -38,7 +38,7 @@ def domain(
 
     require_suffix(output, ".npz")
     human, spec = config.human, config.transfer.spec
-    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side, human.height)
+    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side)
     ellipsoids = sample_domain(body, n, config.seed, sequence, spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(

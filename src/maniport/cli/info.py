@@ -19,7 +19,7 @@ from maniport.util.defaults import AUTO, RECORDINGS
 
 
 @command(
-    *("unit", "fps", "start", "stop", "markers", "side", "height"),
+    *("unit", "fps", "start", "stop", "markers", "side"),
     *("frame", "joints", "base", "lock", "mesh_folders"),
     example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )
@@ -68,7 +68,7 @@ def _description(what: str, config: Config) -> Report:
         return recording_report(
             human.read(what), human.roles(), human.side, command=f"{shlex.quote(what)} {words}".strip()
         )
-    recording = config.changed(side=AUTO, height=None)
+    recording = config.changed(side=AUTO)
     _require_none(recording, "human", f"{what!r} is no recording")
     if Path(what).suffix.lower() != ".npz":
         return _of_robot(what, config)
@@ -118,7 +118,7 @@ def _of_robot(what: str, config: Config) -> Report:
     robot = replace(config.robot, robot=(what,))
     if limbs and default is None and not robot.frame and not robot.joints:
         return robot_report(what, limbs, None)
-    arm: Any = robot.load_arm(config.human.side, config.human.height)
+    arm: Any = robot.load_arm(config.human.side)
     return robot_report(what, limbs, arm)
 
 

@@ -96,7 +96,7 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
 
 
 @command(
-    "person", "side", "height", "robot", "base_rotation", "seed",
+    "person", "side", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
     example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
 )  # fmt: skip
@@ -119,7 +119,7 @@ def view(
     with console.progress() as progress:
         state, method, turn = prepare(
             human.person, config.robot.load(human.side == BOTH), recording=recording, side=human.side,
-            height=human.height, adapter=adapter, base_rotation=config.transfer.rotation if turned else None,
+            adapter=adapter, base_rotation=config.transfer.rotation if turned else None,
             random_state=config.seed, progress=progress,
         )  # fmt: skip
         page = LiveView(state, method, turn, host, port)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
-from maniport.arms.joint_space import Manipulable
 from maniport.domain import sample_domain
 from maniport.errors import InvalidInputError, ManiportWarning
 from maniport.evaluation.metrics import STILL, distance_preservation, identity_test, rmse, smoothness
@@ -117,7 +116,7 @@ def evaluate(
         When the adapter is not fitted, or an input cannot be used.
     """
     for what, arm in (("robot", robot), ("person", person)):
-        if arm is not None and not isinstance(arm, Manipulable):
+        if arm is not None and not isinstance(arm, Arm):
             raise InvalidInputError(f"{what} must be an Arm, such as maniport.load_arm('panda'); found {arm!r}")
     if not isinstance(adapter, DomainAdapter):
         raise InvalidInputError(f"adapter must be a fitted DomainAdapter; found {adapter!r}")

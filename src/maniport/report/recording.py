@@ -11,7 +11,7 @@ import numpy as np
 
 from maniport.arms import myoarm
 from maniport.arms.chain import RIGHT, SIDES
-from maniport.arms.human import adult_range
+from maniport.arms.human import FRACTIONS
 from maniport.errors import RecordingError, nearest_first
 from maniport.mocap import ArmFit, HumanMotion, Recording
 from maniport.mocap.data_quality import unobservable_joints
@@ -124,7 +124,7 @@ def _arm(recording: Recording, roles: Mapping[str, Any], markers: Mapping[str, A
         except RecordingError as error:
             warned.append(warning("markers", str(error)))
     for name, length in lengths.items():
-        low, high = adult_range(name)
+        low, high = 0.85 * 1.4 * FRACTIONS[name], 1.15 * 2.1 * FRACTIONS[name]  # of 1.4 to 2.1 m, ± 15 % [m]
         if not low <= length <= high:
             text = f"the {name} is {length:.3f} m long, those of adults are {low:.2f} to {high:.2f} m"
             warned.append(warning("segment-lengths", f"the {side} arm: {text}"))

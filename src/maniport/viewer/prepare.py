@@ -37,7 +37,6 @@ def prepare(
     *,
     recording: str | os.PathLike[str] | None = None,
     side: str = AUTO,
-    height: float | None = None,
     adapter: str | os.PathLike[str] | None = None,
     base_rotation: ArrayLike | None = None,
     random_state: int = 0,
@@ -53,7 +52,7 @@ def prepare(
         raise InvalidInputError("an adapter file is one arm's; where both are shown methods are fitted for each")
     if both and isinstance(robot, Arm):
         raise InvalidInputError(f"both arms need a robot with two, such as of maniport.load_arms; found {robot!r}")
-    require_person(person, AUTO if both else side, height)
+    require_person(person, AUTO if both else side)
     loaded = None if adapter is None else load_adapter(adapter)
     options: dict[str, Any] = {"damping": DAMPING, "eigenvalue_floor": None}
     if loaded is not None:
@@ -68,7 +67,7 @@ def prepare(
         raise InvalidInputError(f"the view of both arms needs two robot arms; place them with {placing_options()}")
     for student in group.arms:
         require_trackable(student)
-    persons, motion, time, bases = _person(person, recording, side, height, both, seed, progress)
+    persons, motion, time, bases = _person(person, recording, side, both, seed, progress)
 
     tell("Prepare page", 0.0)
     displayed, ready = (LOADED, LOADED) if loaded is not None else (PREFERRED, AT_ONCE)
@@ -88,13 +87,13 @@ def prepare(
 
 
 def _person(
-    person: str, recording: Any, side: str, height: float | None, both: bool, seed: int, progress: Progress | None
+    person: str, recording: Any, side: str, both: bool, seed: int, progress: Progress | None
 ) -> tuple[tuple[Arm, ...], list[Array], Array | None, Array]:
     """Return the person's arms, joints of each (n, dof), times where they are recorded, and base frames (k, 3)."""
     if recording is None:
-        arms = tuple(human_arm(person, own, height) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
+        arms = tuple(human_arm(person, own) for own in (GROUP if both else (RIGHT if side == AUTO else side,)))
         bases = np.array([[0.0, -middle_of(arm) if both else 0.0, 0.0] for arm in arms])
         return arms, [arm.sample(32, seed) for arm in arms], None, bases
     side = BOTH if both else side
-    fits = fit_arms(read_recording(recording), person, progress=progress, side=side, height=height)
+    fits = fit_arms(read_recording(recording), person, progress=progress, side=side)
     return tuple(fit.arm for fit in fits.arms), [fit.joint_angles for fit in fits.arms], fits.time, fits.bases
