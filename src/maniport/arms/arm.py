@@ -174,6 +174,10 @@ class Arm(JointSpace):
         """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
         return self._motions(q, with_jacobians=False)[0]
 
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Return the results of `forward` and `jacobian`."""
+        return self._motions(q)[:2]
+
     def jacobian(self, q: ArrayLike) -> Array:
         """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
 
