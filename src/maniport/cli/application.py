@@ -218,11 +218,8 @@ def _joints(config: Config) -> dict[str, tuple[str, float, float]]:
         chain = read_arm(options.robot[0], frame, options.joints or None, options.base)
         return dict(zip(chain.coordinates, zip(chain.units, chain.lower, chain.upper, strict=True), strict=True))
     group = replace(options, lock=None).load(both)
-    return {
-        name: (unit, low, high)
-        for arm in (*group.arms, group)  # a name that several robots have is that of all these joints
-        for name, unit, low, high in zip(arm.joint_names, arm.joint_units, arm.lower, arm.upper, strict=True)
-    }
+    limits = zip(group.joint_units, group.lower, group.upper, strict=True)
+    return dict(zip(group.joint_names, limits, strict=True))
 
 
 def _position(

@@ -13,7 +13,7 @@ import typer
 
 from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import Config
+from maniport.pipeline.config import LIVE, Config
 from maniport.report.console import Console
 from maniport.util.ports import LOOPBACK, is_loopback
 from maniport.util.signals import ending_in_order
@@ -27,7 +27,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
+    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"), defaults=LIVE,
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )  # fmt: skip
 def live(
@@ -61,6 +61,8 @@ def live(
             console.warn(text)
         result = transfer_recording(motion, settings)
         follower = Live.of(result, progress=progress)
+    if (placement := result.arms[0].placement) is not None:
+        console.print(f"Scale {placement.scale:.2f} of the person's motion")
     if udp is not None and not is_loopback(host):
         console.warn("the port accepts frames from other machines, which can move the robot")
     stop, signal = socket.socketpair()
