@@ -76,20 +76,6 @@ def test_path_is_followed_between_sparse_waypoints(panda, planner):
     assert np.linalg.norm(tips[:, None] - path, axis=2).min(axis=1).max() < 0.02
 
 
-def test_jumps_of_the_recording_are_named(planned):
-    """Waypoints at either end of a step that is far and quicker than those around, of path or ellipsoids."""
-    arm, n = planned.arms[0], len(TIME)
-    path, ellipsoids = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n), np.tile(np.eye(3), (n, 1, 1))
-    assert not replace(arm, path=path, target=ellipsoids).jumps.any()
-    path[9:] += 0.2
-    ellipsoids[4:] *= 3.0
-    jumping = replace(arm, path=path, target=ellipsoids)
-    assert np.flatnonzero(jumping.jumps).tolist() == [3, 4, 8, 9]
-    reported = as_numbers(report_of(jumping))["motion"]["jumps"]
-    assert reported["points"] == 4
-    assert reported["there"]["position_error_mm"] == pytest.approx(1e3 * arm.position_error[[3, 4, 8, 9]].max())
-
-
 def test_an_exceeded_torque_is_reported(planned):
     """The warning has the joint, its limit and the time."""
     arm = planned.arms[0]

@@ -8,11 +8,11 @@ from numpy.testing import assert_allclose
 
 from maniport import spd
 from maniport.errors import NotInvertibleError
-from maniport.transfer import METHODS, Search, method_of
+from maniport.transfer import METHODS, method_of
 from properties.strategies import cases, congruent, fewer, refused_only_above
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
-QUICK = {"icp": {"search": Search(n_starts=0, max_iter=10)}, "length-field": {"n_rounds": 2}}
+QUICK = {"icp": {"n_starts": 0}, "length-field": {"n_rounds": 2}}
 """Parameters with which methods take less time and keep the same laws."""
 METHOD_NAMES = tuple(METHODS)
 methods = pytest.mark.parametrize("name", METHOD_NAMES)

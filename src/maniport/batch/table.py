@@ -34,12 +34,11 @@ METRICS = (
     *(f"motion.mean_distance.{part}" for part in ("mean", "infeasible", "path", "motion")),
     *(f"motion.limits.used.{limit}.share" for limit in ("position", "velocity", "acceleration", "jerk")),
     *(f"motion.collisions.{name}" for name in ("checked", "share", "clearance_mm")),
-    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count", "jumps.points",
+    *(f"motion.{name}" for name in ("pointwise_ratio", "waypoints.missed", "waypoints.count",
                                     "duration_s.robot", "duration_s.person")),
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
-    *(f"adapter.{name}" for name in ("dimension", "cost_start", "cost", "iterations", "converged",
-                                     "teacher_dispersion", "student_dispersion", "dispersion_ratio")),
+    *(f"adapter.{name}" for name in ("cost", "iterations", "converged", "dispersion_ratio")),
     *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "rank_correlation", "turn",
                                             "singular_value", "near_singular")),
     "person.frames",
@@ -59,18 +58,19 @@ PAGE = "index.html"
 
 def row_of(report: Report, recording: str, robot: str, folder: str, arms: Sequence[str] = ()) -> dict[str, Any]:
     """Return the row of a pair that is done; of several arms with names, the largest of each number."""
-    numbers, summary = as_numbers(report), report.summary
+    numbers = as_numbers(report)
     row = {
         **_empty_row(recording, robot, DONE),
         "warnings": "\n".join(report.warnings),
         "warning_keys": " ".join(report.warning_keys),
         "folder": folder,
         "status": report.status,
-        "verdict": "" if summary is None else summary.title,
+        "verdict": report.outcome,
     }
     for name in METRICS:
-        values = [_number(numbers, key) for key in (name, *(f"{arm}_{name}" for arm in arms))]
-        row[name] = values[0] if values[0] is not None else max((v for v in values if v is not None), default=None)
+        of_all = name.replace("motion.", "arms.")
+        values = [_number(numbers, key) for key in (name, of_all, *(f"{arm}_{name}" for arm in arms))]
+        row[name] = max((value for value in values if value is not None), default=None)
     return row
 
 

@@ -145,13 +145,13 @@ class InverseDynamics:
         return self.torques(q, still, first) - gravity, self.torques(q, first, second) - gravity, gravity
 
 
-def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) -> None:
+def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY) -> None:
     """Raise InvalidInputError unless an arm has enough joints, none of them coupled, to follow such ellipsoids."""
-    if arm.dof < least:
+    if arm.dof < 3:
         d = spec.size
         raise InvalidInputError(
             f"{arm.name!r} has {arm.dof} joint{'s' * (arm.dof > 1)} ({', '.join(arm.joint_names)}); following {d}×{d} "
-            f"ellipsoids needs at least {least}, and {d * (d + 1) // 2} to follow all of their shape"
+            f"ellipsoids needs at least 3, and {d * (d + 1) // 2} to follow all of their shape"
         )
     _own_coordinates(arm)
 

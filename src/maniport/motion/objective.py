@@ -40,12 +40,6 @@ HINT = "Give a damping, such as 0.01: ε I is added to target and achieved ellip
 def as_damping(damping: Damping, ellipsoids: Callable[[], Array], positive: bool = False) -> Regularization:
     """Convert to a damping whose ε [unit of M] is known."""
     own = damping if isinstance(damping, Regularization) else Regularization(damping)
-    if own.eigenvalue_floor is not None:
-        raise InvalidInputError(
-            "damping must be a number, None or a Regularization by damping; found a floor of "
-            f"{own.eigenvalue_floor:g}, which has no derivative where it sets in. Regularization.absolute(...) adds "
-            "a fixed amount"
-        )
     if own.damping is not None and own.epsilon == 0.0:
         return own.fitted(ellipsoids(), "ellipsoids")
     if positive and own.epsilon == 0.0:

@@ -30,6 +30,7 @@ from maniport.motion import (
     plan_motion,
 )  # fmt: skip
 from maniport.motion.arm_model import require_trackable
+from maniport.motion.demands import demands_of
 from maniport.motion.plan.plan_motion import PLACED
 from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
@@ -37,6 +38,8 @@ from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, MotionTargets
 from maniport.transfer import LengthField, method_of, name_of
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
+
+REAL_TIME_SCALES = (0.2, 1.0)  # Range of scales at the person's speed; smaller motions are of little use
 
 
 def load(recording: Recording | str | Path, settings: Settings) -> Recording:
@@ -153,11 +156,16 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
     assert targets.paths is not None
     assert settings.control is not None
     assert robot.planner is not None
-    rows, arms = targets.placement_rows(), robot.planner.arms
+    arms, options, rows, demands = robot.planner.arms, settings.config.motion, targets.placement_rows(), None
+    scale: Any = options.scale
+    if options.real_time:
+        scale = REAL_TIME_SCALES if scale is None else scale
+        pairs = zip(arms, targets.paths, strict=True)
+        demands = [demands_of(own.limits, targets.time, path, rows) for own, path in pairs]
     return place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
-        scale=settings.config.motion.scale, workspace=settings.config.motion.bounds.T,
+        demands=demands, scale=scale, workspace=options.bounds.T,
         reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
         random_state=robot.random, progress=settings.progress,

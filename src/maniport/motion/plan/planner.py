@@ -94,22 +94,8 @@ class Planner:
     ) -> tuple[Trajectory, bool]:
         """Plan a motion, as fast as limits allow and at most as fast as the demonstration.
 
-        Parameters
-        ----------
-        problem : MotionProblem
-        settings : PlanSettings
-        random_state : None, int or numpy.random.Generator
-        progress : callable
-            Called with the fraction done.
-        separate : sequence of Targets, optional
-            Targets of each arm while it is planned by itself. Default: those of the problem.
-
-        Returns
-        -------
-        trajectory : Trajectory
-            Passes the waypoints at its ``time``, and is sampled at the rate of the settings.
-        coupled : bool
-            Whether several arms were optimized together.
+        Return a trajectory that passes the waypoints at its ``time``, and whether several arms were optimized together.
+        `separate` are targets of each arm while it is planned by itself; default: those of the problem.
         """
         count, random = len(self.arms), as_generator(random_state)
         parts, shares = [], zip(self.arms, separate or problem.targets, _copies(random, count), strict=True)

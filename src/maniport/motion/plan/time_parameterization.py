@@ -28,14 +28,10 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     """Pass waypoints at the demonstrated times, or as soon as the limits allow where that is later.
 
     A cubic spline through the waypoints, with the demonstrated time as its parameter, is passed time-optimally within
-    the limits of velocity and acceleration [1]_ and with a parameter speed of at most 1. A moving average over the
-    samples then limits the jerk: of length T it keeps velocities and accelerations, makes jerks at most 2 a / T and
-    leaves the path by about a T² / 24, where a is the acceleration. T is as short as possible, about 0.2 s at most,
-    since the search uses no more acceleration than full jerk reaches in 0.1 s. Where samples exceed an acceleration
-    between the points of the search grid, the search is repeated with less of it there; a remaining excess slows down
-    the whole motion. Where masses are known, the same holds for the limits of torques, and of their rates, which the
-    average limits as well. A joint that gravity alone overloads along the path exceeds its torque limit in the result,
-    by at most 5 % more.
+    the limits of velocity, acceleration and torque [1]_. A moving average over the samples, of at most 0.2 s, then
+    limits the jerk and the torque rate. Where samples exceed a limit between the points of the search grid, the search
+    is repeated with less of it there; a remaining excess slows down the whole motion. A joint that gravity alone
+    overloads along the path exceeds its torque limit in the result, by at most 5 % more.
 
     Parameters
     ----------
