@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -244,19 +243,12 @@ def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments 
         if part is None or part == AUTO:
             parts[index] = part or [None]
             continue
-        if isinstance(part, str):
-            raise InvalidInputError(f"{argument('segments')} must be {AUTO!r} or (start, stop) [s]; found {part!r}")
-        times = [tuple(map(float, as_numbers(pair, "a segment (start, stop) [s]", 2))) for pair in part]
-        for start, stop in times:
-            if not start < stop:
-                raise InvalidInputError(f"a segment must begin before it ends; found {start:g} to {stop:g} s")
-        for (_, before), (after, _) in pairwise(sorted(times)):
-            if after < before:
-                raise InvalidInputError(
-                    f"segments must not overlap, or they agree by themselves; found one up to {before:g} s "
-                    f"and one from {after:g} s"
-                )
-        parts[index] = times
+        parts[index] = [tuple(as_numbers(pair, "a segment (start, stop) [s]", 2).tolist()) for pair in part]
+        times = [time for pair in sorted(parts[index]) for time in pair]
+        if any(after <= before for before, after in zip(times[::2], times[1::2], strict=True)):
+            raise InvalidInputError(f"a segment must begin before it ends; found {part!r}")
+        if times != sorted(times):
+            raise InvalidInputError(f"segments must not overlap, or they agree by themselves; found {part!r}")
     if AUTO not in parts:
         _require_two(sum(map(len, parts)))
     return parts
