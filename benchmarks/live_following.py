@@ -10,7 +10,7 @@ With a cache, calibrations are read from a folder where they are there; delete i
 import argparse
 import pickle
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +71,7 @@ def webcam(recording: Recording, seed: int) -> Recording:
     positions[random.random(positions.shape[:2]) < 0.02] = np.nan
     for first in np.flatnonzero(random.random(len(time)) < 0.007):
         positions[first : first + random.integers(1, 6)] = np.nan
-    return Recording(recording.names, positions, time, recording.up, f"{recording.source} seed {seed}")
+    return replace(recording, positions=positions, time=time, source=f"{recording.source} seed {seed}")
 
 
 def transferred(case: Case, options: dict[str, Any], cache: Path | None) -> tuple[Recording, Recording, Any]:
