@@ -13,7 +13,7 @@ from maniport.arms import load_arm
 from maniport.arms.human import middle_of
 from maniport.errors import RecordingError
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
-from mirror_images import in_a_mirror
+from maniport.mocap.marker_sets import other_side
 
 DATA = Path(__file__).parent / "data"
 SIDES = ("left", "right")
@@ -229,7 +229,8 @@ def test_repetitions_are_found(repeated):
 @pytest.mark.parametrize(("name", "person"), [("ladder", "rhuman"), ("freeform", "myoarm")])
 def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person):
     recording, s = read_recording(name).crop(0, 1), np.diag([1.0, -1.0, 1.0])
-    right, left = fit_arm(recording, person), fit_arm(in_a_mirror(recording), person)
+    names, flipped = tuple(map(other_side, recording.names)), recording.positions * np.array([1.0, 1.0, -1.0])
+    right, left = fit_arm(recording, person), fit_arm(replace(recording, names=names, positions=flipped), person)
     assert (right.arm.side, left.arm.side, left.arm.name) == ("right", "left", f"{person}_left")
     q = right.joint_angles
     np.testing.assert_allclose(left.joint_angles, q, atol=1e-9)

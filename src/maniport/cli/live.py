@@ -15,8 +15,7 @@ from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import LIVE, Config
 from maniport.report.console import Console
-from maniport.util.ports import LOOPBACK, is_loopback
-from maniport.util.signals import ending_in_order
+from maniport.util.process import LOOPBACK, ending_in_order, is_loopback
 
 if TYPE_CHECKING:
     from maniport.live.transport import Datagrams, Pipe
