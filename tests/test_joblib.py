@@ -12,7 +12,7 @@ import maniport as mp
 PAIRS = [("rhuman", "panda"), ("panda", "rhuman")]
 METHODS = [
     mp.ParallelTransport(damping=0.01),
-    mp.RiemannianICP(damping=0.01, random_state=0, n_starts=2),
+    mp.RiemannianICP(damping=0.01, n_starts=2),
     mp.NearestNeighbor(damping=0.01),
 ]
 

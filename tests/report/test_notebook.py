@@ -19,7 +19,7 @@ def objects(small_result):
     teacher, student = mp.sample_domain(person, 64, 0), mp.sample_domain(panda, 96, 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
-        icp = mp.RiemannianICP(damping=0.01, random_state=0, n_starts=2).fit(teacher, student)
+        icp = mp.RiemannianICP(damping=0.01, n_starts=2).fit(teacher, student)
     bank = mp.SeedBank.build(panda, 1024, 0)
     return {
         "Arm": panda,
