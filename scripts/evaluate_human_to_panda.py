@@ -12,11 +12,10 @@ from pathlib import Path
 
 import maniport as mp
 from maniport.evaluation import Evaluation
-from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
-from maniport.report.metrics import report_of
+from maniport.evaluation.summary import IDENTITY, MEAN_TRANSPORT, TRANSPORT
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section
-from maniport.report.values import Report
+from maniport.report.values import Report, report_of
 from maniport.studies.methods import FITTED_METHODS, Motion, study
 from maniport.transfer import METHODS
 from maniport.util.defaults import AUTO

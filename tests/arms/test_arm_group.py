@@ -1,4 +1,4 @@
-"""Groups of arms: robots side by side, limbs of one robot, relative and absolute ellipsoids of two arms."""
+"""Groups of arms: robots side by side, limbs of one robot, cooperative ellipsoids of two arms."""
 
 import pickle
 from dataclasses import replace
@@ -70,8 +70,8 @@ def test_a_single_arm_is_a_group_of_one():
     assert mp.arms.as_group(group) is group
     again = pickle.loads(pickle.dumps(mp.ArmGroup(arm, names=("right",))))
     assert (again.names, again.joint_names) == (("right",), arm.joint_names)
-    with pytest.raises(InvalidInputError, match="pair"):
-        _ = group.relative
+    with pytest.raises(InvalidInputError, match="of two arms; the group has 1"):
+        group.cooperative_ellipsoids(q)
 
 
 @pytest.mark.parametrize(("robot", "options", "message"), [
@@ -84,7 +84,7 @@ def test_a_single_arm_is_a_group_of_one():
     ("panda", {"bases": BASES, "joints": ["left_panda_joint1"]}, "none of left_panda_joint1 moves the right arm"),
     ("panda", {"bases": BASES, "frames": ("panda_link8", "panda_lnk8")}, "unknown frame 'panda_lnk8'"),
     ("myoarm", {}, "'myoarm' is a person"),
-    ("panda", {"bases": BASES, "lock": {"left_panda_joint1": 0.5, "panda_joint1": 0}}, "named twice"),
+    ("panda", {"bases": BASES, "lock": {"panda_joint1": 0}}, "unknown joint 'panda_joint1'.*'left_panda_joint1'"),
 ])  # fmt: skip
 def test_what_is_no_pair_is_named(robot, options, message):
     """Wrong robots, frames, bases and joints are named, with what is allowed."""
@@ -102,32 +102,28 @@ def test_postures_of_arms_that_do_not_agree_are_refused(crane):
 
 
 def test_single_joints_of_a_pair_are_held():
-    """A name without a side is that of both robots; with one it is that of its own."""
-    arms = mp.load_arms("panda", bases=BASES, lock={"panda_joint1": 0.1, "right_panda_joint3": 0.2})
-    assert arms.arms[0].chain.locked == {"panda_joint1": 0.1}
-    assert arms.arms[1].chain.locked == {"panda_joint1": 0.1, "panda_joint3": 0.2}
+    """Names are those of the group."""
+    arms = mp.load_arms("panda", bases=BASES, lock={"left_panda_joint1": 0.1, "right_panda_joint3": 0.2})
+    assert [arm.chain.locked for arm in arms.arms] == [{"panda_joint1": 0.1}, {"panda_joint3": 0.2}]
 
 
 def test_ellipsoids_of_arms_without_shared_joints_are_sums(pandas):
-    """M_r = M_left + M_right and M_a = (M_left + M_right) / 4 to 1e-12; those of force are their inverses."""
+    """M_r = M_left + M_right and M_a = (M_left + M_right) / 4 to 1e-12."""
     q = pandas.sample(64, 0)
     for part in ("translation", "rotation", "full"):
         together = pandas.manipulability(q, part=part).sum(axis=1)
-        np.testing.assert_allclose(pandas.relative.manipulability(q, part=part), together, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(pandas.absolute.manipulability(q, part=part), together / 4, rtol=0, atol=1e-12)
-    force = pandas.absolute.manipulability(q, "force")
-    np.testing.assert_allclose(force @ pandas.absolute.manipulability(q), np.tile(np.eye(3), (64, 1, 1)), atol=1e-9)
+        for kind, factor in (("relative", 1.0), ("absolute", 0.25)):
+            actual = pandas.cooperative_ellipsoids(q, kind, part)
+            np.testing.assert_allclose(actual, factor * together, rtol=0, atol=1e-12)
 
 
 def test_jacobians_of_two_arms_are_combined(crane):
-    """The relative one is the difference, the absolute one the mean; a shared joint counts once in ellipsoids."""
+    """A shared joint counts once in the relative ellipsoids."""
     q = crane.sample(4, 0)
     left, right = np.moveaxis(crane.jacobian(q), 1, 0)
     moved = np.any(crane.jacobian(q) != 0, axis=(0, 2))
     np.testing.assert_array_equal(moved, [[True] * 6 + [False] * 4, [True] * 2 + [False] * 4 + [True] * 4])
-    np.testing.assert_allclose(crane.relative.jacobian(q), right - left, atol=1e-12)
-    np.testing.assert_allclose(crane.absolute.jacobian(q), (left + right) / 2, atol=1e-12)
     moves = (right - left)[:, :3]
     expected = moves @ np.swapaxes(moves, -1, -2)
-    np.testing.assert_allclose(crane.relative.manipulability(q), expected, atol=1e-12)
+    np.testing.assert_allclose(crane.cooperative_ellipsoids(q), expected, atol=1e-12)
     assert np.linalg.norm(expected - crane.manipulability(q).sum(axis=1), axis=(1, 2)).min() > 0.01

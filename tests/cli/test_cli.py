@@ -79,19 +79,15 @@ def test_fit_uses_the_robot_where_it_is_named(run, domains):
 
 
 def test_info_describes_results(run, tmp_path):
-    """A folder of results has a verdict and a page, a path a duration; a damaged summary is named."""
+    """A folder of results has a summary, a path a duration; a damaged summary is named."""
     save_path(tmp_path / "path.npz", np.zeros((5, 3)), np.linspace(0.0, 2.0, 5))
     assert "Path: 5 positions\n- Duration: 2 s\n" in run("info", tmp_path / "path.npz")[1]
-    (tmp_path / "report.html").write_text("")
-    (tmp_path / "summary.json").write_text(
-        '{"title": "a → b", "status": "amber", "summary": {"title": "It follows."}, '
-        '"warnings": [{"key": "assumed-jerk-limits", "text": "Jerk limits are assumed."}]}'
-    )
-    out = run("info", tmp_path)[1]
-    for words in ("It follows.", "- Status: amber", "- Jerk limits are assumed.", f"{tmp_path / 'report.html'}"):
-        assert words in out
-    (tmp_path / "summary.json").write_text("[1]")
-    code, _, err = run("info", tmp_path)
+    (tmp_path / "summary.md").write_text("# a → b\n\n## It follows.\n")
+    (tmp_path / "summary.json").write_text('{"title": "a → b", "status": "amber"}')
+    assert "## It follows." in run("info", tmp_path)[1]
+    assert json.loads(run("info", tmp_path, "--json")[1])["status"] == "amber"
+    (tmp_path / "summary.json").write_text("[1")
+    code, _, err = run("info", tmp_path, "--json")
     assert (code, "summary.json: is no summary of a run" in err) == (2, True)
 
 
@@ -141,8 +137,9 @@ def test_transfer_writes_a_folder(run, tmp_path):
 def test_track_and_place(run, profile, tmp_path):
     """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
-    code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", "--json")
+    code, out, err = run("place", *profile, *box, "--scale", 0.8, "-o", tmp_path / "placed", "--json")
     assert code == 0, err
+    assert json.loads(out)["placement"]["scale"] == pytest.approx(0.8)
     ranking = json.loads(out)["placement"]["candidates"]
     assert [candidate["rank"] for candidate in ranking] == list(range(1, len(ranking) + 1))
     path, time = load_path(tmp_path / "placed" / "path.npz")
@@ -281,6 +278,7 @@ def test_units_of_the_command_line_are_converted(track):
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
         (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes must be 'pointing'"),
+        (("--scale", 0), "--scale must be a number above 0; found '0'"),
         (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1] must be a number above 0.5; found 0.2"),
     ],
 )

@@ -2,22 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
-from maniport.arms.dynamics import Dynamics, DynamicsTerms, point_mass
-from maniport.arms.joint_space import Manipulable
+from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
+from maniport.arms.joint_space import JointSpace
 from maniport.arms.kinematics import Kinematics, PointKinematics
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, manipulability, weighting, with_derivatives
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_numbers
+from maniport.util.validation import Array, as_choice, as_finite, as_number, as_numbers
 
 
-class Arm(Manipulable):
+class Arm(JointSpace):
     """One kinematic chain from the base to the end effector.
 
     Make arms with `maniport.load_arm`, `maniport.arms.myoarm`, `maniport.arms.rhuman` or `Arm.from_dh`.
@@ -58,8 +59,6 @@ class Arm(Manipulable):
         self.base, self.locked = chain.base, chain.locked
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
-        self._parts = ((1.0, self._kinematics),)
-        self._dynamics = None if chain.inertia is None else Dynamics(chain)
         self.geometry = Geometry(chain)
 
     @classmethod
@@ -73,8 +72,6 @@ class Arm(Manipulable):
         base: ArrayLike | None = None,
         joint_names: Sequence[str] | None = None,
         kinds: Sequence[str] | None = None,
-        convention: str = "standard",
-        velocity_limits: ArrayLike | None = None,
     ) -> "Arm":
         """Make an arm with frames ``base``, ``link1``, … from Denavit-Hartenberg parameters.
 
@@ -82,18 +79,14 @@ class Arm(Manipulable):
         ----------
         name : str
         rows : array_like, shape (n, 4)
-            One row for each joint: theta [rad], d [m], a [m], alpha [rad]. The joint's coordinate adds to theta, or
-            to d when the joint is prismatic.
+            One row for each joint: theta [rad], d [m], a [m], alpha [rad] of ``Rz(θ) Tz(d) Tx(a) Rx(α)``. The joint's
+            coordinate adds to theta, or to d when the joint is prismatic.
         lower, upper : array_like, shape (n,) or one number
             Limits of the joints [rad] or [m].
         base : array_like, shape (3, 3) or (4, 4), optional
             Rotation or pose of the first frame of the table in the base frame; identity by default.
         joint_names, kinds : sequence of str, optional
             By default ``joint1``, ``joint2``, …, and all ``"revolute"``; the other kind is ``"prismatic"``.
-        convention : {"standard", "modified"}
-            ``Rz(θ) Tz(d) Tx(a) Rx(α)`` or Craig's ``Rx(α) Tx(a) Rz(θ) Tz(d)``.
-        velocity_limits : array_like, shape (n,) or one number, optional
-            Largest speeds [rad/s] or [m/s].
 
         Examples
         --------
@@ -108,7 +101,6 @@ class Arm(Manipulable):
                 f"rows must have shape (n, 4), columns theta, d, a, alpha; found shape {table.shape}"
             )
         n = len(table)
-        as_choice(convention, "convention", ("standard", "modified"))
         names = [f"joint{i + 1}" for i in range(n)] if joint_names is None else check_names(joint_names, "joint_names")
         kinds = [REVOLUTE] * n if kinds is None else kinds
         for key, values in (("joint_names", names), ("kinds", kinds)):
@@ -118,20 +110,14 @@ class Arm(Manipulable):
         if np.any(low >= high):
             i = int(np.argmax(low >= high))
             raise InvalidInputError(f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}")
-        before = [pose((a, 0.0, 0.0), (alpha, 0.0, 0.0)) for _, _, a, alpha in table]
-        after = [pose((0.0, 0.0, d), (0.0, 0.0, theta)) for theta, d, _, _ in table]
-        if convention == "standard":
-            before, after = [np.eye(4)] * n, [z @ x for z, x in zip(after, before, strict=True)]
+        after = [pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0)) for theta, d, a, alpha in table]
         first = np.eye(4) if base is None else as_pose(base, "base")
         joints = tuple(
-            Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.array([0.0, 0.0, 1.0]),
-                  parent @ before[i]) for i, parent in enumerate((first, *after[:-1]))
+            Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.eye(3)[2], parent)
+            for i, parent in enumerate((first, *after[:-1]))
         )  # fmt: skip
         frames = {"base": Frame(0, first)} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
-        speeds = None
-        if velocity_limits is not None:
-            speeds = as_numbers(velocity_limits, "velocity_limits", n, broadcast=True, above=0.0)
-        return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n), speeds))
+        return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n)))
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
@@ -176,7 +162,7 @@ class Arm(Manipulable):
             raise InvalidInputError(f"a payload needs masses, and the description of {self.name!r} has none")
         inertia, tip = self.chain.inertia.copy(), self.chain.frames[self.frame]
         inertia[tip.joint] += point_mass(amount, tip.placement[:3, :3] @ point + tip.placement[:3, 3])
-        return self._changed(inertia=inertia)
+        return self._changed(inertia=inertia, payload=self.chain.payload + amount)
 
     def _changed(self, **fields: Any) -> "Arm":
         """Return the arm with other fields of its chain and the same cache of meshes."""
@@ -184,8 +170,85 @@ class Arm(Manipulable):
         arm.geometry = self.geometry
         return arm
 
-    def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
-        return None if self._dynamics is None else self._dynamics(q, gravity, inertia, changes)
+    def forward(self, q: ArrayLike) -> Array:
+        """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
+        return self._motions(q, with_jacobians=False)[0]
+
+    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Return the results of `forward` and `jacobian`."""
+        return self._motions(q)[:2]
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
+
+        Rows 0 to 2: linear velocity of its origin; rows 3 to 5: angular velocity; both in the base frame.
+        """
+        return self._motions(q)[1]
+
+    def ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
+        """Compute the manipulability matrices (..., d, d) of a specification; see `manipulability`."""
+        return self.posed_ellipsoids(q, spec)[1]
+
+    def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
+        """Return the results of `forward` and `ellipsoids`."""
+        poses, jacobians, _ = self._motions(q)
+        rows = weighting(spec, *self._weighted(q, spec)).rows(jacobians.reshape(-1, 6, self.dof), spec)[1]
+        return poses, manipulability(rows.reshape(*poses.shape[:-2], *rows.shape[1:]), spec.kind)
+
+    def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
+        """Return the results of `forward`, `jacobian` and `ellipsoids`, and derivatives of the latter.
+
+        Derivatives ``∂M/∂q_k`` have shape (..., dof, d, d), symmetric, in closed form; see
+        `maniport.arms.kernels.fill_derivatives`. Units are those of M per radian or meter.
+        """
+        poses, jacobians, own = self._motions(q)
+        flat, weights = jacobians.reshape(-1, 6, self.dof), weighting(spec, *self._weighted(q, spec), changes=True)
+        ellipsoids, changes = with_derivatives(flat, own, self._kinematics.coupling, spec, weights)
+        ellipsoids, changes = (part.reshape(*poses.shape[:-2], *part.shape[1:]) for part in (ellipsoids, changes))
+        return poses, jacobians, ellipsoids, changes
+
+    def gravity_torques(self, q: ArrayLike) -> Array:
+        """Compute the joint torques that hold the arm against gravity, shape (..., dof) [N m] or [N].
+
+        `InvalidInputError` for an arm without masses.
+        """
+        array = self.configurations(q)
+        terms = self._kinematics.dynamics(array.reshape(-1, self.dof), inertia=False)
+        if terms is None:
+            raise InvalidInputError(f"the description of {self.name!r} has no masses")
+        return terms.gravity.reshape(array.shape)
+
+    def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
+        """Require numbers or limits, and masses where they count, for the ellipsoids of a specification."""
+        if super().checked_spec(spec).kind == "acceleration" and self._inertia_fault:
+            raise InvalidInputError(
+                f"kind 'acceleration' needs masses, and the description of {self.name!r} {self._inertia_fault}; choose "
+                "'velocity' or 'force'"
+            )
+        return spec
+
+    @cached_property
+    def _inertia_fault(self) -> str:
+        """Why the joint-space inertia cannot be inverted; empty where it can."""
+        terms = self._kinematics.dynamics(self.sample(1, 0), gravity=False)
+        if terms is None:
+            return "has none"
+        values, vectors = np.linalg.eigh(terms.inertia[0])
+        free = values[0] <= 1e-12 * values[-1]
+        return f"has none that {self.joint_names[int(np.abs(vectors[:, 0]).argmax())]} accelerates" if free else ""
+
+    def _weighted(self, q: ArrayLike, spec: EllipsoidSpec) -> tuple[Kinematics, Array | None, Array]:
+        """Arguments of `weighting` for a specification at checked configurations."""
+        limits = self._limits(spec.kind) if isinstance(self.checked_spec(spec).joint_weights, str) else None
+        return self._kinematics, limits, np.asarray(q, dtype=np.float64).reshape(-1, self.dof)
+
+    def _motions(self, q: ArrayLike, with_jacobians: bool = True) -> tuple[Array, Array, Array]:
+        """Results of `forward` and `jacobian`, and Jacobians (n, 6, joints) in the joints of the chain."""
+        array = self.configurations(q)
+        poses, own = self._kinematics.motion(array.reshape(-1, self.dof), with_jacobians)
+        shape, jacobians = array.shape[:-1], self._kinematics.coupled(own)
+        jacobians = jacobians.reshape(*shape, 6, self.dof) if with_jacobians else jacobians
+        return poses.reshape(*shape, 4, 4), jacobians, own
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
@@ -236,16 +299,11 @@ class Arm(Manipulable):
         poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, origins, 1.0
         return poses.reshape(*array.shape[:-1], *poses.shape[1:])
 
-    def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
+    def surfaces(self) -> tuple[Surface, ...]:
         """Return the visual meshes of the arm by joint; files are read on the first call.
 
         Bodies beyond the end effector and moving fingers are omitted. Links of a URDF with missing meshes have their
-        collision shapes.
-
-        Parameters
-        ----------
-        most_triangles : int or None
-            Largest number of triangles of the whole arm, at least 200; larger meshes are simplified. None keeps all.
+        collision shapes. Meshes with more than 15 000 triangles in total are simplified.
 
         Returns
         -------
@@ -253,5 +311,4 @@ class Arm(Manipulable):
             One for each joint index with shapes, ascending; empty if the description has no shapes. `FileFormatError`
             when the robot's file or a mesh is missing or cannot be read.
         """
-        most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
-        return self.geometry.surfaces(most)
+        return self.geometry.surfaces(15_000)

@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robot, require_suffix
+from maniport.cli.application import NO_ROBOT, Overwrite, command, names_robot, require_suffix
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
-from maniport.report.metrics import report_of
 from maniport.report.renderings import as_numbers, write_report
+from maniport.report.values import report_of
 from maniport.util.defaults import AUTO
 
 Methods = Annotated[str | None, typer.Option("--methods", help="Methods to compare, separated by commas, or all.")]
@@ -22,7 +22,7 @@ CHAIN = ("frame", "joints", "base", "lock", "mesh_folders")
 EllipsoidFile = Annotated[Path, typer.Option("--output", "-o", help="File of ellipsoids, .npz.")]
 
 
-@command(*CHAIN, "side", "height", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
+@command(*CHAIN, "side", "ellipsoids", "part", "seed", common=("ellipsoids", "part"),
          example="maniport domain panda -n 16384 -o panda.npz")  # fmt: skip
 def domain(
     config: Config,
@@ -30,7 +30,6 @@ def domain(
     arm: Annotated[str, typer.Argument(help="Name of an arm, or its URDF or MJCF file.")],
     output: EllipsoidFile,
     n: Annotated[int, typer.Option("-n", help="Number of ellipsoids.")] = 4096,
-    sequence: Annotated[str, typer.Option(help="Joint samples: sobol or uniform.")] = "sobol",
 ) -> None:
     """Sample the ellipsoids of an arm within its joint limits."""
     from maniport.domain import sample_domain
@@ -38,8 +37,8 @@ def domain(
 
     require_suffix(output, ".npz")
     human, spec = config.human, config.transfer.spec
-    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side, human.height)
-    ellipsoids = sample_domain(body, n, config.seed, sequence, spec)
+    body: Any = replace(config.robot, robot=(arm,)).load_arm(human.side)
+    ellipsoids = sample_domain(body, n, config.seed, spec=spec)
     save_ellipsoids(output, ellipsoids)
     console.finish(
         {"arm": body.name, "frame": body.frame, "ellipsoids": len(ellipsoids), "output": str(output)},
@@ -64,17 +63,17 @@ def fit(
     ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.feasibility import with_feasible_set
+    from maniport.evaluation.comparison import with_feasible_set
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 
     require_suffix(output, ".npz")
     if (transfer := config.transfer).method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
-    arm, seed = optional_robot(config), config.seed
+    arm, seed = config.robot.load_arm() if names_robot(config) else None, config.seed
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
-    adapter = method_of(transfer.method, **transfer.regularization, base_rotation=rotation, random_state=seed)
+    adapter = method_of(transfer.method, damping=transfer.damping or None, base_rotation=rotation, random_state=seed)
     if arm is not None:
         adapter = with_feasible_set(adapter, arm, transfer.spec, random_state=seed)
     with console.progress() as progress:
@@ -118,26 +117,22 @@ def evaluate(
     student: StudentDomain,
     profile: Annotated[Path, typer.Argument(help="The teacher's ellipsoids along a motion, .npz.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Report, .md or .json.")] = None,
-    person: Annotated[str | None, typer.Option("--person", help="The teacher's arm, for new samples.")] = None,
-    truth: Annotated[Path | None, typer.Option("--truth", help="True images of the profile, .npz.")] = None,
     methods: Methods = None,
 ) -> None:
     """Compare a fitted adapter with baselines."""
-    from maniport.arms import load_arm
     from maniport.evaluation import evaluate
-    from maniport.evaluation.baselines import BASELINES
+    from maniport.evaluation.summary import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 
     if output is not None:
         require_suffix(output, ".md", ".json")
-    arm, fitted = optional_robot(config), load_adapter(adapter)
+    arm, fitted = config.robot.load_arm() if names_robot(config) else None, load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as progress:
         evaluation = evaluate(
-            fitted, *sets, robot=arm, person=None if person is None else load_arm(person),
-            truth=None if truth is None else load_ellipsoids(truth)[0], spec=config.transfer.spec,
-            rows=_rows(methods) or BASELINES, random_state=config.seed, progress=progress,
+            fitted, *sets, robot=arm, spec=config.transfer.spec, rows=_rows(methods) or BASELINES,
+            random_state=config.seed, progress=progress,
         )  # fmt: skip
     report = replace(report_of(evaluation), title=f"{adapter.name} on {profile.name}")
     if output is not None:
@@ -149,14 +144,38 @@ def evaluate(
 def reproduce(
     config: Config,
     console: Console,
-    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot or all.")] = "all",
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("maniport-paper"),
+    which: Annotated[str, typer.Argument(help="toy, two-dof, human-robot, all, or tasks.")] = "all",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results.")] = None,
     methods: Methods = None,
     overwrite: Overwrite = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Of tasks, four recordings on the Panda.")] = False,
+    robots: Annotated[str | None, typer.Option("--robots", help="Of tasks, robots, separated by commas.")] = None,
+    recordings: Annotated[Path | None, typer.Option("--recordings", help="Of tasks, folder of more BVH files.")] = None,
+    score: Annotated[Path | None, typer.Option("--score", help="Of tasks, joint positions to score, .csv.")] = None,
+    task: Annotated[Path | None, typer.Option("--task", help="Task of the joint positions, .json.")] = None,
 ) -> None:
-    """Repeat the paper's experiments."""
+    """Repeat the paper's experiments, or run the task study."""
+    if which == "tasks":
+        if methods is not None or overwrite:
+            raise InvalidInputError("tasks takes no --methods or --overwrite")
+        if (score is None) != (task is None):
+            raise InvalidInputError("--score and --task: expected both or neither")
+        from maniport.studies.tasks.run import score_file, study_tasks
+
+        if score is not None and task is not None:
+            console.print_report(score_file(score, task))
+            return
+        folder = output or Path("maniport-tasks")
+        with console.progress() as progress:
+            names = [name.strip() for name in robots.split(",")] if robots else ()
+            study = study_tasks(folder, config.seed, progress, quick=quick, robots=names, recordings=recordings)
+        console.print_report(report_of(study), output=str(folder))
+        return
+    if quick or robots or recordings or score or task:
+        raise InvalidInputError("--quick, --robots, --recordings, --score and --task are options of tasks")
     from maniport.studies.paper.run import reproduce
 
+    output = output or Path("maniport-paper")
     with console.progress() as progress:
         result = reproduce(which, output, config.seed, progress, methods=_rows(methods), overwrite=overwrite)
     console.print_report(report_of(result), output=str(output))

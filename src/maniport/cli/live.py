@@ -13,9 +13,8 @@ import typer
 
 from maniport.cli.application import RECORDING, command
 from maniport.errors import InvalidInputError
-from maniport.pipeline.config import Config
+from maniport.pipeline.config import LIVE, Config
 from maniport.report.console import Console
-from maniport.util.defaults import BOTH
 from maniport.util.ports import LOOPBACK, is_loopback
 from maniport.util.signals import ending_in_order
 
@@ -28,7 +27,7 @@ def _transport(help: str, *flags: str) -> Any:
 
 
 @command(
-    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"),
+    "human", "robot", "transfer", "motion", "seed", without=("hand_targets", "move", "export"), defaults=LIVE,
     example="maniport live walk.bvh --robot ur5.urdf --udp 9000",
 )  # fmt: skip
 def live(
@@ -62,6 +61,8 @@ def live(
             console.warn(text)
         result = transfer_recording(motion, settings)
         follower = Live.of(result, progress=progress)
+    if (placement := result.arms[0].placement) is not None:
+        console.print(f"Scale {placement.scale:.2f} of the person's motion")
     if udp is not None and not is_loopback(host):
         console.warn("the port accepts frames from other machines, which can move the robot")
     stop, signal = socket.socketpair()
@@ -96,7 +97,7 @@ def _opened(udp: int | None, host: str, send: int | None) -> "Pipe | Datagrams":
 
 
 @command(
-    "person", "side", "height", "robot", "base_rotation", "seed",
+    "person", "side", "robot", "base_rotation", "seed",
     without=("payload", "payload_center", "hand_targets"),
     example="maniport view;  maniport view --recording ladder;  maniport view --robot ur5.urdf",
 )  # fmt: skip
@@ -105,8 +106,7 @@ def view(
     console: Console,
     recording: Annotated[Path | None, typer.Option("--recording", help=RECORDING)] = None,
     adapter: Annotated[Path | None, typer.Option("--adapter", help="A fitted adapter, .npz.")] = None,
-    host: Annotated[str, typer.Option(help="Address; other addresses open the page to the network.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; 0: a free one.")] = 0,
+    port: Annotated[int, typer.Option(help="Port of this machine; 0: a free one.")] = 0,
 ) -> None:
     """Open an interactive 3D view in the browser; Ctrl-C ends it."""
     from maniport.util.optional import viser
@@ -114,17 +114,9 @@ def view(
     from maniport.viewer.server import LiveView, require_free
 
     viser()  # a missing package is reported before any long work
-    require_free(host, port)
-    human, turned = config.human, config.transfer.base_rotation != Config().transfer.base_rotation
+    require_free(port)
     with console.progress() as progress:
-        state, method, turn = prepare(
-            human.person, config.robot.load(human.side == BOTH), recording=recording, side=human.side,
-            height=human.height, adapter=adapter, base_rotation=config.transfer.rotation if turned else None,
-            random_state=config.seed, progress=progress,
-        )  # fmt: skip
-        page = LiveView(state, method, turn, host, port)
-    if not is_loopback(host):
-        console.warn("the page is open to other machines: whoever has its address can see and move the arms")
+        page = LiveView(*prepare(config, recording, adapter, progress), port)
     if page.no_surface:
         console.warn(f"the robot is drawn as a skeleton: {page.no_surface}")
     stop = threading.Event()

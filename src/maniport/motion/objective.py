@@ -100,13 +100,7 @@ class Objective:
         return np.asarray(damped - self.shift)
 
     def checked(self, ellipsoids: ArrayLike, name: str, minimum: int = 1) -> Array:
-        """Convert target ellipsoids to damped ones, shape (n, d, d), which are positive-definite.
-
-        Raises
-        ------
-        InvalidInputError, NotSPDError
-            When they are not.
-        """
+        """Convert target ellipsoids to damped ones, shape (n, d, d), which must be positive-definite."""
         damped = self.damped(as_square(ellipsoids, name, self.spec.size))
         label, hint = (f"{name} with damping", "") if self.damping.epsilon else (name, HINT)
         return as_points(damped, label, minimum=minimum, hint=hint)
@@ -208,14 +202,11 @@ class Targets:
 
     def cost(self, q: Array) -> Array:
         """Cost f at q (n, dof), shape (n,)."""
-        square = np.square(self.distance(q))
-        if self.weights is not None:
-            square = np.sum(self.ellipsoid_cost.residual(q) ** 2, axis=1)
-        if self.pose_costs:
-            poses = self.arm.forward(q)
-            for cost in self.pose_costs:
-                square = square + np.sum(cost.at(poses) ** 2, axis=1)
-        return np.asarray(square)
+        poses, velocity = self.arm.posed_ellipsoids(q, self.objective.spec.bounded)
+        square = self.ellipsoid_cost.square(velocity)
+        for cost in self.pose_costs:
+            square += np.sum(cost.at(poses) ** 2, axis=1)
+        return square
 
     def distance(self, q: Array) -> Array:
         """Affine-invariant distance (n,) of target and achieved ellipsoid; infinite where that is singular."""

@@ -4,15 +4,15 @@ import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Generic, NamedTuple, TypeVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
-from maniport.arms.collisions.hulls import lowest_points
+from maniport.arms.collisions.hulls import lowest_point
 from maniport.errors import InvalidInputError
-from maniport.evaluation import Capability, Choice, Evaluation
+from maniport.evaluation import Capability, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
@@ -63,7 +63,6 @@ class ArmResult(NotebookDisplay):
     spec: EllipsoidSpec = VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
     placement: Placement | None = None  # of the path relative to the robot; None where it was not placed
     motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
-    free: ArmMotion | None = None  # the same with a free orientation, where an orientation was requested
     gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
 
@@ -74,16 +73,10 @@ class ArmResult(NotebookDisplay):
         return f"{type(self).__name__}({self.name!r}, {self.robot.name!r}, {moved})"
 
     @cached_property
-    def lowest_of_links(self) -> tuple[Lowest, ...]:
-        """Lowest point of each moving link over the motion, the lowest first; empty where no shape is available."""
-        if self.motion is None:
-            return ()
-        return lowest_points(self.robot, self.motion.control_time, self.motion.control_positions)
-
-    @property
     def lowest(self) -> Lowest | None:
         """Lowest point of all moving links over the motion; None where no shape is available."""
-        return self.lowest_of_links[0] if self.lowest_of_links else None
+        motion = self.motion
+        return None if motion is None else lowest_point(self.robot, motion.control_time, motion.control_positions)
 
     @property
     def mean_distance(self) -> "MeanDistance":
@@ -116,7 +109,6 @@ class ArmTransfer(ArmResult):
     """Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`."""
     method: str
     adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
-    choice: Choice | None = None  # selection of the method, where ``method="auto"``
     evaluation: Evaluation | None = None  # comparison with baselines; None where not requested, as in a batch
     time: Array  # (n,), demonstrated times of the profiles [s]
     demonstrated_profile: Array  # (n, d, d), ellipsoids of the person in the trunk frame
@@ -124,7 +116,6 @@ class ArmTransfer(ArmResult):
     teacher_domain: Array  # (N, d, d), sampled domain of the person's arm
     student_domain: Array  # (M, d, d), of the robot's
     capabilities: tuple[Capability, ...] = ()  # force and speed of the motion, where limits are known
-    seconds_to_fit: float  # duration of the fit, or of the selection with its evaluation
 
     files: ClassVar[tuple[str, ...]] = TRANSFER_FILES
 
@@ -140,21 +131,31 @@ class ArmTransfer(ArmResult):
         super().write_data(folder)
 
 
-A = TypeVar("A", bound=ArmResult, covariant=True)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class RobotResult(SavedResult, Generic[A]):
-    """Base of results of one or several arms of a robot, with one motion."""
+class MotionResult(SavedResult):
+    """A motion of a robot along target ellipsoids, as ``maniport track`` plans it without a person.
 
-    robot: ArmGroup  # all arms of the result
-    arms: tuple[A, ...]  # result of each arm; with two arms of a person left first
-    motion: RobotMotion | None = None  # of all arms, with one time; None where the robot was not moved
+    Attributes
+    ----------
+    robot : ArmGroup
+        All arms of the result.
+    arms : tuple of ArmResult
+        Robot, placement, motion, feasibility gap and collision model of each arm.
+    motion : RobotMotion or None
+        Joint trajectory of all arms, with one time; None where the robot was not moved.
+    random_state : int
+    config : Config or None
+        Options that the result was requested with.
+    """
+
+    robot: ArmGroup
+    arms: tuple[ArmResult, ...]
+    motion: RobotMotion | None = None
     random_state: int = 0
-    config: Config | None = None  # with which the result was requested
+    config: Config | None = None
 
     @property
-    def arm(self) -> A:
+    def arm(self) -> ArmResult:
         """Result of the only arm.
 
         Raises
@@ -166,6 +167,12 @@ class RobotResult(SavedResult, Generic[A]):
             names = ", ".join(repr(arm.name) for arm in self.arms)
             raise InvalidInputError(f"arm is for results of one arm; found {len(self.arms)}: {names}; use arms")
         return self.arms[0]
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Files of the profile and the path, where it was requested with files."""
+        config = self.config
+        return () if config is None else tuple(file for file in (config.profile, config.path) if file is not None)
 
     @property
     def data_files(self) -> tuple[str, ...]:
@@ -191,36 +198,13 @@ class RobotResult(SavedResult, Generic[A]):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MotionResult(RobotResult[ArmResult]):
-    """A motion of a robot along target ellipsoids without a person, as ``maniport track`` plans it.
-
-    Attributes
-    ----------
-    robot : ArmGroup
-    arms : tuple of ArmResult
-        Robot, placement, motion, feasibility gap and collision model of each arm.
-    motion : RobotMotion
-        Joint trajectory of all arms, with one time.
-    random_state : int
-    config : Config or None
-        Options that the result was requested with.
-    """
-
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Files of the profile and the path, where it was requested with files."""
-        config = self.config
-        return () if config is None else tuple(file for file in (config.profile, config.path) if file is not None)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class TransferResult(RobotResult[ArmTransfer]):
+class TransferResult(MotionResult):
     """A recorded motion of one or both arms of a person, transferred to one or several arms of a robot.
 
     Attributes
     ----------
     robot, motion, random_state, config
-        As in `MotionResult`; the motion is None where the robot was not moved.
+        As in `MotionResult`.
     arms : tuple of ArmTransfer
         As in `MotionResult`, with arm fit, adapter, profiles and domains; for two arms of a person left first.
     recording : Recording
@@ -232,10 +216,18 @@ class TransferResult(RobotResult[ArmTransfer]):
         Warnings of all stages, each once.
     """
 
+    arms: tuple[ArmTransfer, ...]
     recording: Recording
     spec: EllipsoidSpec
     base_rotation: Array
     warnings: tuple[str, ...] = ()
+
+    @property
+    def arm(self) -> ArmTransfer:
+        """Result of the only arm, as `MotionResult.arm`."""
+        arm = super().arm
+        assert isinstance(arm, ArmTransfer)
+        return arm
 
     @property
     def time(self) -> Array:

@@ -4,12 +4,20 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from maniport.evaluation.baselines import IDENTITY
-from maniport.evaluation.comparison import GAP_SEARCH
-from maniport.evaluation.selection import Choice
-from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
-from maniport.report.metrics import describe
-from maniport.report.values import Metric, Report, Section, Table, info, listed, notes, numbers, sentence, warning
+from maniport.evaluation.summary import IDENTITY, RELEVANT_RATIO, Evaluation, Row
+from maniport.report.values import (
+    Metric,
+    Report,
+    Section,
+    Table,
+    describe,
+    info,
+    listed,
+    notes,
+    numbers,
+    sentence,
+    warning,
+)
 from maniport.transfer import DomainAdapter
 from maniport.transfer.adapter import is_fitted
 from maniport.transfer.identifiability import describe_free_axes
@@ -27,22 +35,22 @@ def adapter_section(adapter: DomainAdapter, *more: Metric) -> Section:
     # base_rotation and damping have metrics of their own
     parameters = [f"{name} {value}" for name, value in adapter.get_params(deep=False).items()
                   if name not in ("base_rotation", "damping") and value is not None]  # fmt: skip
-    name = type(adapter).__name__
-    method = info("Method", "method", name, description=f"{listed(parameters)}." if parameters else "")
+    about = f"{listed(parameters)}." if parameters else ""
+    method = info("Method", "method", type(adapter).__name__, description=about)
     if not is_fitted(adapter):
         return Section("Adapter", (method, Metric("State", "not fitted; call fit(teacher, student)")), key="adapter")
-    ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
     teacher, student = float(adapter.teacher_dispersion_), float(adapter.student_dispersion_)
-    rotation = None if adapter.base_rotation_ is None else np.asarray(adapter.base_rotation_)
-    rotated = "none"
-    if rotation is not None:
+    ratio, start, end = float(adapter.dispersion_ratio_), float(adapter.history_[0]), float(adapter.cost_)
+    rotation, turn = adapter.base_rotation_, adapter.map_rotation_
+    rotated = "none: both base frames have the same orientation"
+    if rotation is None:
+        rotated = "unknown"
+    elif not np.allclose(rotation, np.eye(len(rotation))):
         rotated = f"[{'; '.join(' '.join(f'{value:.3f}' for value in row) for row in rotation[:3, :3])}]"
-        if np.allclose(rotation, np.eye(len(rotation))):
-            rotated = "none: both base frames have the same orientation"
-    angle = np.degrees(rotation_angle(np.eye(len(adapter.map_rotation_)), adapter.map_rotation_))
-    added, regularized = (float(adapter.teacher_damping_), float(adapter.student_damping_)), "none"
+    regularized = "none"
     if adapter.damping is not None:
-        regularized = f"damping {adapter.damping:g}: adds {added[0]:.3g} to the teacher, {added[1]:.3g} to the student"
+        added = f"adds {adapter.teacher_damping_:.3g} to the teacher, {adapter.student_damping_:.3g} to the student"
+        regularized = f"damping {adapter.damping:g}: {added}"
     ended = f"{adapter.stop_reason_} ({'' if adapter.converged_ else 'not '}converged)"
     determined = []
     if (axes := getattr(adapter, "free_axes_", None)) is not None:
@@ -53,21 +61,19 @@ def adapter_section(adapter: DomainAdapter, *more: Metric) -> Section:
         *determined,
         method,
         *more,
-        info("Base rotation", "base_rotation", None if rotation is None else rotation.round(6).tolist(), rotated,
-             "From the teacher's base frame to the student's."),
+        info("Base rotation", "base_rotation", None if rotation is None else np.asarray(rotation).round(6).tolist(),
+             rotated, "From the teacher's base frame to the student's."),
         info("Rotation", "rotation", np.asarray(adapter.rotation_).round(6).tolist(),
-             f"{angle:.1f}° with the base rotation"),
+             f"{np.degrees(rotation_angle(np.eye(len(turn)), turn)):.1f}° with the base rotation"),
         info("Dispersion", "dispersion_ratio", ratio,
              f"teacher {teacher:.4g}, student {student:.4g}, ratio {ratio:.4g}",
              "Mean distance of the ellipsoids from their mean."),
         Metric("Regularization", regularized, "Distances need ellipsoids of full rank."),
-        *numbers(damping=adapter.damping, teacher_damping=added[0], student_damping=added[1]),
         info("Fit", "iterations", int(adapter.n_iter_),
              f"{adapter.n_iter_} iterations, cost {start:.4f} → {end:.4f}; {ended}"),
         *([info("Held-out samples", "report", asdict(adapter.report_), adapter.report_.in_words())]
           if hasattr(adapter, "report_") else []),
-        *numbers(dimension=len(adapter.rotation_), teacher_dispersion=teacher, student_dispersion=student,
-                 converged=bool(adapter.converged_), stop_reason=adapter.stop_reason_, cost_start=start, cost=end),
+        *numbers(damping=adapter.damping, converged=bool(adapter.converged_), cost=end),
     )  # fmt: skip
     return Section("Adapter", metrics, key="adapter")
 
@@ -90,27 +96,24 @@ WEAKNESSES = {
     "plateau": "at least half of the successive distances are zero where the teacher moves",
     "rank_correlation": "rank correlation of distances {:.2f}",
     "rotated_axes": "longest axes rotated by {:.0f}° (median)",
-    "identity_test": "changes the student's own ellipsoids by {:.3f}",
 }
 """Weaknesses of a method by code; a lost order of distances is a warning."""
 
 
 @describe.register
-def evaluation_report(result: Evaluation | Choice) -> Report:
+def evaluation_report(evaluation: Evaluation) -> Report:
     """Describe the comparison of an adapter with baselines, or the selection of a method."""
-    evaluation, choice = (result.evaluation, result) if isinstance(result, Choice) else (result, None)
     settings = (
         Metric("Fit", evaluation.adapter.note),
         *(Metric(name.capitalize(), str(value)) for name, value in evaluation.settings.items()),
         *numbers(settings=evaluation.settings),
     )
-    title = evaluation.adapter.name if choice is None else choice.method
-    return Report(title, "", (evaluation_section(evaluation, choice=choice), Section("Settings", settings)))
+    return Report(evaluation.adapter.name, "", (evaluation_section(evaluation), Section("Settings", settings)))
 
 
-def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: Choice | None = None) -> Section:
+def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, summary = evaluation.rows, evaluation.summary
+    rows = evaluation.rows
 
     def cell(row: Row, column: str) -> str:
         measure, attributes, form, _ = COLUMNS[column]
@@ -126,14 +129,16 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
         if row.smoothness is not None:
             ratios = {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
             values[row.name]["smoothness"] |= ratios
-    name = label(summary.name)
-    weaknesses = {own.code: f"{name}: {WEAKNESSES[own.code].format(own.value)}" for own in summary.weaknesses}
-    lost_order = weaknesses.pop("rank_correlation", "")
+    name, weaknesses = label(rows[0].name), rows[0].weaknesses
+    texts = {code: f"{name}: {WEAKNESSES[code].format(value)}" for code, value in weaknesses.items()}
+    lost_order = texts.pop("rank_correlation", "")
+    summary = {key: getattr(evaluation, key) for key in ("measure", "values", "best", "recommended")}
+    summary["weaknesses"] = weaknesses
     metrics = [
-        _comparison(summary) if choice is None else _selection(choice),
+        _comparison(evaluation) if evaluation.rejected is None else _selection(evaluation),
         *([warning("rank-correlation", lost_order)] if lost_order else []),
-        *notes(weaknesses.values()),
-        *numbers(summary=asdict(summary), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *notes(texts.values()),
+        *numbers(summary=summary),
         *(warning("evaluation", f"{rows[0].name}: {text}") for text in rows[0].warnings),
         *notes(f"{row.name}: {text}" for row in rows[1:] for text in (row.note, *row.warnings) if text),
     ]
@@ -142,16 +147,15 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
     return Section("Comparison with baselines", tuple(metrics), (table,), "evaluation")
 
 
-def _selection(choice: Choice) -> Metric:
+def _selection(evaluation: Evaluation) -> Metric:
     """Report the selected method, the reason, and its gap next to that of the best baseline."""
-    summary = choice.evaluation.summary
-    others = {row: value for row, value in summary.values.items() if row != choice.method}
+    method, values, failures = evaluation.adapter.name, evaluation.values, evaluation.rejected
+    others = {row: value for row, value in values.items() if row != method}
     nearest = min(others, key=lambda row: others[row], default="")
     against = f" ({label(nearest)}: {others[nearest]:.3f})" if nearest else ""
-    why = f"the length field was rejected: {'; '.join(choice.failures)}" if choice.failures else "it passes its checks"
-    text = f"Selected {label(choice.method)}: {why}. Mean feasibility gap {summary.value or 0.0:.3f}{against}."
-    value = {"method": choice.method, "failures": list(choice.failures)}
-    return replace(notes([text])[0], key="choice", value=value)
+    reason = f"the length field was rejected: {'; '.join(failures)}" if failures else "it passes its checks"
+    text = f"Selected {label(method)}: {reason}. Mean feasibility gap {values[method]:.3f}{against}."
+    return replace(notes([text])[0], key="choice", value={"method": method, "failures": list(failures or ())})
 
 
 def label(name: str) -> str:
@@ -159,24 +163,26 @@ def label(name: str) -> str:
     return name.replace("-", " ")
 
 
-def _comparison(summary: Summary) -> Metric:
+def _comparison(evaluation: Evaluation) -> Metric:
     """Compare the method with the baselines, as a warning unless it is better."""
-    name, own, identity = sentence(label(summary.name))[:-1], summary.value, summary.identity
+    row, every = evaluation.adapter.name, evaluation.values
+    name, own, identity = sentence(label(row))[:-1], every.get(row), every.get(IDENTITY)
     if own is None or identity is None:
         return notes([f"{name} is not compared: neither the truth nor the robot is available"])[0]
-    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[summary.measure]
-    others = {row: value for row, value in summary.values.items() if row not in (summary.name, *summary.same_as)}
+    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[evaluation.measure]
+    others = {other: value for other, value in every.items() if not np.isclose(value, own, rtol=1e-9, atol=0.0)}
     best = min(others, key=lambda other: others[other], default="")
     values = {IDENTITY: identity, best: others[best]} if best else {}
     compared = f"{measure} {own:.3f}; {', '.join(f'{label(row)} {value:.3f}' for row, value in values.items())}."
     worse = [label(row) for row, value in values.items() if own >= RELEVANT_RATIO * value]
     if IDENTITY not in others:
-        text, better = f"{name} equals the identity baseline ({measure} {own:.3f}).", summary.name == IDENTITY
+        text, better = f"{name} equals the identity baseline ({measure} {own:.3f}).", row == IDENTITY
     elif worse:
         text, better = f"{name} is not clearly better than {' or '.join(worse)}: {compared}", False
     else:
         text, better = f"{name} is better than all baselines: {compared}", True
     if better:
         return notes([text])[0]
-    advice = f" Use {summary.recommended}." if summary.recommended and own != summary.best_value else ""
+    recommended = evaluation.recommended
+    advice = f" Use {recommended}." if recommended and row != evaluation.best else ""
     return warning("not-better", text + advice)

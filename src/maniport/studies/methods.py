@@ -11,14 +11,14 @@ from maniport.arms import Arm, load_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning, NotInvertibleError
 from maniport.evaluation import Evaluation, evaluate, select_method
-from maniport.evaluation.baselines import BASELINES, LOOKUP, TRANSPORT
-from maniport.feasibility import with_feasible_set
+from maniport.evaluation.comparison import with_feasible_set
+from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
 from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
 from maniport.studies.paper import trajectories
-from maniport.transfer import METHODS, DomainAdapter, method_of, name_of
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.optional import optimal_transport
 from maniport.util.progress import Progress, Step
@@ -39,8 +39,7 @@ EVALUATIONS = {
 CAPTION = (
     "Feasibility gap: mean over the motions / worst of the motions' 95 %. Held out: the same at samples of the persons "
     "that no fit has seen. Step: mean over the motions of the median step over the teacher's own; 1 keeps it. "
-    "Rank correlation: least, of pairwise distances. Turn: largest median angle of the longest axes. "
-    "Identity test: from one draw of the Panda's domain to another, where nothing should change."
+    "Rank correlation: least, of pairwise distances. Turn: largest median angle of the longest axes."
 )
 
 
@@ -85,11 +84,11 @@ def study(
         step, teacher = Step(progress, motion.name), sample_domain(motion.person, TEACHER_SAMPLES, random_state)
         options: dict[str, Any] = {"robot": robot, "random_state": random_state}
         if method == AUTO:
-            adapter = select_method(teacher, student, motion.profile, **options, **shared).adapter
+            adapter, _ = select_method(teacher, student, motion.profile, **options, **shared)
         else:
             adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot)
             adapter.fit(teacher, student)
-        options |= {"person": motion.person, "name": name_of(adapter), "rows": rows}
+        options |= {"person": motion.person, "rows": rows}
         evaluated[motion] = evaluate(adapter, teacher, student, motion.profile, **options)
         step.end(f"{evaluated[motion].adapter.name} and {len(evaluated[motion].rows) - 1} more")
     return evaluated
@@ -129,11 +128,10 @@ def methods_section(evaluations: Mapping[str, Evaluation]) -> Section:
             "step": float(np.mean([row.smoothness.median_ratio for row in rows if row.smoothness is not None])),
             "rank_correlation": min(own.rank_correlation for own in kept),
             "turn_deg": max(own.major_axis_angle or 0.0 for own in kept),
-            "identity": float(np.mean([row.identity for row in rows if row.identity is not None])),
         }
         form = "{gap:.3f} / {gap_p95:.3f}|{held_out:.3f} / {held_out_p95:.3f}|{step:.2f}|{rank_correlation:.3f}"
-        cells.append((name, *f"{form}|{{turn_deg:.1f}}°|{{identity:.3f}}".format(**own).split("|")))
-    columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn", "identity test")
+        cells.append((name, *f"{form}|{{turn_deg:.1f}}°".format(**own).split("|")))
+    columns = ("", "feasibility gap", "held out", "step", "rank correlation", "turn")
     return Section("Metrics", (), (Table(columns, tuple(cells), CAPTION, "rows", values),), "methods")
 
 

@@ -10,7 +10,6 @@ directions only; in the mean body of the model they are within a few degrees of 
 "Biomechanics and Motor Control of Human Movement", 4th edition, 2009, figure 4.1.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from maniport.arms.human import FRACTIONS
-from maniport.errors import FileFormatError
 from maniport.mocap.import_options import ImportOptions
 from maniport.mocap.marker_sets import arm_error, load_names
 from maniport.mocap.readers.text import LARGEST_ANGLE, decoded
@@ -47,7 +45,6 @@ KEYS = {
     "body": "pose_body body_pose",
     "trans": "trans transl",
     "unit": "unit units",
-    "up": "up",
 }
 """Names of arrays: the first that is in the file counts."""
 
@@ -87,7 +84,7 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
     require_at_most(positions.size // 3, PLACES, "places (frames × points)")
     if positions.dtype.kind != "f" or positions.dtype.itemsize < 4:
         positions = positions.astype(np.float64)
-    unit, up, origin, notes = _text(arrays, "unit"), _text(arrays, "up"), "stated in the file", []
+    unit, origin, notes = _text(arrays, "unit"), "stated in the file", []
     names = arrays["names"] if "names" in arrays else _names_beside(file)
     if names is None:
         count = positions.shape[1]
@@ -100,7 +97,7 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
                 f"{count} joints without names; write one name per line into '{file.stem}.names.txt' next to it ({why})"
             )
         names = skeletons[fits[0]]
-        up, origin = up or ("z" if fits[0] == "holosoma's mocap" else ""), f"as in {fits[0]}"
+        origin = f"as in {fits[0]}"
         notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]
     array = np.asarray(names)
     if array.dtype.kind == "S":
@@ -110,24 +107,15 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
     if len(array) != positions.shape[1]:
         raise ValueError(f"{len(array)} names do not match positions of shape {positions.shape}")
     time = _time(arrays, len(positions), options)
-    return options.recording(file, list(map(str, array)), positions, time, unit, up, origin=origin, notes=notes)
+    return options.recording(file, list(map(str, array)), positions, time, unit, origin=origin, notes=notes)
 
 
 def _names_beside(file: Path) -> Sequence[str] | None:
-    """Return names from a file next to the recording: one a line, or a JSON list."""
-    lines, listed = (file.with_suffix(ending) for ending in (".names.txt", ".names.json"))
-    if lines.exists():
-        text = decoded(read_whole(lines, (), SETTINGS_BYTES))
-        return [line.strip() for line in text.splitlines() if line.strip()]
-    if not listed.exists():
+    """Return names from a file next to the recording, one a line."""
+    if not (names := file.with_suffix(".names.txt")).exists():
         return None
-    try:
-        names = json.loads(decoded(read_whole(listed, (), SETTINGS_BYTES)))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{listed}: not readable as JSON: {error}") from None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise FileFormatError(f"{listed}: must hold a list of names")
-    return names
+    text = decoded(read_whole(names, (), SETTINGS_BYTES))
+    return [line.strip() for line in text.splitlines() if line.strip()]
 
 
 def _time(arrays: Mapping[str, Any], count: int, options: ImportOptions) -> Any:
@@ -166,10 +154,10 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
     positions = np.concatenate([_joints(bones, angles[part, :66], root[part]) for part in parts])
     note = (
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
-        f"{body_height} m unless the arm is fitted with the person's height"
+        f"{body_height} m"
     )
-    up, time, names = "z" if len(poses) == 1 else "", _time(arrays, count, options), ["pelvis", *bones]
-    return options.recording(file, names, positions, time, "m", up, "y", "as in AMASS", notes=[note], measured=False)
+    time, names = _time(arrays, count, options), ["pelvis", *bones]
+    return options.recording(file, names, positions, time, "m", "as in AMASS", notes=[note])
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:

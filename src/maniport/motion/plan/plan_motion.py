@@ -68,8 +68,8 @@ def plan_motion(
     spec, damping, weights, progress
         As in `maniport.motion.track`.
     rotations : array_like, shape (n, 3, 3), or a sequence of them, optional
-        Target orientations of the end effectors in the base frame; `orientation_axes` and `orientation_weight` set
-        which axes count and how much. The pointwise optimum ignores them.
+        Target orientations of the end effectors in the base frame; `orientation_axes` sets which axes count. The
+        pointwise optimum ignores them.
     costs : sequence of Cost, optional
         Further costs, over all joints; see `maniport.motion.problem.Cost`. The pointwise optimum ignores them.
     hand_targets : {"placed", "relative"}
@@ -83,10 +83,6 @@ def plan_motion(
     **control
         Options of `maniport.motion.PlanSettings`; limits, collisions and the home configuration are for all joints.
 
-    Raises
-    ------
-    InvalidInputError, NotSPDError
-        When an argument has a wrong shape or value, or an ellipsoid is asymmetric or indefinite.
     """
     settings = PlanSettings(**control)
     if not isinstance(arms, Arm | ArmGroup):
@@ -95,7 +91,7 @@ def plan_motion(
         planner.require_fits(arms, spec)
     settings = settings.resolved(arms, planner)
     arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    axes = axis_weights(settings.orientation_axes)
     schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, axes, arrays)
     if len({schedule.positions is None for schedule in schedules}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
@@ -137,16 +133,15 @@ def plan_motion(
     step = Step(progress, "Evaluate trajectory")
     if bests is None:
         bests = _pointwise_bests(planner, problem, vectors, q)
-    options: dict[str, Any] = {"coupled": coupled}
-    if relative:
-        options["relative"] = np.stack([cost.at(problem.time) for cost in vectors], axis=1)
-        options["relative_error"] = np.stack([cost.error(q, problem.time) for cost in vectors], axis=1)
-    result = RobotMotion.of(
+    motion = RobotMotion.of(
         group, schedules, trajectory, collisions, limits.velocity,
-        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, **options,
+        position_tolerance=float(settings.position_tolerance), pointwise_bests=bests, coupled=coupled,
     )  # fmt: skip
+    if relative:
+        wanted, error = zip(*((cost.at(problem.time), cost.error(q, problem.time)) for cost in vectors), strict=True)
+        motion = replace(motion, relative=np.stack(wanted, axis=1), relative_error=np.stack(error, axis=1))
     step.end()
-    return result
+    return motion
 
 
 def _checked_bests(arms: Arm | ArmGroup, pointwise_bests: Any, count: int) -> list[Array] | None:
@@ -175,8 +170,8 @@ def _pointwise_bests(
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
         joint = replace(problem[rows], targets=targets, costs=vectors)
-        distances = joint.distances(pointwise_best(joint, starts, q[rows]).joint_positions)
+        distances = joint.distances(pointwise_best(joint, starts, q[rows]))
     else:
         parts = zip(targets, banks, columns, strict=True)
-        distances = [pointwise_best(part, bank, q[rows][:, own]).distance for part, bank, own in parts]
+        distances = [part.distance(pointwise_best(part, bank, q[rows][:, own])) for part, bank, own in parts]
     return [interpolated_distance(rows, distance, len(q)) for distance in distances]

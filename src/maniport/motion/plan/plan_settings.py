@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.motion.costs.orientation import POINTING, axis_weights
 from maniport.motion.motion_limits import MotionLimits
 from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
 from maniport.util.validation import Array, as_number
@@ -51,15 +51,8 @@ class PlanSettings:
         Collision model; True: self-collisions.
     orientation_axes : {"pointing", "whole"}
         Which axes of target orientations count: z, or all.
-    orientation_weight : float
-        Weight of the angle from them [1/rad].
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
-
-    Raises
-    ------
-    InvalidInputError
-        When a value is out of its range.
     """
 
     position_tolerance: float = POSITION_TOLERANCE
@@ -69,7 +62,6 @@ class PlanSettings:
     joint_limit_margin: float = MARGIN
     collisions: Collisions | bool = True
     orientation_axes: str = POINTING
-    orientation_weight: float = ORIENTATION_WEIGHT
     home: ArrayLike | None = None
     budget: ClassVar[SearchBudget] = SearchBudget()  # class attribute, so that studies can change it
 
@@ -77,20 +69,11 @@ class PlanSettings:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)
         as_number(self.speed_scale, "speed_scale", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
-        axis_weights(self.orientation_axes, self.orientation_weight)
+        axis_weights(self.orientation_axes)
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanSettings":
-        """Look up limits and collisions of the arms, or take those of a planner; check the home configuration.
-
-        Raises
-        ------
-        FileFormatError
-            When a file of limits cannot be read or does not fit the arm.
-        InvalidInputError
-            When limits or collisions do not fit the arm, the joints cannot hold it against gravity in 5 % of its
-            configurations, or the home configuration is beyond limits or collides.
-        """
+        """Look up limits and collisions of the arms, or take those of a planner; check the home configuration."""
         limits = self.motion_limits if planner is None else planner.limits
         if not isinstance(limits, MotionLimits):
             limits = MotionLimits.of(arm, limits, self.joint_limit_margin)

@@ -1,8 +1,8 @@
 """The feasible ellipsoids nearest to targets: searches over joint positions within their limits."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,44 +10,22 @@ from numpy.typing import ArrayLike, NDArray
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.motion.arm_model import Axis
-from maniport.motion.objective import HINT, SEARCH_WEIGHT, Damping, Objective
+from maniport.motion.objective import HINT, Damping, Objective
 from maniport.motion.search.descent import search_from_starts
-from maniport.motion.search.seed_bank import SeedBank, as_positions
+from maniport.motion.search.seed_bank import SeedBank
 from maniport.spd.regularization import Regularization
 from maniport.util.defaults import DAMPING
-from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step
-from maniport.util.sampling import evenly_spaced
-from maniport.util.validation import Array, as_count, as_number, as_points, as_positive_semidefinite, require_shape
-
-STARTS = 48  # Samples that a search starts from
+from maniport.util.validation import Array, as_count, as_metres, as_number, as_points, require_shape
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FeasibleEllipsoids(NotebookDisplay):
-    """The nearest feasible ellipsoids to targets; made by `nearest_feasible`.
+class FeasibleEllipsoids(NamedTuple):
+    """The nearest feasible ellipsoids to targets; made by `nearest_feasible`."""
 
-    Attributes
-    ----------
-    joint_positions : ndarray, shape (n, dof)
-        Configurations with the nearest ellipsoids, within the limits [rad or m].
-    ellipsoids : ndarray, shape (n, d, d)
-        Ellipsoids there, without damping.
-    distance : ndarray, shape (n,)
-        Affine-invariant distances to the targets, with the damping.
-    position_error : ndarray, shape (n,), or None
-        Distances of the end effector from its target positions [m], where there are any.
-    """
-
-    joint_positions: Array
-    ellipsoids: Array
-    distance: Array
-    position_error: Array | None = None
-
-    def __repr__(self) -> str:
-        (count, d, _), error = self.ellipsoids.shape, self.position_error
-        away = "" if error is None else f", position error {1e3 * np.median(error):.3g} mm"
-        return f"FeasibleEllipsoids({count} of {d}×{d} at a distance of {np.median(self.distance):.3g}{away} (medians))"
+    joint_positions: Array  # (n, dof), within the limits [rad or m]
+    ellipsoids: Array  # (n, d, d), there, without damping
+    distance: Array  # (n,), affine-invariant, to the targets, with the damping
+    position_error: Array | None = None  # (n,), of the end effector, where there are target positions [m]
 
 
 def nearest_feasible(
@@ -57,13 +35,9 @@ def nearest_feasible(
     spec: EllipsoidSpec = VELOCITY,
     damping: Damping = DAMPING,
     positions: ArrayLike | None = None,
-    position_weight: float = SEARCH_WEIGHT,
-    n_starts: int = STARTS,
+    n_starts: int = 48,
     bank: SeedBank | None = None,
     random_state: Any = 0,
-    tol: float = 1e-6,
-    max_iter: int = 100,
-    n_jobs: int | None = None,
     progress: Progress | None = None,
 ) -> FeasibleEllipsoids:
     """Find the joint positions within limits whose ellipsoid is nearest: min_q d(A + ε I, M(q) + ε I).
@@ -80,73 +54,35 @@ def nearest_feasible(
         As in `maniport.motion.track`, of force too, and None for no damping.
     positions : array_like, shape (n, 3), optional
         Target positions of the end effector in the base frame [m]. The search then minimizes
-        ``d² + (position_weight · |position error|)²``.
-    position_weight : float
-        Weight of the position error [1/m].
+        ``d² + (50 · position error)²``.
     n_starts : int
         Samples to search from for each ellipsoid. Arms with fewer joints need more: of a UR5's own ellipsoids 98 %
         score below 0.01 with 48, above 99 % with 96.
-    bank, random_state, progress
-        As in `maniport.motion.track`.
-    tol : float
-        Searches for a target end when the root of the minimized cost falls below `tol`, and where no joint alone
-        promises to lower it by as much.
-    max_iter : int
-        Most steps of a search.
-    n_jobs : int, optional
-        Number of processes, as in joblib. Results do not depend on it. Starting processes takes a second or two.
+    bank : SeedBank, optional
+        Seed configurations. Default: 16 384 new samples.
+    random_state, progress
+        As in `maniport.motion.plan_motion`.
 
     Raises
     ------
     NotSPDError
         When an ellipsoid is asymmetric or, with the damping, not positive-definite; when without damping the arm
         itself is singular at all starts.
-    InvalidInputError
-        When another argument has a wrong shape or value.
     """
-    count, steps = as_count(n_starts, "n_starts"), as_count(max_iter, "max_iter")
-    tolerance = as_number(tol, "tol", above=0.0)
-    objective = Objective.of(arm, spec, damping, as_number(position_weight, "position_weight", above=0.0))
+    count, objective, tips = as_count(n_starts, "n_starts"), Objective.of(arm, spec, damping), None
     undamped = objective.undamped(objective.checked(ellipsoids, "ellipsoids"))
-    targets = objective.targets(undamped, None if positions is None else as_positions(positions, len(undamped)))
+    if positions is not None:
+        tips = as_metres(positions, "positions")
+        require_shape(tips, "positions", (len(undamped), 3), ", one for each ellipsoid")
+    targets = objective.targets(undamped, tips)
     bank = SeedBank.given_or_built(bank, arm, spec, random_state)
     step = Step(progress, "Search feasible ellipsoids")
-    starts = bank.starts_for(targets, count)
-    q = search_from_starts(targets, starts, tolerance, steps, block=128, n_jobs=n_jobs, progress=step)
+    q = search_from_starts(targets, bank.starts_for(targets, count), block=128, progress=step)
     distance = targets.distance(q)
     if not np.all(np.isfinite(distance)):
         raise NotSPDError(f"the arm {arm.name!r} is singular at all starts. {HINT}")
     step.end()
     return FeasibleEllipsoids(q, arm.ellipsoids(q, spec), distance, targets.position_error(q))
-
-
-def feasibility_gap(arm: Arm, profile: ArrayLike, *, n_points: int = 250, **options: Any) -> Array:
-    """Distance from each target ellipsoid of a profile to the nearest feasible one, wherever the end effector is.
-
-    Parameters
-    ----------
-    arm : Arm
-    profile : array_like, shape (n, d, d)
-        Target ellipsoids in the arm's base frame, in the order of time.
-    n_points : int
-        Most ellipsoids that are searched, evenly spaced; between them the distance is interpolated.
-    **options
-        Of `nearest_feasible`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Upper bounds, as those of `nearest_feasible`.
-
-    Raises
-    ------
-    NotSPDError, InvalidInputError
-        As `nearest_feasible`.
-    """
-    targets, most = as_positive_semidefinite(profile, "profile"), as_count(n_points, "n_points")
-    require_shape(targets, "profile", ("n", "d", "d"), " with n ≥ 1")
-    rows = evenly_spaced(len(targets), most)
-    return np.interp(np.arange(len(targets)), rows, nearest_feasible(arm, targets[rows], **options).distance)
 
 
 class FeasibleProjector:
@@ -166,11 +102,6 @@ class FeasibleProjector:
         Seed configurations. Default: 16 384 new samples.
     random_state : None, int or numpy.random.Generator
         Random seed of these samples.
-
-    Raises
-    ------
-    InvalidInputError
-        When an argument has a wrong value.
     """
 
     needs_damping = True  # Ellipsoids that it gets must be damped
@@ -209,7 +140,7 @@ class FeasibleProjector:
         return self.search(self.objective.damping.epsilon).nearest(points)[0]
 
     def search(self, damping: float) -> "FeasibleSearch":
-        """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]; it remembers configurations."""
+        """Begin a search for ellipsoids that carry another damping ε > 0 [unit of M]."""
         epsilon = Regularization.absolute(as_number(damping, "damping", above=0.0))
         return FeasibleSearch(replace(self.objective, damping=epsilon), self.bank)
 
@@ -222,43 +153,18 @@ class FeasibleProjector:
 
 
 class FeasibleSearch:
-    """A search that continues where it ended; made by `FeasibleProjector.search`.
-
-    Attributes
-    ----------
-    joint_positions : ndarray, shape (n, dof), or None
-        Configurations of the last results [rad or m].
-    """
+    """A search that continues from the configurations where it ended (n, dof); made by `FeasibleProjector.search`."""
 
     def __init__(self, objective: Objective, bank: SeedBank):
         self._objective, self._bank = objective, bank
         self.joint_positions: Array | None = None
 
     def nearest(self, points: ArrayLike, neighbors: NDArray[np.intp] | None = None) -> tuple[Array, Array]:
-        """Find the nearest feasible ellipsoids, and derivatives of the logarithm from the points to them.
+        """Find the nearest feasible ellipsoids M (n, d, d) to points A (n, d, d), all with the damping.
 
+        Also return the derivatives of log(A^-½ M A^-½) along each joint (n, dof, d, d), zero where one is at a limit.
         The first call starts from samples of the bank. Later ones expect the same points, a little changed, and start
-        from the last result of each, those of its neighbors and one sample.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, d, d)
-            SPD, with the damping.
-        neighbors : ndarray of int, shape (n, k), optional
-            Indices of similar points, whose configurations are tried too.
-
-        Returns
-        -------
-        ellipsoids : ndarray, shape (n, d, d)
-            With the damping.
-        changes : ndarray, shape (n, dof, d, d)
-            Derivatives of log(A^-½ M A^-½), A the point and M the ellipsoid, along each joint; zero where a joint is at
-            a limit.
-
-        Raises
-        ------
-        NotSPDError, InvalidInputError
-            When `points` are not SPD, or their number changes.
+        from the last result of each, those of its `neighbors` (n, k) and one sample.
         """
         objective, before = self._objective, self.joint_positions
         damped, max_starts = as_points(points, "points", objective.spec.size, minimum=1), 12_288
@@ -270,7 +176,7 @@ class FeasibleSearch:
             similar = [] if neighbors is None else [before[neighbors]]
             starts = np.concatenate([before[:, None], *similar, self._bank.starts_for(targets, 1)], axis=1)
             steps = 8
-        arm, q = objective.arm, search_from_starts(targets, starts, 1e-6, steps, block=512, halving=2)
+        arm, q = objective.arm, search_from_starts(targets, starts, max_iter=steps, block=512, halving=2)
         if not np.all(np.isfinite(targets.distance(q))):
             raise InvalidInputError(f"the arm {arm.name!r} is singular at all starts for some points")
         self.joint_positions = q

@@ -6,9 +6,7 @@ from itertools import product
 from typing import Any
 
 from maniport.evaluation import Evaluation
-from maniport.report.metrics import describe
-from maniport.report.results import software
-from maniport.report.values import Metric, Report, Section, Table, warning
+from maniport.report.values import Metric, Report, Section, Table, describe, software, warning
 from maniport.studies.methods import methods_section
 from maniport.studies.paper.experiments import Experiment, Line
 from maniport.studies.paper.tables import OURS, PAPER

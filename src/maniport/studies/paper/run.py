@@ -7,10 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from maniport.errors import InvalidInputError
-from maniport.report.metrics import report_of
 from maniport.report.page import write_page
 from maniport.report.renderings import write_report
-from maniport.report.values import Report
+from maniport.report.values import Report, report_of
 from maniport.studies.methods import compare_methods, methods_report
 from maniport.studies.paper.experiments import DRAWS, Experiment, fit_quietly, human_robot, toy, toy_draw, two_dof
 from maniport.studies.paper.report import Reproduction, experiment_section
