@@ -118,6 +118,35 @@ def compose_loop(values, vectors, results):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def hessian_loop(values, logs, vectors, weights, hessian):  # type: ignore[no-untyped-def]
+    """Sum the Hessians of half the squared distance to I, in the Mandel basis (m, m), over weighted Y = V diag Vᵀ."""
+    count, n = values.shape
+    tangent = np.empty(len(hessian))
+    for row in range(count):
+        v = vectors[row]
+        for p in range(n):
+            for q in range(p, n):
+                x, stretch = 0.5 * (logs[row, p] - logs[row, q]), 1.0  # x coth x
+                if abs(x) < 1e-3:
+                    stretch += x * x / 3.0
+                else:
+                    stretch = x * (values[row, p] + values[row, q]) / (values[row, p] - values[row, q])
+                entry = n
+                for i in range(n):
+                    tangent[i] = v[i, p] * v[i, q]
+                    for j in range(i + 1, n):
+                        tangent[entry] = np.sqrt(0.5) * (v[i, p] * v[j, q] + v[j, p] * v[i, q])
+                        entry += 1
+                scale = weights[row] * stretch * (1.0 if p == q else 2.0)
+                for i in range(len(tangent)):
+                    for j in range(i + 1):
+                        hessian[i, j] += scale * tangent[i] * tangent[j]
+    for i in range(len(hessian)):
+        for j in range(i):
+            hessian[j, i] = hessian[i, j]
+
+
+@kernel
 def congruence_loop(left, matrices, results):  # type: ignore[no-untyped-def]
     """Write L M Lᵀ; one L or one M serves all results."""
     count, n = results.shape[:2]
