@@ -18,7 +18,8 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 DEMOS = ("freeform", "ladder")  # bundled recordings: an easy and a hard one
 
 
-@command("transfer", "motion", "seed", example="maniport demo;  maniport demo ladder -o on-the-ladder")
+@command("transfer", "motion", "payload", "payload_center", "seed",
+         example="maniport demo;  maniport demo ladder -o on-the-ladder")  # fmt: skip
 def demo(
     config: Config,
     console: Console,
