@@ -204,5 +204,5 @@ def _fitted(pair: Pair, sampled: SampledRobot, human: Human, arm: int) -> tuple[
         fitted.adapter.save(file)
     if file not in _maps:
         own = tuple(json.loads(about.read_text(encoding="utf-8"))["warnings"])
-        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job), 0.0), own
+        _maps[file] = FittedMap(load_adapter(file), stages.sample_teacher(person, job)), own
     return _maps[file]

@@ -39,7 +39,7 @@ METRICS = (
     *(f"placement.{name}" for name in ("scale", "yaw_deg", "base_orientation.tilt_deg", "base_orientation.heading_deg",
                                        "points_out_of_reach", "farthest_out_of_reach_mm")),
     *(f"adapter.{name}" for name in ("cost", "iterations", "converged", "dispersion_ratio")),
-    *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "rank_correlation", "turn",
+    *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "rank_correlation",
                                             "singular_value", "near_singular")),
     "person.frames",
     *(f"person.segment_lengths_m.{part}" for part in PARTS),

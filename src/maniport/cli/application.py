@@ -236,13 +236,11 @@ def _position(
     return min(max(radians(value) if turns else value, float(low)), float(high))
 
 
-def optional_robot(config: Config, both: bool = False) -> Any:
-    """Load the arm of the robot, or both, if it was named."""
-    if config.robot.robot:
-        return config.robot.load(True) if both else config.robot.load_arm()
-    if config.robot != NO_ROBOT.robot:
-        raise InvalidInputError("options of a robot need --robot")
-    return None
+def names_robot(config: Config) -> bool:
+    """Whether a robot was named; raise where its options are without one."""
+    if not config.robot.robot and (config.robot != NO_ROBOT.robot or config.motion.export):
+        raise InvalidInputError("options of a robot, and --export, need --robot")
+    return bool(config.robot.robot)
 
 
 def require_suffix(output: Path, *suffixes: str) -> None:

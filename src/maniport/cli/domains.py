@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from maniport.cli.application import NO_ROBOT, Overwrite, command, optional_robot, require_suffix
+from maniport.cli.application import NO_ROBOT, Overwrite, command, names_robot, require_suffix
 from maniport.errors import InvalidInputError
 from maniport.pipeline.config import Config
 from maniport.report.console import Console
@@ -70,7 +70,7 @@ def fit(
     require_suffix(output, ".npz")
     if (transfer := config.transfer).method == AUTO:
         raise InvalidInputError(f"--method {AUTO} needs a motion: use maniport transfer, or name a method")
-    arm, seed = optional_robot(config), config.seed
+    arm, seed = config.robot.load_arm() if names_robot(config) else None, config.seed
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
     adapter = method_of(transfer.method, damping=transfer.damping or None, base_rotation=rotation, random_state=seed)
@@ -127,7 +127,7 @@ def evaluate(
 
     if output is not None:
         require_suffix(output, ".md", ".json")
-    arm, fitted = optional_robot(config), load_adapter(adapter)
+    arm, fitted = config.robot.load_arm() if names_robot(config) else None, load_adapter(adapter)
     sets = [load_ellipsoids(path)[0] for path in (teacher, student, profile)]
     with console.progress() as progress:
         evaluation = evaluate(

@@ -5,7 +5,6 @@
 One arm is a group of one: values that belong to an arm are tuples over the arms, for two arms of a person left first.
 """
 
-import time as clock
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -123,7 +122,7 @@ def fit_transfer(human: Human, robot: SampledRobot, settings: Settings) -> tuple
 def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: Settings, arm: int = 0) -> FittedMap:
     """Fit the map from a person's arm to an arm of the robot; a selection needs the demonstrated profile (n, d, d)."""
     teacher, student, spec = sample_teacher(person, settings), robot.domains[arm], settings.specs[arm]
-    bank, started, progress = robot.bank(arm, spec), clock.perf_counter(), settings.progress
+    bank, progress = robot.bank(arm, spec), settings.progress
     seed, options = settings.config.seed, settings.config.transfer
     if settings.adapter is None:
         assert profile is not None
@@ -131,7 +130,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
             random_state=seed, progress=progress, base_rotation=options.rotation, damping=options.damping or None,
         )  # fmt: skip
-        return FittedMap(adapter, teacher, clock.perf_counter() - started, evaluation)
+        return FittedMap(adapter, teacher, evaluation)
     progress("Fit transfer", 0.0)
     adapter = with_feasible_set(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
     adapter.fit(teacher, student)
@@ -139,7 +138,7 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
         text = "the length field maps this robot badly, parallel-transport does not: " + "; ".join(failures)
         warnings.warn(text, ManiportWarning, stacklevel=2)
     progress("Fit transfer", 1.0, f"{adapter.n_iter_} iterations; {adapter.stop_reason_}")
-    return FittedMap(adapter, teacher, clock.perf_counter() - started)
+    return FittedMap(adapter, teacher)
 
 
 def sample_teacher(person: Arm, settings: Settings) -> Array:
@@ -259,7 +258,7 @@ def evaluate(
                 fit=human.fits[i], person_base=human.motion.bases[i], time=human.fits[i].time,
                 method=name_of(own.adapter), adapter=own.adapter, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
-                teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
+                teacher_domain=own.teacher, student_domain=robot.domains[i],
                 capabilities=_capabilities(human.fits[i], part, own, settings),
             )
         )  # fmt: skip

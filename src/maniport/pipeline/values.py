@@ -103,7 +103,6 @@ class FittedMap:
 
     adapter: DomainAdapter
     teacher: Array  # domain of the person's arm (m, d, d)
-    seconds: float
     evaluation: Evaluation | None = None  # of a selected method
 
 

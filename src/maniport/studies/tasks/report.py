@@ -25,7 +25,8 @@ CAPTION = (
     "Median over recordings, relative to the position-only motion: above 1 is better, also for the time of react and "
     "the displacement of resist. In parentheses: 95 % interval of the median by bootstrap; wins: share of the "
     "recordings above 1. Of direct: median ratio to the optimization that knows the direction. r: correlation with the "
-    "person's capability over 64 directions. A motion that leaves the path or exceeds a limit counts as 0."
+    "person's capability over 64 directions. A motion that leaves the path or exceeds a limit counts as 0; random "
+    "ones are the median of the valid ones of 20."
 )
 
 Row = Mapping[str, Any]

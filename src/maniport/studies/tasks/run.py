@@ -28,7 +28,6 @@ from maniport.studies.tasks.demonstrations import (
 from maniport.studies.tasks.methods import POSITION_ONLY, RANDOM, Problem, motions
 from maniport.studies.tasks.report import Row, TaskStudy, Unit
 from maniport.studies.tasks.score import (
-    LESS_IS_BETTER,
     SCORES,
     Scores,
     is_valid,
@@ -180,18 +179,15 @@ def _samples(robot: str, seed: int) -> Array:
 
 
 def rows_of(scores: Sequence[tuple[str, Scores]]) -> Iterator[Row]:
-    """Yield a row for each method; the row of the random motions has medians, in which invalid ones are worst."""
+    """Yield a row for each method; that of the random motions has medians over the valid ones, and their share."""
     random = [own for name, own in scores if name == RANDOM]
-    if random:
-        worst = {name: np.inf if name in LESS_IS_BETTER else 0.0 for name in SCORES}
-        counted = [own if is_valid(own) else {**own, **worst} for own in random]
-        median = {key: float(np.median([own[key] for own in counted])) for key in random[0]}
-        share = float(np.mean([is_valid(own) for own in random]))
+    valid = [own for own in random if is_valid(own)]
     for name, own in scores:
         if name != RANDOM:
             yield {"method": name, "valid": is_valid(own), **own}
         elif own is random[0]:
-            yield {"method": name, "valid": share > 0.5, "valid_share": share, **median}
+            median = {key: float(np.median([other[key] for other in valid or random])) for key in own}
+            yield {"method": name, "valid": bool(valid), "valid_share": len(valid) / len(random), **median}
 
 
 def _write_motion(file: Path, task: Task, q: Array) -> None:
