@@ -19,6 +19,8 @@ from maniport.spd.affine_invariant import distance_unchecked
 from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
+HORIZON = (0.05, 0.1)
+PREDICTION = 0.01
 CONTROL_STEP = 0.01  # A longer time between two frames is shared among several control steps [s]
 
 
@@ -55,9 +57,6 @@ class Robot:
             self._collision = CollisionLimit(collisions, separation_share=0.0)
         braking = BrakingLimit(limits.lower, limits.upper, limits.velocity, limits.acceleration)
         self._controller = Controller(limits.arm, braking, self._collision, costs, own_limits)
-        # this share of the acceleration that its slowest joint gives a stretched arm brakes it before its target
-        least = [limits.acceleration[columns].min() for columns in group.columns]
-        self._acceleration = 0.5 * np.array(self._controller.reaches) * np.array(least)
         self.rest(start)
 
     def rest(self, q: Array) -> None:
@@ -108,22 +107,25 @@ class Robot:
                 self._choose_reference(targets)
                 self._reference_time = time
         steps = max(1, math.ceil(elapsed / CONTROL_STEP - 1e-9))
-        dt, previous = elapsed / steps, tuple(own.position for own in before)
+        dt, ends = elapsed / steps, np.cumsum(HORIZON)[:, None]
         for step in range(1, steps + 1):
-            rows, current, share = [], [], step / steps
+            rows, predicted, share = [], [], step / steps
             for k, (first, last) in enumerate(zip(before, targets, strict=True)):
-                position = aim = None
+                position = later = None
                 if first.position is not None and last.position is not None:
-                    position = first.position + share * (last.position - first.position)
-                    aim = (position - self._uncorrected(k, previous[k], dt))[None]
+                    change = last.position - first.position
+                    position = (first.position + share * change)[None]
+                    later = last.position + PREDICTION / elapsed * change
+                    later = np.repeat(later[None], len(HORIZON), axis=0)
                 ellipsoid = last.ellipsoid
                 if step < steps:
                     ellipsoid = first.ellipsoid + share * (ellipsoid - first.ellipsoid)
-                rows.append(self._objectives[k].targets(ellipsoid[None], aim))
-                current.append(position)
-            problem = ControlProblem(tuple(rows), previous, PostureCost(self._reference, weight), time)
+                rows.append(self._objectives[k].targets(ellipsoid[None], position))
+                predicted.append(later)
+            posture = PostureCost(self._reference, weight)
+            no_damping = (None,) * len(rows)
+            problem = ControlProblem(tuple(rows), no_damping, posture, time, HORIZON, tuple(predicted))
             self._set(self._controller.step(problem, self._state, dt, speed_share))
-            previous = tuple(current)
 
     def _choose_reference(self, targets: Sequence[Target], count: int = 5) -> None:
         """Choose the candidate nearest to the present configuration of those that suit the targets best."""
@@ -137,13 +139,6 @@ class Robot:
                 cost += np.sum((6.0 * (positions[i] - position)) ** 2, axis=1)  # [1/m]
         near = q[np.argsort(cost)[:count]]
         self._reference = near[np.argmin(np.sum((near - self.q) ** 2, axis=1))]
-
-    def _uncorrected(self, arm: int, target: Array | None, dt: float) -> Array:
-        """Return the part of the last error that is not corrected within dt, so that braking remains possible."""
-        assert target is not None
-        error = target - self.positions[arm]
-        away = max(math.sqrt(error @ error), 1e-9)
-        return np.asarray(error * max(0.0, 1.0 - dt * math.sqrt(2.0 * self._acceleration[arm] / away)))
 
     def brake(self, elapsed: float) -> None:
         """Come to rest as soon as accelerations allow, for the time that has elapsed [s]."""

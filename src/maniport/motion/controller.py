@@ -61,17 +61,23 @@ class ControlProblem:
     targets : tuple of Targets
         Targets of each arm, one row.
     previous_positions : tuple of ndarray, shape (3,), or None
-        Target positions of each arm in the last step [m].
+        Target positions of each arm in the last step [m]; None for no damping by the position error.
     posture : PostureCost
         Reference configuration.
     time : float
         Time of further costs [s].
+    horizon : tuple of float
+        Durations of h intervals after the step for which velocities are planned, too [s].
+    predicted_positions : tuple of ndarray, shape (h, 3), or None
+        Target positions of each arm at the ends of these intervals [m].
     """
 
     targets: tuple[Targets, ...]
     previous_positions: tuple[Array | None, ...]
     posture: PostureCost
     time: float = 0.0
+    horizon: tuple[float, ...] = ()
+    predicted_positions: tuple[Array | None, ...] = ()
 
 
 class Controller:
@@ -105,6 +111,7 @@ class Controller:
         self._costs, self._limits = tuple(costs), (*limits, *(() if collisions is None else (collisions,)))
         self.columns = group.columns
         samples = [own.forward(own.sample(64, 0))[:, :3, 3] for own in group.arms]
+        self._no_limits = np.empty((0, group.dof)), np.empty(0)
         self.reaches = tuple(float(np.linalg.norm(tips, axis=1).max()) for tips in samples)  # from the base [m]
         for i, limit in enumerate(limits):
             _require_fitting(limit, f"limits[{i}]", group)
@@ -115,7 +122,7 @@ class Controller:
         `speed_share` is the share of the velocity limits that may be used.
         """
         bounds = self._bounds(state, dt, speed_share)
-        velocity = self._solve(problem, state.q, bounds, dt)
+        velocity = self._solve(problem, state.q, bounds, dt, speed_share)
         if velocity is None:
             return self.brake(state, dt)
         velocity, configurations = self.braking.move(state.q, velocity, bounds, dt)
@@ -133,28 +140,28 @@ class Controller:
         last_dt = dt if state.dt is None else state.dt
         return self.braking.bounds(state.q, state.velocity, last_dt, dt, speed_share)
 
-    def _solve(self, problem: ControlProblem, q: Array, bounds: Array, dt: float) -> Array | None:
+    def _solve(self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float) -> Array | None:
         """Return the best velocities within all limits, shape (dof,), or None."""
-        hessian, gradient = self._objective(problem, q)
-        if not math.isfinite(hessian.sum() + gradient.sum()):  # an ellipsoid is singular
+        hessian, gradients = self._objective(problem, q)
+        if not math.isfinite(hessian.sum() + gradients.sum()):  # an ellipsoid is singular
             return None
-        rows, upper = [np.empty((0, len(q)))], [dt * bounds[1]]
-        for limit in self._limits:
-            matrix, bound = limit.inequalities(q, dt)
-            rows.append(matrix)
-            upper.append(bound)
-        above = np.concatenate(upper)
-        below = np.full(len(above), -1e30)  # no lower bound
-        below[: len(q)] = dt * bounds[0]
-        sense = np.zeros(len(above), dtype=np.int32)
-        step, _, exit_flag, _ = daqp.solve(hessian, gradient, np.concatenate(rows), above, below, sense)
-        return step / dt if exit_flag > 0 and np.isfinite(step).all() else None
+        rows, allowed = self._no_limits
+        if self._limits:
+            pairs = [limit.inequalities(q, dt) for limit in self._limits]
+            rows, allowed = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        durations = np.array((dt, *problem.horizon))
+        program = self.braking.program(hessian, gradients, durations, bounds, speed_share, rows, allowed)
+        step, _, exit_flag, _ = daqp.solve(*program)
+        return step[: len(q)] / dt if exit_flag > 0 and np.isfinite(step).all() else None
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
-        """Return the Gauss-Newton Hessian (dof, dof) and half the gradient (dof,) of all costs, with dampings."""
+        """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradients.
+
+        The gradients (1 + h, dof) are those of the targets at the end of the step, and of the horizon's intervals.
+        """
         dof, time, weight = len(q), np.array([problem.time]), problem.posture.weight**2
         gradient, damping = weight * (q - problem.posture.reference), np.full(dof, weight)  # of the posture
-        hessian = np.zeros((dof, dof))
+        hessian, later = np.zeros((dof, dof)), np.zeros((1 + len(problem.horizon), dof))
         for i, (targets, columns) in enumerate(zip(problem.targets, self.columns, strict=True)):
             parts = targets.linearize(q[None, columns])
             hessian[columns[:, None], columns] += parts.hessian[0]
@@ -167,12 +174,15 @@ class Controller:
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
             damping[columns] += amount
+            if problem.horizon and targets.positions is not None:
+                moved = targets.positions - problem.predicted_positions[i]
+                later[1:, columns] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
         for cost in self._costs:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
             hessian += jacobian.T @ jacobian
             gradient += residual @ jacobian
         hessian.flat[:: dof + 1] += damping + 1e-12  # the diagonal
-        return hessian, gradient
+        return hessian, gradient + later
 
 
 def _require_fitting(limit: Limit, name: str, group: ArmGroup) -> None:
