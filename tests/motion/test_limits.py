@@ -53,7 +53,7 @@ class NoTargets:
 
     def linearize(self, q):
         """No cost."""
-        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None])
+        return Linearization(np.zeros(1), np.zeros(1), np.zeros((1, 7)), np.zeros((1, 7, 7)), np.eye(4)[None], np.zeros((1, 6, 7)))
 
 
 def moved(arm, limit, start, goal, acceleration=10.0):

@@ -38,7 +38,8 @@ class ControlState:
     dt : float, optional
         Duration of the last step [s]; None before the first step.
     solved : bool
-        False if the last step had no collision-free solution and the arm braked.
+        False if accelerations did not suffice to satisfy all inequalities of limits in the last step. They were
+        violated as little as possible, or the arm braked if this would have led to a collision.
     """
 
     q: Array
@@ -117,18 +118,18 @@ class Controller:
             _require_fitting(limit, f"limits[{i}]", group)
 
     def step(self, problem: ControlProblem, state: ControlState, dt: float, speed_share: float = 1.0) -> ControlState:
-        """Move for dt [s], or brake where the quadratic program has no solution or the solution collides.
+        """Move for dt [s], or brake if the quadratic program has no solution or the solution collides.
 
         `speed_share` is the share of the velocity limits that may be used.
         """
         bounds = self._bounds(state, dt, speed_share)
-        velocity = self._solve(problem, state.q, bounds, dt, speed_share)
+        velocity, solved = self._solve(problem, state.q, bounds, dt, speed_share)
         if velocity is None:
             return self.brake(state, dt)
         velocity, configurations = self.braking.move(state.q, velocity, bounds, dt)
         if self.collisions is not None and self.collisions.collisions.collides(configurations).any():
             return self.brake(state, dt)
-        return ControlState(configurations[0], velocity, dt)
+        return ControlState(configurations[0], velocity, dt, solved)
 
     def brake(self, state: ControlState, dt: float) -> ControlState:
         """Come to rest as soon as accelerations allow."""
@@ -140,19 +141,24 @@ class Controller:
         last_dt = dt if state.dt is None else state.dt
         return self.braking.bounds(state.q, state.velocity, last_dt, dt, speed_share)
 
-    def _solve(self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float) -> Array | None:
-        """Return the best velocities within all limits, shape (dof,), or None."""
+    def _solve(
+        self, problem: ControlProblem, q: Array, bounds: Array, dt: float, speed_share: float
+    ) -> tuple[Array | None, bool]:
+        """Return the best velocities (dof,), or None, and whether they satisfy all inequalities."""
         hessian, gradients = self._objective(problem, q)
         if not math.isfinite(hessian.sum() + gradients.sum()):  # an ellipsoid is singular
-            return None
+            return None, False
         rows, allowed = self._no_limits
         if self._limits:
             pairs = [limit.inequalities(q, dt) for limit in self._limits]
             rows, allowed = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         durations = np.array((dt, *problem.horizon))
-        program = self.braking.program(hessian, gradients, durations, bounds, speed_share, rows, allowed)
-        step, _, exit_flag, _ = daqp.solve(*program)
-        return step[: len(q)] / dt if exit_flag > 0 and np.isfinite(step).all() else None
+        for relaxed in (False, True) if len(rows) else (False,):
+            program = self.braking.program(hessian, gradients, durations, bounds, speed_share, rows, allowed, relaxed)
+            step, _, exit_flag, _ = daqp.solve(*program)
+            if exit_flag > 0 and np.isfinite(step).all():
+                return step[: len(q)] / dt, not relaxed
+        return None, False
 
     def _objective(self, problem: ControlProblem, q: Array) -> tuple[Array, Array]:
         """Return the Gauss-Newton Hessian (dof, dof) of all costs, with dampings, and half their gradients.

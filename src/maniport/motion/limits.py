@@ -74,15 +74,17 @@ class BrakingLimit:
         speed_share: float,
         rows: Array,
         allowed: Array,
+        relaxed: bool,
     ) -> tuple[Array, Array, Array, Array, Array, NDArray[np.int32]]:
         """Return the quadratic program of the velocities in m intervals, times the first duration, for `daqp.solve`.
 
         The cost is the mean over the durations (m,) of costs at the ends of the intervals, whose Hessian (dof, dof) is
         the same and whose halved gradients (m, dof) are those at the present configuration. `bounds` and the
         inequalities rows (k, dof) · Δq ≤ allowed (k,) hold for the first interval. Later velocities are within the
-        share of the limits that may be used, and reached within the limits of acceleration.
+        share of the limits that may be used, and reached within the limits of acceleration. `relaxed` weakens each
+        inequality that no velocity within the bounds satisfies, as little as possible.
         """
-        return _program(hessian, gradients, durations, bounds, self._limits, speed_share, rows, allowed)  # type: ignore[no-any-return]
+        return _program(hessian, gradients, durations, bounds, self._limits, speed_share, rows, allowed, relaxed)  # type: ignore[no-any-return]
 
 
 @kernel
@@ -106,7 +108,7 @@ def _fill_step(q, velocity, bounds, limits, dt, achieved, configurations):  # ty
 
 
 @kernel
-def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed):  # type: ignore[no-untyped-def]
+def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, allowed, relaxed):  # type: ignore[no-untyped-def]
     stages, dof = gradients.shape
     size, count, dt, unlimited = stages * dof, len(rows), durations[0], 1e30
     quadratic, linear = np.zeros((size, size)), np.zeros(size)
@@ -120,7 +122,7 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
             for b in range((k + 1) * dof):
                 quadratic[a, b] += weight * durations[b // dof] / dt * hessian[a % dof, b % dof]
     for i in range(dof):
-        above[i], below[i] = dt * bounds[1, i], dt * bounds[0, i]
+        above[i], below[i] = min(dt * bounds[1, i], unlimited), max(dt * bounds[0, i], -unlimited)
     for i in range(dof, size):
         fastest = min(dt * speed_share * limits[2, i % dof], unlimited)
         above[i], below[i] = max(fastest, above[i - dof]), min(-fastest, below[i - dof])
@@ -130,6 +132,11 @@ def _program(hessian, gradients, durations, bounds, limits, speed_share, rows, a
         above[size + row], below[size + row] = change, -change
     matrix[:count, :dof] = rows
     above[size : size + count] = allowed
+    for k in range(count if relaxed else 0):
+        least = 0.0
+        for i in range(dof):
+            least += min(rows[k, i] * below[i], rows[k, i] * above[i])
+        above[size + k] = max(allowed[k], least + 1e-9 * abs(least))
     return quadratic, linear, matrix, above, below, np.zeros(len(above), np.int32)
 
 
