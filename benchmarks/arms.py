@@ -59,4 +59,4 @@ def recording(n: int) -> tuple[Recording, Array]:
     q = (arm.upper + arm.lower) / 2 + np.clip(waves, -0.9, 0.9) * (arm.upper - arm.lower) / 2
     exact = synthetic_recording(arm, q, instants)
     noisy = exact.positions + generator.normal(0.0, NOISE, exact.positions.shape)
-    return Recording(exact.names, noisy, instants, "z", "synthetic"), q
+    return Recording(exact.names, noisy, instants, "synthetic"), q

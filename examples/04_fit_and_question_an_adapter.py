@@ -61,8 +61,8 @@ def main(folder):
 
     # Evaluation: the same metrics for the adapter and for the baselines.
     evaluation = mp.evaluate(with_pairs, teacher, student, profile, truth=truth, n_domain=0)
-    best = evaluation.summary
-    print(f"recommended: {best.recommended}; {best.measure} {best.best_value:.3f}, identity {best.identity:.3f}")
+    best, identity = (evaluation.values[name] for name in (evaluation.best, "identity"))
+    print(f"recommended: {evaluation.recommended}; {evaluation.measure} {best:.3f}, identity {identity:.3f}")
     write_report(folder / "evaluation.md", mp.report.report_of(evaluation))
 
     # Save and load; the inverse of the map is exact.

@@ -66,11 +66,10 @@ def main(folder):
             f"{name:>7} weights: {rms:.2f} standard deviations from the mean profile; position error "
             f"{error[similar].mean():.0f} mm where the variance is small, {error[~similar].mean():.0f} mm elsewhere"
         )
-    model.save(folder / "model.npz")
     aligned = {"time": alignment.time, "demonstrated": alignment.ellipsoids}
     np.savez(folder / "profiles.npz", **aligned, mean=profile, covariance=covariance)
     motion.save_joints_csv(folder / "joints.csv")
-    print(f"model and last motion in {folder}")
+    print(f"profiles and last motion in {folder}")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import maniport as mp
 from maniport.evaluation import Evaluation
-from maniport.evaluation.baselines import IDENTITY, MEAN_TRANSPORT, TRANSPORT
+from maniport.evaluation.summary import IDENTITY, MEAN_TRANSPORT, TRANSPORT
 from maniport.report.metrics import report_of
 from maniport.report.renderings import as_markdown, as_numbers
 from maniport.report.transfer import evaluation_section

@@ -18,7 +18,7 @@ import numpy as np
 import maniport as mp
 from lengths_table import FILES, ROBOTS
 from maniport.arms import VELOCITY, Arm
-from maniport.feasibility import with_feasible_set
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.motion import MotionLimits, Planner, nearest_feasible, place_path, plan_motion
 from maniport.studies.methods import EVALUATIONS, RECORDINGS

@@ -3,19 +3,20 @@
     python scripts/make_panda_surfaces.py [panda.urdf]
 
 The meshes are those of franka_description in franka_ros (Copyright Franka Emika GmbH, Apache License 2.0) as they
-come with example-robot-data 6.0.0, whose panda.urdf is used unless another is given.
+come with example-robot-data 6.0.0, whose panda.urdf is used unless another is given. Needs fast-simplification.
 """
 
 import sys
 from pathlib import Path
 
+import fast_simplification
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from maniport.arms.chain import Mesh, Shape
 from maniport.arms.loaders.document import read_shapes
 from maniport.arms.loaders.urdf import Urdf
-from maniport.arms.meshes import reduced, welded
+from maniport.arms.meshes import welded
 from maniport.util.validation import Array
 
 TARGET = Path(__file__).parents[1] / "src/maniport/arms/data/panda_surfaces.npz"
@@ -35,13 +36,19 @@ def main() -> None:
     meshes = {shape.link: welded(shape.mesh) for shape in read_shapes(Urdf, urdf, [*LINKS, HAND, *FINGERS])}
     total = sum(len(meshes[link][1]) for link in LINKS)
     shares = {link: ARM_TRIANGLES * len(meshes[link][1]) // total for link in LINKS} | {HAND: HAND_TRIANGLES}
-    shapes = [Shape(link, reduced(meshes[link], share)) for link, share in shares.items()]
+    shapes = [Shape(link, _reduced(meshes[link], share)) for link, share in shares.items()]
     shapes += [Shape(link, _hull(meshes[link][0])) for link in FINGERS]
     _write(TARGET, shapes)
     for shape in shapes:
         points, triangles = shape.mesh
         print(f"{shape.link}: {len(points)} points, {len(triangles)} of {len(meshes[shape.link][1])} triangles")
     print(f"{TARGET}: {TARGET.stat().st_size} bytes")
+
+
+def _reduced(mesh: Mesh, most: int) -> Mesh:
+    """Reduce a mesh to a number of triangles by quadric error (Garland and Heckbert, SIGGRAPH 1997)."""
+    points, triangles = fast_simplification.simplify(mesh[0].astype(np.float32), mesh[1], target_count=most)
+    return welded((points.astype(np.float64), triangles.astype(np.int32)))
 
 
 def _hull(points: Array) -> Mesh:

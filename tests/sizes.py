@@ -37,7 +37,7 @@ def with_arm(result, **changes):
 
 def motion_alone(result):
     """Return the motion of a transfer as a result without a person."""
-    names = ("name", "robot", "placement", "motion", "free", "gap", "collisions")
+    names = ("name", "robot", "placement", "motion", "gap", "collisions")
     arm = ArmResult(**{name: getattr(result.arm, name) for name in names})
     return MotionResult(robot=result.robot, arms=(arm,), motion=result.motion)
 

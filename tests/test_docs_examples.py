@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 import maniport
 import ros_stand_in
-from maniport.batch.content import digest
+from maniport.batch.inputs import digest
 from maniport.errors import ManiportError
 from maniport.pipeline import transfer_recording
 from maniport.pipeline.config import Config

@@ -49,7 +49,7 @@ def files(moment, tmp_path_factory):
 @pytest.fixture(scope="module")
 def result(moment, files):
     """The main job with a recording format, a person, a robot format, a method and a cost of one's own."""
-    recording = mp.read_recording(files / "ladder.pts", up=moment.up)
+    recording = mp.read_recording(files / "ladder.pts")
     method = LogEuclideanShift(damping=0.01)
     with little_search():
         found = mp.transfer_recording(
@@ -94,7 +94,6 @@ def test_a_family_of_names_of_ones_own_is_known_for_either_arm(side):
     assert roles["trunk_left"] == (("Acromion_R",), ("Acromion_L",))
 
 
-@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_a_person_of_ones_own_is_fitted_in_the_lengths_of_the_recording(result, moment):
     assert result.arm.fit.arm.name == "stiff_shoulder"
     elevation = result.arm.fit.arm.joint_names.index("shoulder_elv")

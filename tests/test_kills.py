@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from kills.trial import complete, left, strike
+from kills.trial import complete, strike
 from kills.works import Command, works
 
 TIMES = 4
@@ -24,5 +24,3 @@ def test_what_is_struck_leaves_old_or_new(tmp_path, every, key, number):
     longest = max(complete(work, which, log) for which in (1, 0)) if isinstance(work, Command) else 0.02
     *_, count = strike(work, number, TIMES, longest, random.Random(0), log)
     assert (count.half, count.missing, count.struck, count.faults) == (0, 0, TIMES, [])
-    work.warm()
-    assert left(work) == set()

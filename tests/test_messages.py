@@ -35,7 +35,7 @@ def test_messages_are_printable_and_short(kind):
 def test_names_from_files_reach_no_terminal_unescaped(tmp_path):
     path = tmp_path / "walk\x1b[2J.npz"
     points = np.broadcast_to([[0.0, 0.0, 1.4], [0.0, 0.0, 1.1], [0.0, 0.0, 0.85]], (9, 3, 3))
-    np.savez(path, names=["RSHO", "RELB", f"\x1b[31m{HTML}"], positions=points, rate=10.0, unit="m", up="z")
+    np.savez(path, names=["RSHO", "RELB", f"\x1b[31m{HTML}"], positions=points, rate=10.0, unit="m")
     ended = subprocess.run([sys.executable, "-m", "maniport", "info", str(path)], capture_output=True, check=False)
     assert ended.returncode == 0, ended.stderr
     assert "RELB" in ended.stdout.decode()

@@ -82,10 +82,7 @@ def test_relative_end_effectors_leave_their_paths_and_keep_an_orientation(record
     np.testing.assert_allclose(np.ptp(np.linalg.norm(result.motion.relative[:, 0], axis=1) / hands), 0.0, atol=1e-9)
     assert np.percentile(result.motion.relative_error, 95) < 5e-3
     for arm in result.arms:
-        rotated, freely = (
-            np.ptp(arm.robot.forward(run.joint_positions)[:, :3, 2], axis=0).max() for run in (arm.motion, arm.free)
-        )
-        assert rotated < freely
+        assert np.median(arm.motion.orientation_error) < np.radians(10.0)
         assert arm.placement is None
     assert any(metric.key == "relative_position_error" and metric.unit == "mm" for metric in report_of(result).metrics)
 

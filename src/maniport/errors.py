@@ -16,7 +16,7 @@ from typing import Any
 LONGEST_MESSAGE = 2000
 """Characters of a message: the longest of maniport's own, with names of usual length, have about 1500."""
 _ON_THE_COMMAND_LINE = ContextVar("on_the_command_line", default=False)
-_OPTIONS = {"rate": "--fps", "up": "--vertical-axis", "bases": "--pose", "frames": "--frame"}
+_OPTIONS = {"rate": "--fps", "bases": "--pose", "frames": "--frame"}
 """Options of the command line that are not named after the argument."""
 _LINE_ENDS = re.compile(r"[\t-\r\x1c-\x1e\x85\u2028\u2029]+")
 

@@ -7,7 +7,7 @@ from drawn_arms import write_digger
 from scipy.spatial import ConvexHull
 
 from maniport.arms import as_group, load_arm, load_arms
-from maniport.arms.collisions import Collisions, free_configurations
+from maniport.arms.collisions import Box, Collisions, free_configurations
 
 CUBE = 0.2
 
@@ -48,7 +48,7 @@ def gantry(tmp_path):
 def checked(request, crane):
     """The Panda with its hand over a table and before a box, two arms on one trunk, or two robots."""
     if request.param == "panda":
-        return Collisions.of(load_arm("panda"), table=0.0, obstacles=[[0.5, 0.1, 0.3, 0.2, 0.3, 0.2, 0.4]])
+        return Collisions.of(load_arm("panda"), table=0.0, obstacles=[Box([0.5, 0.1, 0.3], [0.2, 0.3, 0.2], 0.4)])
     pandas = {"frames": ("panda_link8", "panda_link8"), "bases": ((0, 0.25, 0), (0.1, -0.25, 0, 0.4))}
     return Collisions.of(crane if request.param == "crane" else load_arms("panda", **pandas))
 
@@ -66,15 +66,14 @@ def test_distances_of_cubes_are_those_of_geometry(gantry):
 
 
 def test_neighbors_need_a_quarter_of_the_clearance(tmp_path):
-    """With two coordinates between, links collide within a quarter of the padding; scaled distances do so, too."""
+    """With two coordinates between links, their distances are scaled by four."""
     third = _slide("z", "trolley", "load", "0 0 1")
     fixed = '<joint name="z" type="fixed"><parent link="trolley"/><child link="load"/></joint>'
     assert third in GANTRY
     (tmp_path / "near.urdf").write_text(GANTRY.replace(third, fixed))
-    collisions = Collisions.of(load_arm(tmp_path / "near.urdf"), padding=0.1)
+    collisions = Collisions.of(load_arm(tmp_path / "near.urdf"))
     q = np.array([[CUBE + gap, 0.0] for gap in (0.001, 0.02, 0.03, 0.2)])
     np.testing.assert_allclose(collisions.clearance(q), [0.001, 0.02, 0.03, 0.2], atol=2e-6)
-    np.testing.assert_array_equal(collisions.collides(q), [True, True, False, False])
     rows, distance, slope = collisions.gradient(q, 0.1, scaled=True)
     np.testing.assert_array_equal(rows, [0, 1])
     np.testing.assert_allclose(distance, [0.004, 0.08], atol=1e-5)

@@ -19,12 +19,10 @@ PLINTH = Box((-0.1, 0, 0.05), (0.2,) * 3, name="plinth")
 WRONG = [
     ({"table": 0.05}, r"table: the plane at z = 0\.05 m goes through the robot's base .* at most 0\.010 m"),
     ({"table": 3.0}, "lies above it: 'panda_link0' reaches from z = 0.000 to 0.140 m"),
-    ({"padding": -0.1}, "padding must be a number of at least 0"),
-    ({"obstacles": [[0, 0, 0, 4, 4, 4]]}, r"'box 1' intersects the robot's base: 'panda_link0' is 2\.\d+ m"),
+    ({"obstacles": [Box((0, 0, 0), (4, 4, 4))]}, r"'box' intersects the robot's base: 'panda_link0' is 2\.\d+ m"),
     ({"obstacles": [PLINTH]}, "'plinth' intersects the robot's base"),
-    ({"obstacles": [[0, 0, 0.35, 0.2, 0.2, 0.2]]}, "'box 1' touches 'panda_link1' in all"),
-    ({"obstacles": [[1, 2, 3]]}, r"obstacles must be a file, .* shape \(n, 6\) or \(n, 7\); found shape \(1, 3\)"),
-    ({"obstacles": [[1, 2, 3, 1, 1, 0]]}, "box 1: size must be 3 numbers above 0; found 0 at index 2"),
+    ({"obstacles": [Box((0, 0, 0.35), (0.2, 0.2, 0.2))]}, "'box' touches 'panda_link1' in all"),
+    ({"obstacles": [[1, 2, 3]]}, r"obstacles must be a file or a sequence of Box; found \[\[1, 2, 3\]\]"),
 ]
 
 
@@ -44,16 +42,16 @@ def test_bases_and_tables_that_leave_no_room_are_refused(tmp_path):
         Collisions.of(one_link(tmp_path, '<sphere radius="0.1"/>'), table=1.0)
 
 
-def test_boxes_from_a_file_and_from_rows_are_the_same(panda, tmp_path):
-    """A file with names, a list of obstacles and an array are the same obstacles."""
+def test_boxes_from_a_file_are_those_of_objects(panda, tmp_path):
+    """A file with names has the same obstacles as objects."""
     path = tmp_path / "obstacles.yaml"
     path.write_text("obstacles:\n  shelf: {center: [0.5, 0.2, 0.4], size: [0.3, 0.6, 0.02]}\n"
                     "  crate: {center: [0.4, -0.4, 0.1], size: [0.2, 0.3, 1e-1], yaw: 0.5}\n")  # fmt: skip
-    rows = [[0.5, 0.2, 0.4, 0.3, 0.6, 0.02, 0.0], [0.4, -0.4, 0.1, 0.2, 0.3, 0.1, 0.5]]
+    boxes = [Box([0.5, 0.2, 0.4], [0.3, 0.6, 0.02]), Box([0.4, -0.4, 0.1], [0.2, 0.3, 0.1], 0.5)]
     q = panda.sample(128, 0)
     nearest = Collisions.of(panda, obstacles=path).nearest(q)
     assert {"shelf", "crate"} < set(nearest.first)
-    for obstacles in (read_boxes(path), np.array(rows)):
+    for obstacles in (read_boxes(path), boxes):
         np.testing.assert_array_equal(Collisions.of(panda, obstacles=obstacles).clearance(q), nearest.distance)
 
 

@@ -37,7 +37,7 @@ def test_myoarm_equals_mujoco():
     root, hand = data.body("myoarm_r_root"), data.body("thirdmc_r")
     to_trunk = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # x forward, y up, z right → x forward, y left, z up
     worst = 0.0
-    for row, pose, expected in zip(q, *arm.motion(q), strict=True):
+    for row, pose, expected in zip(q, arm.forward(q), arm.jacobian(q), strict=True):
         data.qpos[:] = coupling @ row
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -136,7 +136,7 @@ def test_the_mirror_image_of_the_mirror_image_is_the_arm():
     assert_allclose(Arm(left).forward(q)[:3, 3], S @ Arm(chain).forward(q)[:3, 3], atol=1e-14)
     corners = []
     for arm in (Arm(left), Arm(chain)):
-        (surface,) = arm.surfaces(None)
+        (surface,) = arm.geometry.surfaces(None)
         corners.append(arm.link_poses(q)[surface.joint, :3, :3] @ surface.points[surface.triangles[0]].T)
     assert_allclose(np.sort(corners[0], axis=1), np.sort(S @ corners[1], axis=1), atol=1e-14)
     # triangles are counter-clockwise from outside in both

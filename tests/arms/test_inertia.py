@@ -24,7 +24,7 @@ def test_dynamics_are_those_of_the_whole_robot(robot):
     model, positions = source.model, arm.sample(3, random_state=0)
     rest = {name: float(np.clip(0.0, *bounds)) for name, bounds in source.bounds.items()}
     columns = [model.joints[model.getJointId(name)].idx_v for name in arm.joint_names]
-    terms = arm._dynamics(positions)
+    terms = arm._kinematics.dynamics(positions)
     for q, gravity, inertia in zip(positions, terms.gravity, terms.inertia, strict=True):
         at, whole = rest | dict(zip(arm.joint_names, q, strict=True)), pin.neutral(model)
         for name, follower in source.followers.items():
@@ -63,7 +63,7 @@ def test_dynamics_of_an_mjcf_are_mujocos(tmp_path):
     path.write_text(BENCH)
     arm, model = load_arm(path, frame="c"), mujoco.MjModel.from_xml_string(BENCH)
     data, matrix, positions = mujoco.MjData(model), np.zeros((4, 4)), arm.sample(3, random_state=0)
-    terms = arm._dynamics(positions)
+    terms = arm._kinematics.dynamics(positions)
     for q, gravity, inertia in zip(positions, terms.gravity, terms.inertia, strict=True):
         data.qpos[:] = [*q, np.radians(20)]
         mujoco.mj_forward(model, data)

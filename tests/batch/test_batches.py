@@ -18,9 +18,8 @@ from typer.testing import CliRunner
 
 import maniport as mp
 from maniport import batch
-from maniport.batch.content import digest
 from maniport.batch.executors import completed, dask_executor, executor_for
-from maniport.batch.inputs import Source, find_recordings, find_robots
+from maniport.batch.inputs import Source, digest, find_recordings, find_robots
 from maniport.batch.pair import Pair, work
 from maniport.batch.table import failed_row, write_tables
 from maniport.cli import app

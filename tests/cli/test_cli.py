@@ -141,8 +141,9 @@ def test_transfer_writes_a_folder(run, tmp_path):
 def test_track_and_place(run, profile, tmp_path):
     """`place` ranks placements above the table and writes one, `track` writes joints.csv; run.yaml repeats both."""
     box = ("--workspace", "0.2,inf,-0.3,0.3,-inf,inf", "--table", 0.0)
-    code, out, err = run("place", *profile, *box, "-o", tmp_path / "placed", "--json")
+    code, out, err = run("place", *profile, *box, "--scale", 0.8, "-o", tmp_path / "placed", "--json")
     assert code == 0, err
+    assert json.loads(out)["placement"]["scale"] == pytest.approx(0.8)
     ranking = json.loads(out)["placement"]["candidates"]
     assert [candidate["rank"] for candidate in ranking] == list(range(1, len(ranking) + 1))
     path, time = load_path(tmp_path / "placed" / "path.npz")
@@ -281,6 +282,7 @@ def test_units_of_the_command_line_are_converted(track):
         (("--limits", "limits.yaml"), "unknown key 'joint1'; allowed are, nearest first: panda_joint1"),
         (("--srdf", "nothing.srdf"), "nothing.srdf"),
         (("--orientation", "0,0,-1", "--orientation-axes", "whole"), "orientation_axes must be 'pointing'"),
+        (("--scale", 0), "--scale must be a number above 0; found '0'"),
         (("--workspace", "0.5,0.2,0,1,0,1"), "workspace[0][1] must be a number above 0.5; found 0.2"),
     ],
 )

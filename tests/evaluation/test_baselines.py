@@ -5,7 +5,7 @@ import pytest
 
 from maniport import IdentityMap, MeanTransport, ParallelTransport, RiemannianICP, spd
 from maniport.errors import InvalidInputError
-from maniport.evaluation.baselines import TRANSPORT, baselines_for
+from maniport.evaluation.comparison import TRANSPORT, baselines_for
 
 
 @pytest.fixture
@@ -37,16 +37,12 @@ def test_mean_transport_matches_the_means_and_nothing_else(domains, turn_about):
 
 def test_a_method_is_not_its_own_baseline(domains):
     """Rows come in the order of the names; an adapter among them is cloned and keeps its parameters."""
-    assert TRANSPORT not in baselines_for(ParallelTransport(), "")
+    assert TRANSPORT not in baselines_for(ParallelTransport())
     own = ParallelTransport(damping=0.01, scale=False)
     adapter = RiemannianICP(damping=0.01, random_state=0).fit(*domains)
-    baselines = baselines_for(adapter, "icp", ("identity", own))
+    baselines = baselines_for(adapter, ("identity", own))
     assert list(baselines) == ["identity", TRANSPORT]
     assert baselines[TRANSPORT].get_params() == own.get_params()
-    for arguments, word in (
-        ({"name": "identity"}, "name"),
-        ({"name": "icp", "rows": (ParallelTransport(damping=0.02),)}, "rows"),
-        ({"name": "icp", "rows": ("identity baseline",)}, "method"),
-    ):
+    for rows, word in (((ParallelTransport(damping=0.02),), "rows"), (("identity baseline",), "method")):
         with pytest.raises(InvalidInputError, match=word):
-            baselines_for(adapter, **arguments)
+            baselines_for(adapter, rows)

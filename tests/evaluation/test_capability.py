@@ -47,7 +47,7 @@ def test_extents_are_those_of_linear_programs(kind, payload):
 def test_speed_of_a_planar_arm_lies_in_its_plane():
     from maniport.arms import Arm
 
-    arm = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]], velocity_limits=1.0)
+    arm = Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]).with_limits(velocity=1.0)
     extents = polytope_extent(arm, [[0.0, np.pi / 2]], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], "velocity")[0]
     np.testing.assert_allclose(extents, [0.0, 1.0, 1.0], atol=1e-6)  # columns (−1, 1) and (−1, 0)
 

@@ -9,6 +9,7 @@ import maniport as mp
 from maniport.errors import InvalidInputError, NotSPDError
 from maniport.evaluation import select_method
 from maniport.report import as_markdown, report_of
+from maniport.transfer import name_of
 from maniport.transfer.length_field.fit import FieldReport
 
 SIX = mp.Arm.from_dh(  # like a UR5: its length field reverses orientation in many places
@@ -32,15 +33,14 @@ def chosen(request):
 
 def test_a_bad_length_field_is_not_chosen(chosen):
     """The baselines follow the chosen method; a rejected field has a row without measures."""
-    name, choice = chosen
-    assert choice.method == ("length-field" if name == "panda" else "parallel-transport")
-    assert bool(choice.failures) is (name != "panda")
-    table = choice.evaluation
-    assert table.adapter.name == choice.method
+    name, (adapter, table) = chosen
+    method = "length-field" if name == "panda" else "parallel-transport"
+    assert name_of(adapter) == table.adapter.name == method
+    assert bool(table.rejected) is (name != "panda")
     assert {row.name for row in table.rows} == {"identity", "mean-transport", "parallel-transport", "length-field"}
-    assert table.row(choice.method).feasibility_gap is not None
-    assert (table.row("length-field").feasibility_gap is None) is bool(choice.failures)
-    assert f"Selected {choice.method.replace('-', ' ')}" in as_markdown(report_of(choice))
+    assert table.row(method).feasibility_gap is not None
+    assert (table.row("length-field").feasibility_gap is None) is bool(table.rejected)
+    assert f"Selected {method.replace('-', ' ')}" in as_markdown(report_of(table))
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,8 @@ def test_large_ellipsoids_get_parallel_transport():
     person, robot, spec = mp.load_arm("rhuman"), mp.load_arm("panda"), mp.arms.EllipsoidSpec("velocity", "full")
     domains = [mp.sample_domain(arm, 64, 0, spec=spec) for arm in (person, robot)]
     profile = person.ellipsoids(person.sample(5, 0), spec)
-    assert select_method(*domains, profile, robot=robot, spec=spec, damping=0.01).method == "parallel-transport"
+    adapter, _ = select_method(*domains, profile, robot=robot, spec=spec, damping=0.01)
+    assert isinstance(adapter, mp.ParallelTransport)
 
 
 def test_bad_input_is_refused():

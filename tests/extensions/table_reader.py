@@ -6,7 +6,7 @@ from maniport.mocap import READERS
 
 
 def read(file, options):
-    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `options` are the user's unit, vertical axis and rate."""
+    """Read ``time elbow.x elbow.y elbow.z wrist.x …``; `options` are the user's unit and rate."""
     with open(file, encoding="utf-8") as stream:
         columns = stream.readline().split()
         table = np.loadtxt(stream, ndmin=2)

@@ -21,7 +21,6 @@ from maniport.arms.collisions.obstacles import disabled_pairs
 from maniport.arms.human import JOINTS
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError
-from maniport.learning import ProfileGMM
 from maniport.live.frames import read_frame
 from maniport.mocap import read_recording, shipped_recording
 from maniport.mocap.marker_sets import load_names
@@ -119,15 +118,10 @@ def _adapters() -> list[bytes]:
     return [path.read_bytes() for path in sorted(golden.glob("*.npz")) if "images" not in path.name]
 
 
-def _models() -> list[bytes]:
-    time = np.linspace(0, 1, 20)[:, None]
-    return [_saved(ProfileGMM(n_components=2, random_state=0).fit(time, ellipsoids(20)).save)]
-
-
 def _recordings() -> list[bytes]:
     names = np.array(["shoulder", "elbow", "wrist"])
     positions = 0.05 * np.arange(45.0).reshape(5, 3, 3)
-    arrays = _saved(lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m", up="z"))
+    arrays = _saved(lambda path: np.savez(path, names=names, positions=positions, rate=30.0, unit="m"))
     return [arrays, _saved(read_recording("freeform").crop(0, 0.3).save)]
 
 
@@ -214,7 +208,6 @@ TARGETS = {
     "path": Target(".npz", lambda: [_saved(lambda path: save_path(path, np.eye(3), np.arange(3.0)))], load_path),
     "recording": Target(".npz", _recordings, _read_metres),
     "adapter": Target(".npz", _adapters, _read_adapter),
-    "profile model": Target(".npz", _models, lambda path: ProfileGMM.load(path).predict([[0.5]])),
     "limits": Target(".yaml", lambda: [
         b"default: {velocity: 1.5, jerk: 1e3}\njoints:\n  panda_joint1: {jerk: 300, lower: -1, upper: 1.5}\n"
         b"  panda_joint2:\n    velocity: 2\n    acceleration: 3.5\n"

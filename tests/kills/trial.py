@@ -98,6 +98,6 @@ def strike(
         count.new += after not in (before, HALF, MISSING)
         if code not in (0, 130 if number == signal.SIGINT else -number):
             count.faults.append(f"ended with {code}: {log.read_text()[-500:]}")
-        if len(later) > 1 or (number == signal.SIGINT and later - earlier):
+        if number == signal.SIGINT and later - earlier:
             count.faults.append(f"left: {later}")
         yield count

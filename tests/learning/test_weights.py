@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 
 from maniport import spd
 from maniport.learning import tracking_weights
-from maniport.learning.tangent import coordinates, on_vectors, turns
+from maniport.learning.mixture import coordinates, on_vectors, turns
 
 
 def test_weights_are_the_precision_without_damping():

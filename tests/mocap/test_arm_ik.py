@@ -1,6 +1,5 @@
 """Fits of arm models to recordings: exact data, missing information, faults, both arms."""
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,13 +11,11 @@ from scipy.spatial.transform import Rotation
 from maniport import arms, spd
 from maniport.arms import load_arm
 from maniport.arms.human import FRACTIONS, hand_rotations, middle_of
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, UnknownNameError
+from maniport.errors import InvalidInputError, RecordingError
 from maniport.mocap import Recording, fit_arm, fit_arms, read_recording, synthetic_recording
-from maniport.mocap.data_quality import calibration_pose
 from maniport.mocap.directions import AXES, SEGMENTS, Directions
 from mirror_images import in_a_mirror
 
-DIFFER = pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 DATA = Path(__file__).parent / "data"
 SIDES = ("left", "right")
 
@@ -62,16 +59,14 @@ def test_derivatives_of_the_directions(arm):
 
 @pytest.mark.parametrize("excess", [5.0, 15.0])
 def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
-    """The fit stays within the limits; an elbow beyond its limit is reported, by 15° as a Python warning."""
+    """The fit stays within the limits; an elbow beyond its limit is reported, by 15° with advice."""
     arm = arms.myoarm(upper_arm=0.31, forearm=0.26, hand=0.06)
     elbow = arm.joint_names.index("elbow_flexion")
     time, half = np.linspace(0.0, 2.0, 60), 30
     q = np.tile(np.radians([40.0, 40.0, -20.0, 60.0, 5.0, 2.0, 5.0]), (60, 1))
     q[:, elbow] = np.concatenate([np.linspace(q[0, elbow], arm.upper[elbow], half),
                                   np.full(half, arm.upper[elbow] + np.radians(excess))])  # fmt: skip
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        fit = fit_arm(record(arm, time, q))
+    fit = fit_arm(record(arm, time, q))
     assert np.all((fit.joint_angles >= fit.arm.lower) & (fit.joint_angles <= fit.arm.upper))
     assert fit.joint_angles[-1, elbow] == pytest.approx(arm.upper[elbow], abs=1e-6)
     assert fit.at_limit[elbow] > 0.1
@@ -80,7 +75,7 @@ def test_an_excess_over_a_limit_of_the_model_is_measured(excess, record):
     reported = [text for text in fit.quality_warnings if "elbow_flexion" in text]
     assert len(reported) == 1
     assert "elbow_flexion beyond its limit of 130°" in reported[0]
-    assert [str(warning.message) for warning in caught] == (reported if excess > 10.0 else [])
+    assert ("check the roles" in reported[0]) == (excess > 10.0)
 
 
 def test_without_hand_and_wrist_axis_the_wrist_is_unobservable(slow_motion, record):
@@ -106,7 +101,7 @@ def test_a_straight_elbow_makes_the_axial_rotation_unobservable(slow_motion, rec
     q[:, 3], q[:, 1] = 0.0, 1.0
     blind = fit_arm(record(arm, time, q, axes=False, hand=False), "rhuman")
     assert "shoulder_rot" in blind.unobservable
-    assert blind.largest_step[0] < 5
+    assert np.degrees(np.abs(np.diff(blind.joint_angles, axis=0)).max()) < 5
     assert "shoulder_rot" not in fit_arm(record(arm, time, q), "rhuman").unobservable
 
 
@@ -138,7 +133,6 @@ def test_lengths_that_are_not_recorded_come_from_the_height(arm, slow_motion, re
             fit_arm(record(arm, time, q), arm.name, height=wrong)
 
 
-@DIFFER
 @pytest.mark.parametrize("file", sorted([*DATA.glob("*.npy"), *DATA.glob("*.bvh")]), ids=lambda file: file.name)
 def test_recordings_of_others_are_fitted(file):
     recording = read_recording(file, rate=30.0).crop(0, 1.17) if file.suffix == ".npy" else read_recording(file)
@@ -183,14 +177,15 @@ def test_exchanged_markers_are_reported(person, pair, segment, axis):
     recording = read_recording("freeform")
     exchanged = dict(zip(pair, pair[::-1], strict=True))
     wrong = replace(recording, names=tuple(exchanged.get(name, name) for name in recording.names))
-    with pytest.warns(ManiportWarning, match=f"{pair[0]} and {pair[1]} may be exchanged.*'{axis}': "
-                      rf"\[\['{pair[1]}'\], \['{pair[0]}'\]\]"):  # fmt: skip
-        fit = fit_arm(wrong, person)
+    fit = fit_arm(wrong, person)
+    text = fit.quality_warnings[0]
+    assert f"{pair[0]} and {pair[1]} may be exchanged" in text
+    assert f"'{axis}': [['{pair[1]}'], ['{pair[0]}']]" in text
     row = fit.residual_summary()[f"{segment} about its axis"]
     assert 30 < row["median"] <= row["p95"] <= row["max"] <= 180
     assert abs(fit.twist_residual[segment][fit.time == row["max_at_s"]][0]) == row["max"]
     repaired = fit_arm(wrong, person, markers={axis: ([pair[1]], [pair[0]])})
-    assert not any("exchanged" in text or "differ" in text for text in repaired.quality_warnings)
+    assert not any("exchanged" in text for text in repaired.quality_warnings)
     assert repaired.residual_summary()[f"{segment} about its axis"]["median"] < 16
 
 
@@ -201,7 +196,6 @@ def wandering(arm, rate=30.0, seconds=5.0):
     return time, middle + width * CubicSpline(knots, ways)(time)
 
 
-@DIFFER
 def test_noise_and_outliers_of_video_are_reduced(record):
     """With 10 mm of noise and 3 % of points 0.2 m off, errors of angles and ellipsoids are half of those without."""
     arm = arms.myoarm(0.3, 0.26, 0.06)
@@ -226,7 +220,7 @@ def test_noise_and_outliers_of_video_are_reduced(record):
 
 
 def test_repaired_faults_leave_the_fit_as_it_is():
-    """Zeros for missing points, a second unit and swapped wrists in one recording: the angles of the clean one."""
+    """Zeros for missing points and swapped wrists in one recording: the angles of the clean one."""
     arm = arms.myoarm(0.3, 0.26, 0.06)
     time, q = wandering(arm, seconds=10.0)
     clean = synthetic_recording(arm, q, time)
@@ -236,47 +230,15 @@ def test_repaired_faults_leave_the_fit_as_it_is():
     positions[40:43, names.index("hand")] = 0.0
     wrist = names.index("RightWrist")
     positions[100:120, [wrist, -1]] = positions[100:120, [-1, wrist]]
-    positions[250:] *= 1000.0
     fit = fit_arm(Recording((*names, "LeftWrist"), positions, time), markers={"wrist": "RightWrist"}, side="right")
     assert np.degrees(np.abs(fit.joint_angles - fit_arm(clean, side="right").joint_angles).max()) < 0.3
     assert any("hand: exactly at the origin in 3 frames" in note for note in fit.notes)
     assert any("swapped in 20 frames" in text for text in fit.quality_warnings)
-    assert any("1000 times as large" in text for text in fit.quality_warnings)
 
 
-def test_jumps_of_a_real_recording_are_kept_smoothed_or_cut():
-    recording = read_recording("ladder").crop(11, 14)
-    kept = fit_arm(recording)
-    assert kept.largest_step[0] > 60
-    assert "joints jump in" in kept.quality_warnings[-1]
-    assert "jumps='smooth'" in kept.quality_warnings[-1]
-    smooth, split = fit_arm(recording, jumps="smooth"), fit_arm(recording, jumps="split")
-    assert smooth.largest_step[0] < 50
-    np.testing.assert_array_equal(smooth.joint_angles[70:], kept.joint_angles[70:])
-    assert split.largest_step[0] < 50
-    assert len(split) < len(kept)
-    np.testing.assert_array_equal(split.joint_angles, kept.joint_angles[split.frames])
-    with pytest.raises(UnknownNameError, match="'smooth'"):
-        fit_arm(recording, jumps="smoth")
-
-
-@pytest.mark.parametrize(
-    ("upper", "held", "words"),
-    [
-        ((0.0, -1.0, 0.0), 30, "a T-pose, as for calibration, held for 0.97 s"),
-        ((0.1, 0.7, -0.7), 30, "an A-pose, as for calibration, held for 0.97 s"),
-        ((0.0, -1.0, 0.0), 1, "a T-pose, as for calibration, left at once"),
-        ((0.0, -1.0, 0.0), 10, ""),  # not long enough, and left gently
-        ((0.0, 0.0, -1.0), 30, ""),  # the arm hangs
-        ((0.0, -1.0, 0.0), 120, ""),  # nothing else is recorded
-    ],
-)
-def test_calibration_poses_are_reported(upper, held, words):
-    angle = (1.0 if held == 1 else 0.1) * np.maximum(np.arange(120) - held + 1, 0)[:, None]
-    direction = np.cos(angle) * np.array(upper) / np.linalg.norm(upper) + np.sin(angle) * np.array([0.6, 0.0, -0.8])
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    text = calibration_pose({"upper arm": direction, "forearm": direction}, np.arange(120) / 30)
-    assert words in text if words else not text
+def test_jumps_of_a_real_recording_are_reported():
+    fit = fit_arm(read_recording("ladder").crop(11, 14))
+    assert "joints jump in" in fit.quality_warnings[-1]
 
 
 def test_repetitions_are_found(repeated):
@@ -288,7 +250,6 @@ def test_repetitions_are_found(repeated):
     assert len(fit.crop(4.8, 5.6).repetitions()) < 2
 
 
-@DIFFER
 @pytest.mark.parametrize(("name", "person"), [("ladder", "rhuman"), ("freeform", "myoarm")])
 def test_a_mirrored_recording_gives_mirrored_angles_and_ellipsoids(name, person):
     recording, s = read_recording(name).crop(0, 1), np.diag([1.0, -1.0, 1.0])
@@ -340,9 +301,8 @@ def test_both_arms_give_their_angles_and_the_relation_of_the_hands_back(person, 
 
 
 def test_the_shipped_recording_of_both_arms():
-    with pytest.warns(ManiportWarning) as caught:
-        motion = fit_arms(read_recording("both-arms"))
-    assert [str(warning.message).split(":")[0] for warning in caught] == ["left arm"]
+    motion = fit_arms(read_recording("both-arms"))
+    assert motion.quality_warnings[0].startswith("left arm: the model of the arm and the person differ")
     assert [len(motion), *map(len, motion.arms)] == [272] * 3
     np.testing.assert_array_equal(motion.arms[0].frames, motion.arms[1].frames)
     for fit in motion.arms:

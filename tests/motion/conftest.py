@@ -25,7 +25,7 @@ def crane():
 @pytest.fixture(scope="session")
 def bank(panda):
     """A small bank of starts for it."""
-    return SeedBank.build(panda, 4096)
+    return SeedBank(panda, 4096)
 
 
 @pytest.fixture(scope="session")
@@ -34,5 +34,5 @@ def planner(panda):
     limits = MotionLimits.of(panda)
     collisions = Collisions.of(limits.arm)
     reachability_map = ReachabilityMap(limits.arm, VELOCITY, 20_000, collisions=collisions)
-    arm = ArmPlanner(limits, reachability_map, SeedBank.build(limits.arm, 4096), collisions)
+    arm = ArmPlanner(limits, reachability_map, SeedBank(limits.arm, 4096), collisions)
     return Planner(limits, VELOCITY, (arm,), collisions)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import maniport as mp
 from crane import two_arms
 from maniport.arms import Arm, ArmGroup, as_group
-from maniport.arms.dynamics import point_mass
+from maniport.arms.chain import point_mass
 from maniport.arms.restriction import carried_inertia
 from maniport.motion import robot_model
 from maniport.motion.arm_model import model_prefixes

@@ -65,21 +65,20 @@ def test_a_path_out_of_reach_is_pointed_at_calmly(panda, bank, motion):
     shoulder, reach = np.array([0, 0, 0.333]), 0.858
     least = np.linalg.norm(far - shoulder, axis=1) - reach
     assert np.all(result.position_error[5:] < least[5:] + 0.02)
-    assert np.abs(result.jerk[len(result.jerk) // 4 :]).max() < 1000
+    jerk = np.diff(result.control_positions, 3, axis=0) / np.diff(result.control_time)[0] ** 3
+    assert np.abs(jerk[len(jerk) // 4 :]).max() < 1000
 
 
 @pytest.mark.parametrize(
-    ("turn", "speed", "status", "hits"),
-    [((2.0, 3.4), None, JOINT_LIMIT, "position_limit_hits"), ((0.0, 1.5), 0.3, VELOCITY_LIMIT, "velocity_limit_hits")],
+    ("turn", "speed", "status"), [((2.0, 3.4), None, JOINT_LIMIT), ((0.0, 1.5), 0.3, VELOCITY_LIMIT)]
 )
-def test_joint_and_velocity_limits_are_named(panda, turn, speed, status, hits):
-    """Where a joint is at its limit of 2.8973, or is too slow, the status and the counts of hits say so."""
+def test_joint_and_velocity_limits_are_named(panda, turn, speed, status):
+    """Where a joint is at its limit of 2.8973, or is too slow, the status has it."""
     joints = np.repeat(START[None], len(TIME), axis=0)
     joints[:, 0] = np.linspace(*turn, len(TIME))
     path, profile = panda.forward(joints)[:, :3, 3], panda.manipulability(joints)
     result = track(panda, profile, time=TIME, path=path, start=joints[0], velocity_limits=speed).arms[0]
     assert result.status[-1] == status
-    assert getattr(result, hits)["panda_joint1"] > 0
     assert ("too-fast" in report_of(result).warning_keys) == (status == VELOCITY_LIMIT)
     assert keeps_limits(result, panda, speed)
 
@@ -238,7 +237,7 @@ def test_arms_that_cannot_be_tracked_are_errors():
     for arm, options, words in (
         (Arm.from_dh("planar", [[0, 0, 1, 0], [0, 0, 1, 0]]), {}, "2 joints"),
         (load_arm("myoarm"), {}, "coupled"),
-        (load_arm("panda"), {"bank": SeedBank.build(flange, 64)}, "bank"),
+        (load_arm("panda"), {"bank": SeedBank(flange, 64)}, "bank"),
     ):
         with pytest.raises(ManiportError, match=words):
             track(arm, np.repeat(np.eye(3)[None], 3, axis=0), time=[0, 1, 2], **options)

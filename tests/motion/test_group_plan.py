@@ -49,7 +49,7 @@ def planner_of(arms, collisions=False):
     planners = tuple(
         ArmPlanner(
             limits.of_joints(arm, columns), ReachabilityMap(arm, spec, 8_000, collisions=own),
-            SeedBank.build(arm, 2048), own,
+            SeedBank(arm, 2048), own,
         )
         for arm, columns, own in zip(group.arms, group.columns, alone, strict=True)
     )  # fmt: skip
@@ -213,7 +213,7 @@ def test_a_cost_of_the_user_changes_the_motion(apart, count):
 
 
 def test_files_name_the_joints_of_both(separate, apart, tmp_path):
-    """CSV, NPZ, ROS 2 and MuJoCo hold all joints under the pair's names; what takes one arm says so."""
+    """CSV, NPZ, ROS 2, MuJoCo and Parquet hold all joints under the pair's names."""
     arms, _ = apart
     separate.trajectory.save_joints_csv(tmp_path / "joints.csv")
     header = (tmp_path / "joints.csv").read_text().split(",")
@@ -228,8 +228,10 @@ def test_files_name_the_joints_of_both(separate, apart, tmp_path):
     with np.load(tmp_path / "m.npz") as file:
         assert tuple(file["joint_names"]) == arms.joint_names
         assert_array_equal(file["qpos"], separate.trajectory.control_positions)
-    with pytest.raises(InvalidInputError, match="one arm"):
-        export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
+    export_motion(tmp_path / "m.parquet", separate, "parquet", arms)
+    table = pytest.importorskip("pyarrow.parquet").read_table(tmp_path / "m.parquet")
+    tips = arms.forward(separate.trajectory.control_positions)[:, :, :3, 3]
+    assert_array_equal(table["right_end_effector_y"].to_numpy(), tips[:, 1, 1])
 
 
 def test_wrong_arguments_are_named(apart, panda):

@@ -48,7 +48,7 @@ def test_own_paths_of_two_arms_keep_their_relation(panda, common, motion):
     """A rotation and a shift of the own paths of two arms are undone for both, in one placement."""
     aside = Arm(standing(panda.chain, pose([0.1, 0.6, 0.0])))
     maps = common["reachability_map"], ReachabilityMap(aside, VELOCITY, 20_000)
-    both = common | {"reachability_map": maps, "bank": (common["bank"], SeedBank.build(aside, 4096))}
+    both = common | {"reachability_map": maps, "bank": (common["bank"], SeedBank(aside, 4096))}
     path, profile = motion
     tips, turn = (path, path[::-1] + np.array([0.1, 0.6, 0.0])), rotation_about(2, 0.7)
     middle = np.concatenate(tips).mean(axis=0)
@@ -99,7 +99,7 @@ def test_other_parts_turn_too(panda, motion, part):
     placed = place_path(
         path @ turn.T, congruence(block_diag(turn, turn) if part == "full" else turn, profile), panda, scale=1.0,
         yaw=0.5, offset=path.mean(axis=0), damping=DAMPING, spec=spec,
-        reachability_map=ReachabilityMap(panda, spec, 4096), bank=SeedBank.build(panda, 4096, spec=spec),
+        reachability_map=ReachabilityMap(panda, spec, 4096), bank=SeedBank(panda, 4096, spec=spec),
     )  # fmt: skip
     assert_allclose(placed.profile, profile, atol=1e-12)
     assert placed.pointwise_best.max() < 1e-2

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from maniport import motion
 from maniport.arms import EllipsoidSpec
-from maniport.errors import InvalidInputError, NotSPDError, UnknownNameError
+from maniport.errors import InvalidInputError, NotSPDError
 from maniport.pipeline import follow_profile
 from maniport.pipeline.results import ArmResult
 from maniport.report import as_numbers, report_of
@@ -174,32 +174,19 @@ def test_two_waypoints_are_a_motion(panda, planner, targets):
     assert np.ptp(rest.control_positions, axis=0).max() < 0.01
 
 
-def test_lowest_points_are_those_of_the_links(panda, planned):
-    """The lowest point is below all origins, each link's is at its time, and fingers count."""
+def test_the_lowest_point_is_below_all_links(panda, planned):
+    """It is where its link is at that time, and fingers count."""
     arm = planned.arms[0]
     run = ArmResult(name="panda", robot=panda, motion=arm)
-    lowest, poses = {point.link: point for point in run.lowest_of_links}, panda.link_poses(arm.control_positions)
-    assert run.lowest == run.lowest_of_links[0]
+    poses = panda.link_poses(arm.control_positions)
     for link, (points, _) in panda.geometry.shapes:
         joint = panda.chain.frames[link].joint
         if joint:
             heights = (poses[:, joint, 2, :3] @ points.T).min(axis=1) + poses[:, joint, 2, 3]
-            assert run.lowest.height <= lowest[link].height <= heights.min() + 1e-9
-            row = int(np.argmin(np.abs(arm.control_time - lowest[link].time)))
-            assert heights[row] < lowest[link].height + 3e-3 + 0.2 * (link == "panda_hand")
-
-
-def test_options_of_the_tracker_make_it_follow(panda, planner, targets):
-    """With options of the controller it follows the plan; without, the plan is the motion."""
-    few = rows_of(targets, slice(5))
-    options = {"profiles": [few["profile"]], "time": few["time"], "paths": [few["path"]], "place": False}
-    options |= {"planner": planner, "position_tolerance": 0.01}
-    plain, tracked = (follow_profile(panda, **options, **more).arm.motion for more in ({}, {"tracking": {"rate": 90}}))
-    assert_array_equal(tracked.time, plain.time)
-    assert not np.array_equal(tracked.joint_positions, plain.joint_positions)
-    assert tracked.pointwise_best is not None
-    with pytest.raises(UnknownNameError, match="sped"):
-        follow_profile(panda, **options, tracking={"sped": 2.0})
+            assert run.lowest.height <= heights.min() + 1e-9
+            if link == run.lowest.link:
+                row = int(np.argmin(np.abs(arm.control_time - run.lowest.time)))
+                assert heights[row] < run.lowest.height + 3e-3 + 0.2 * (link == "panda_hand")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from maniport.pipeline.option import options_of
 def test_a_saved_configuration_is_equal_when_loaded(tmp_path):
     """Every option survives, paths of files become absolute."""
     config = Config().changed(
-        recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth=6,
+        recording="freeform", position_tolerance=0.01, orientation=[0, 0, -1], lock={"lift": 0.2}, smooth="off",
         workspace=[[0.2, None], [0, 1], [-np.inf, 1]], base_rotation=(0.0, 0.1, 1e-7), robot=["ur5", "panda"], seed=3,
         pose=[(0, 0.3, 0, 0), (0, -0.3, 0, 0)], collisions=False,
     )  # fmt: skip
@@ -37,7 +37,7 @@ def test_objects_become_names_in_files(tmp_path):
         ("humn: {}", ("humn", "human")),
         ("motion:\n  move: true\n  rate: 3", ("line 3", "rate", "at least 10")),
         ("motion: {collisions: false, table: 0}", ("table", "no_collisions")),
-        ("motion: {tracking: {}}", ("line 1", "tracking")),
+        ("motion: {costs: []}", ("line 1", "costs")),
         ("human: 3", ("line 1", "mapping")),
         ("seed: -1", ("seed",)),
         ("a: &x 1", ("a",)),

@@ -33,12 +33,11 @@ def result(small_result):
 
 def test_a_method_is_chosen_or_named(clip, result):
     """A choice and its reason are among the metrics; a named method is taken."""
-    choice, numbers = result.arm.choice, as_numbers(report_of(result))
-    assert result.arm.adapter is choice.adapter
-    assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(choice.failures)}
+    rejected, numbers = result.arm.evaluation.rejected, as_numbers(report_of(result))
+    assert numbers["evaluation"]["choice"] == {"method": result.arm.method, "failures": list(rejected)}
     assert set(numbers["evaluation"]["rows"]) >= {"identity", "mean-transport", "parallel-transport", "length-field"}
     named = transfer_recording(clip, method="mean-transport", **STILL)
-    assert (named.arm.method, named.arm.choice) == ("mean-transport", None)
+    assert (named.arm.method, named.arm.evaluation.rejected) == ("mean-transport", None)
 
 
 def test_every_frame_gets_an_ellipsoid_by_the_adapter(result):
@@ -243,13 +242,15 @@ def test_tempo_and_placement(own):
     [
         ({"time": None}, "no times"),
         ({"speed_scale": 0.0}, "speed_scale"),
+        ({"scale": 0.0, "place": True}, "scale"),
+        ({"scale": 0.5}, "scale= is for a path that is placed"),
         ({"orientation": "demonstrated"}, "orientation"),
         ({"positions": np.zeros((20, 3))}, "shape"),
         ({"time": np.arange(20.0), "place": False}, "shape"),
     ],
 )
 def test_wrong_targets_are_named(own, change, word):
-    """Missing times, a speed_scale of zero, and unequal lengths."""
+    """Missing times, scales of zero, a scale without placement, and unequal lengths."""
     panda, time, profile, path = own
     arguments = {"time": time, "positions": path} | change
     with pytest.raises(InvalidInputError, match=word):

@@ -13,4 +13,4 @@ def panda():
 
 @pytest.fixture(scope="session")
 def bank(panda):
-    return SeedBank.build(panda, 512)
+    return SeedBank(panda, 512)

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from maniport import spd
 from maniport.arms import VELOCITY, Arm, EllipsoidSpec, load_arm, myoarm, rhuman
 from maniport.arms.collisions import Collisions
 from maniport.domain import sample_domain
@@ -43,9 +42,7 @@ def methods(arm):
         "axis_direction": lambda q: arm.axis_direction(q, arm.chain.joints[-1].name),
         "manipulability": arm.manipulability,
         "ellipsoids": lambda q: arm.ellipsoids(q, EllipsoidSpec(part="full")),
-        "principal_axes": arm.principal_axes,
-        "manipulability_jacobian": arm.manipulability_jacobian,
-        "differentials": arm.differentials,
+        "posed_differentials": arm.posed_differentials,
         "skeleton": arm.skeleton,
         "link_poses": arm.link_poses,
     }
@@ -100,16 +97,14 @@ def test_ellipsoids_agree_with_the_jacobian(arm, seed, spec):
     assert_allclose(arm.ellipsoids(q, velocity), matrices, atol=1e-12)
     assert_array_equal(arm.manipulability(q, part=spec.part), arm.ellipsoids(q, velocity))
     assert_array_equal(arm.ellipsoids(q), arm.ellipsoids(q, VELOCITY))
-    lengths, _ = arm.principal_axes(q, velocity)
-    assert_allclose(lengths, spd.lengths(matrices), atol=1e-7)
     weights = np.arange(1.0, arm.dof + 1.0)
     weighted = arm.ellipsoids(q, EllipsoidSpec("velocity", spec.part, weights))
     assert_allclose(weighted, (rows * weights**2) @ np.swapaxes(rows, 1, 2), atol=1e-10)
-    jacobian, ellipsoids, changes = arm.differentials(q, velocity)
+    poses, jacobian, ellipsoids, _ = arm.posed_differentials(q, velocity)
+    assert_array_equal(poses, arm.forward(q))
     assert_array_equal(jacobian, arm.jacobian(q))
     assert_allclose(ellipsoids, arm.ellipsoids(q, velocity), rtol=0, atol=1e-14 * np.abs(matrices).max())
     assert_array_equal(ellipsoids, np.swapaxes(ellipsoids, -1, -2))
-    assert_array_equal(changes, arm.manipulability_jacobian(q, velocity))
     if spec.kind == "force" and arm.dof >= spec.size and np.linalg.cond(matrices).max() < 1e8:
         assert_allclose(arm.ellipsoids(q, spec) @ matrices, [np.eye(spec.size)] * 3, atol=1e-5)
 

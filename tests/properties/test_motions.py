@@ -7,19 +7,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from maniport import spd
-from maniport.motion import (
-    MotionLimits,
-    Objective,
-    feasibility_gap,
-    nearest_feasible,
-    retime,
-    with_approach,
-)
+from maniport.motion import MotionLimits, Objective, nearest_feasible, retime, with_approach
 from properties.strategies import fewer
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 seeds = st.integers(0, 2**32 - 1)
-few = {"n_starts": 4, "max_iter": 10}
+few = {"n_starts": 4}
 
 
 @fewer(0.3)
@@ -34,8 +27,6 @@ def test_ellipsoids_of_a_search_are_those_of_its_configurations(panda, bank, see
     apart = spd.distance(objective.damped(targets), objective.damped(found.ellipsoids))
     assert_allclose(found.distance, apart, atol=1e-7)
     assert_allclose(objective.undamped(objective.damped(targets)), targets, atol=1e-12)
-    gap = feasibility_gap(panda, targets, bank=bank)
-    assert np.all(gap <= found.distance + 1e-6)
     order = np.random.default_rng(seed).permutation(4)
     assert_allclose(
         nearest_feasible(panda, targets[order], bank=bank, **few).distance, found.distance[order], atol=1e-6

@@ -52,22 +52,15 @@ def test_alignment_runs_from_start_to_end(case, reference):
 
 @fewer(0.4)
 @given(case=TAME.filter(lambda case: case.d <= 3), form=forms)
-def test_dtype_and_memory_order_do_not_matter_for_mixtures(case, form, tmp_path_factory):
+def test_dtype_and_memory_order_do_not_matter_for_mixtures(case, form):
     disguise = (FORMS | ROUNDED)[form]
     given_to = [disguise(np.tile(np.arange(24.0), 3)), disguise(demonstrations(case).reshape(72, case.d, case.d))]
     plain = [np.array(one, dtype=np.float64, order="C") for one in given_to]
     asked, groups = disguise(np.arange(3.0, 20.0)), disguise(np.repeat(np.arange(3.0), 24))
     found = ProfileGMM(1, random_state=0).fit(*given_to, groups=groups)
     wanted = ProfileGMM(1, random_state=0).fit(*plain, groups=np.repeat(np.arange(3), 24))
-    path = tmp_path_factory.mktemp("model") / "model.npz"
-    found.save(path)
-    for model in (found, ProfileGMM.load(path)):
-        assert model.get_params() == found.get_params()
-        for one, other in zip(model.predict(asked, True), wanted.predict(np.arange(3.0, 20.0), True), strict=True):
-            assert_array_equal(one, other, strict=True)
-        assert_array_equal(model.score_samples(*given_to), wanted.score_samples(*plain), strict=True)
-        assert model.score(*given_to) == wanted.score(*plain)
-        assert model.bic(*given_to) == wanted.bic(*plain)
+    for one, other in zip(found.predict(asked, True), wanted.predict(np.arange(3.0, 20.0), True), strict=True):
+        assert_array_equal(one, other, strict=True)
     for one, before in zip(given_to, plain, strict=True):
         assert_array_equal(np.array(one, dtype=np.float64), before)
 

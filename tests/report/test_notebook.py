@@ -21,7 +21,7 @@ def objects(small_result):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", mp.errors.ManiportWarning)
         icp = mp.RiemannianICP(damping=0.01, random_state=0, search=Search(n_starts=2)).fit(teacher, student)
-    bank = mp.SeedBank.build(panda, 1024, 0)
+    bank = mp.SeedBank(panda, 1024, 0)
     return {
         "Arm": panda,
         "Recording": small_result.recording,

@@ -12,7 +12,6 @@ from maniport.report.recording import recording_report
 from maniport.report.renderings import as_markdown, as_numbers
 
 
-@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_reported_roles_are_an_input():
     def prefixed(names):
         return f"p{names}" if isinstance(names, str) else [prefixed(one) for one in names]

@@ -75,8 +75,7 @@ def test_the_status_is_the_worst_of_all_metrics(complete, changed):
 
 def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch):
     for height, table, key in ((0.1, None, ()), (-0.136, None, ("below-base-plane",)), (-0.136, -0.2, ())):
-        lowest = (Lowest("panda_link5", height, 0.0), Lowest("panda_link4", 0.2, 0.0))
-        monkeypatch.setattr(ArmResult, "lowest_of_links", lowest)
+        monkeypatch.setattr(ArmResult, "lowest", Lowest("panda_link5", height, 0.0))
         collisions = mp.Collisions.of(complete.arm.robot, table=table)
         report = report_of(changed(complete, {"collisions": collisions}))
         assert report.warning_keys == key
@@ -86,7 +85,7 @@ def test_links_below_the_base_plane_are_a_warning(complete, changed, monkeypatch
             assert re.search("136 mm below the base plane.* table=0 ", report.warnings[0])
             with on_the_command_line():
                 assert "--table 0" in report_of(changed(complete, {"collisions": collisions})).warnings[0]
-    monkeypatch.setattr(ArmResult, "lowest_of_links", ())
+    monkeypatch.setattr(ArmResult, "lowest", None)
     assert report_of(changed(complete)).warning_keys == ("unchecked-floor",)
 
 

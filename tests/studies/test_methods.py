@@ -53,7 +53,6 @@ def test_transport_between_gaussians_comes_last_of_all_methods(small):
     assert 0.0 < comparison.rows[-1].feasibility_gap.mean < comparison.row("identity").feasibility_gap.mean
 
 
-@pytest.mark.filterwarnings("ignore:the model of the arm and the person differ")
 def test_motions_are_those_of_the_paper_and_the_recordings():
     """Four motions of 50 ellipsoids; a recording is thinned to 150 frames of the person in it."""
     actual = motions([*EVALUATIONS, "freeform"])

@@ -50,7 +50,7 @@ def test_the_length_field_of_an_arm_does_not_depend_on_rounding():
     robot, person, turn = mp.load_arm("panda"), mp.load_arm("rhuman"), special_ortho_group.rvs(3, random_state=3)
     teacher, student, new = (mp.sample_domain(*pair) for pair in ((person, 600, 0), (robot, 1200, 1), (person, 300, 2)))
     options = {"damping": 0.01, "n_centers": 80}
-    options["projector"] = FeasibleProjector(robot, bank=SeedBank.build(robot, 2048))
+    options["projector"] = FeasibleProjector(robot, bank=SeedBank(robot, 2048))
     turned, turned_new = (congruence(turn, points) for points in (teacher, new))
     mounted = mp.LengthField(base_rotation=turn, **options).fit(teacher, student)
     plain = mp.LengthField(**options).fit(turned, student)

@@ -11,7 +11,6 @@ import pytest
 from maniport.arms import load_arm
 from maniport.arms.meshes.mesh_files import load_mesh
 from maniport.errors import FileFormatError, ManiportError
-from maniport.learning import ProfileGMM
 from maniport.mocap import read_recording
 from maniport.pipeline.options import HumanOptions
 from maniport.transfer import IdentityMap, load_adapter
@@ -65,7 +64,7 @@ WRITERS = {
     "ellipsoids": (lambda path: save_ellipsoids(path, ELLIPSOIDS, TIMES), load_ellipsoids),
     "path": (lambda path: files.save_path(path, ARM[:, 2], TIMES), load_path),
     "recording": (
-        lambda path: np.savez(path, names=["RSHO", "RELB", "RWRA"], positions=ARM, time=TIMES, unit="m", up="z"),
+        lambda path: np.savez(path, names=["RSHO", "RELB", "RWRA"], positions=ARM, time=TIMES, unit="m"),
         read_recording,
     ),
     "poses": (
@@ -73,10 +72,6 @@ WRITERS = {
         read_recording,
     ),
     "adapter": (lambda path: IdentityMap().fit(ELLIPSOIDS, ELLIPSOIDS).save(path), load_adapter),
-    "profile model": (
-        lambda path: ProfileGMM(n_components=1, random_state=0).fit(TIMES, ELLIPSOIDS).save(path),
-        ProfileGMM.load,
-    ),
 }
 
 

@@ -17,7 +17,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 IMPORT_NAMES = {"pyyaml": "yaml", "scikit-learn": "sklearn", "pin": "pinocchio", "pin-pink": "pink", "pot": "ot"}
 IMPORT_NAMES |= {"rerun-sdk": "rerun"}
 DEPENDENCIES_OF_OTHERS = {"coal", "contourpy", "PIL", "llvmlite", "markupsafe", "msgspec", "websockets"}
-WITH_FALLBACK = {"fast_simplification", "IPython"}
+WITH_FALLBACK = {"IPython"}
 CHECKED_BEFORE = {"matplotlib", "sklearn", "pink"}  # figures; what only scikit-learn and Pink call
 IMPORTERS = {name: importer.args for name, importer in vars(optional).items() if isinstance(importer, partial)}
 

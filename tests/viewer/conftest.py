@@ -22,7 +22,7 @@ def arms():
 
 @pytest.fixture(scope="session")
 def bank(arms):
-    return SeedBank.build(arms[1], 2048, 0)
+    return SeedBank(arms[1], 2048, 0)
 
 
 @pytest.fixture(scope="session")

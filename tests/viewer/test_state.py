@@ -127,7 +127,7 @@ def sides_of(robot):
     for side, arm, base in zip(("left", "right"), robot.arms, BASES, strict=True):
         person = human_arm("rhuman", side)
         maps = Maps(sample_domain(person, 128, 0), sample_domain(arm, 256, 1), first=(METHOD,))
-        yield Side(person, arm, maps, SeedBank.build(arm, 512, 0), base=base)
+        yield Side(person, arm, maps, SeedBank(arm, 512, 0), base=base)
 
 
 def test_both_arms_move_as_each_alone(pandas):

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, pose
-from maniport.arms.dynamics import Dynamics, DynamicsTerms, point_mass
+from maniport.arms.chain import PRISMATIC, REVOLUTE, Chain, Frame, Joint, as_pose, check_names, point_mass, pose
 from maniport.arms.joint_space import Manipulable
-from maniport.arms.kinematics import Kinematics, PointKinematics
+from maniport.arms.kinematics import DynamicsTerms, Kinematics, PointKinematics
 from maniport.arms.meshes import Geometry, Surface
 from maniport.arms.restriction import restrict
 from maniport.errors import InvalidInputError, unknown_name
-from maniport.util.validation import Array, as_choice, as_count, as_finite, as_number, as_numbers
+from maniport.util.validation import Array, as_choice, as_finite, as_number, as_numbers
 
 
 class Arm(Manipulable):
@@ -59,7 +58,6 @@ class Arm(Manipulable):
         self.frame, self.frames = chain.frame, tuple(chain.frames)
         self._kinematics = Kinematics(chain)
         self._parts = ((1.0, self._kinematics),)
-        self._dynamics = None if chain.inertia is None else Dynamics(chain)
         self.geometry = Geometry(chain)
 
     @classmethod
@@ -73,8 +71,6 @@ class Arm(Manipulable):
         base: ArrayLike | None = None,
         joint_names: Sequence[str] | None = None,
         kinds: Sequence[str] | None = None,
-        convention: str = "standard",
-        velocity_limits: ArrayLike | None = None,
     ) -> "Arm":
         """Make an arm with frames ``base``, ``link1``, … from Denavit-Hartenberg parameters.
 
@@ -82,18 +78,14 @@ class Arm(Manipulable):
         ----------
         name : str
         rows : array_like, shape (n, 4)
-            One row for each joint: theta [rad], d [m], a [m], alpha [rad]. The joint's coordinate adds to theta, or
-            to d when the joint is prismatic.
+            One row for each joint: theta [rad], d [m], a [m], alpha [rad] of ``Rz(θ) Tz(d) Tx(a) Rx(α)``. The joint's
+            coordinate adds to theta, or to d when the joint is prismatic.
         lower, upper : array_like, shape (n,) or one number
             Limits of the joints [rad] or [m].
         base : array_like, shape (3, 3) or (4, 4), optional
             Rotation or pose of the first frame of the table in the base frame; identity by default.
         joint_names, kinds : sequence of str, optional
             By default ``joint1``, ``joint2``, …, and all ``"revolute"``; the other kind is ``"prismatic"``.
-        convention : {"standard", "modified"}
-            ``Rz(θ) Tz(d) Tx(a) Rx(α)`` or Craig's ``Rx(α) Tx(a) Rz(θ) Tz(d)``.
-        velocity_limits : array_like, shape (n,) or one number, optional
-            Largest speeds [rad/s] or [m/s].
 
         Examples
         --------
@@ -108,7 +100,6 @@ class Arm(Manipulable):
                 f"rows must have shape (n, 4), columns theta, d, a, alpha; found shape {table.shape}"
             )
         n = len(table)
-        as_choice(convention, "convention", ("standard", "modified"))
         names = [f"joint{i + 1}" for i in range(n)] if joint_names is None else check_names(joint_names, "joint_names")
         kinds = [REVOLUTE] * n if kinds is None else kinds
         for key, values in (("joint_names", names), ("kinds", kinds)):
@@ -118,20 +109,14 @@ class Arm(Manipulable):
         if np.any(low >= high):
             i = int(np.argmax(low >= high))
             raise InvalidInputError(f"lower of {names[i]!r} must be below upper; found {low[i]:g} and {high[i]:g}")
-        before = [pose((a, 0.0, 0.0), (alpha, 0.0, 0.0)) for _, _, a, alpha in table]
-        after = [pose((0.0, 0.0, d), (0.0, 0.0, theta)) for theta, d, _, _ in table]
-        if convention == "standard":
-            before, after = [np.eye(4)] * n, [z @ x for z, x in zip(after, before, strict=True)]
+        after = [pose((0, 0, d), (0, 0, theta)) @ pose((a, 0, 0), (alpha, 0, 0)) for theta, d, a, alpha in table]
         first = np.eye(4) if base is None else as_pose(base, "base")
         joints = tuple(
-            Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.array([0.0, 0.0, 1.0]),
-                  parent @ before[i]) for i, parent in enumerate((first, *after[:-1]))
+            Joint(names[i], as_choice(kinds[i], f"kinds[{i}]", (REVOLUTE, PRISMATIC)), np.eye(3)[2], parent)
+            for i, parent in enumerate((first, *after[:-1]))
         )  # fmt: skip
         frames = {"base": Frame(0, first)} | {f"link{i + 1}": Frame(i + 1, after[i]) for i in range(n)}
-        speeds = None
-        if velocity_limits is not None:
-            speeds = as_numbers(velocity_limits, "velocity_limits", n, broadcast=True, above=0.0)
-        return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n), speeds))
+        return cls(Chain(name, joints, frames, f"link{n}", tuple(names), low, high, np.eye(n), np.zeros(n)))
 
     def __repr__(self) -> str:
         return f"Arm({self.name!r}, dof={self.dof}, frame={self.frame!r}, joints={list(self.joint_names)})"
@@ -176,7 +161,7 @@ class Arm(Manipulable):
             raise InvalidInputError(f"a payload needs masses, and the description of {self.name!r} has none")
         inertia, tip = self.chain.inertia.copy(), self.chain.frames[self.frame]
         inertia[tip.joint] += point_mass(amount, tip.placement[:3, :3] @ point + tip.placement[:3, 3])
-        return self._changed(inertia=inertia)
+        return self._changed(inertia=inertia, payload=self.chain.payload + amount)
 
     def _changed(self, **fields: Any) -> "Arm":
         """Return the arm with other fields of its chain and the same cache of meshes."""
@@ -185,7 +170,7 @@ class Arm(Manipulable):
         return arm
 
     def _dynamics_terms(self, q: Array, gravity: bool, inertia: bool, changes: bool) -> DynamicsTerms | None:
-        return None if self._dynamics is None else self._dynamics(q, gravity, inertia, changes)
+        return self._kinematics.dynamics(q, gravity, inertia, changes)
 
     def point_positions(self, q: ArrayLike, frames: Sequence[str]) -> Array:
         """Compute the origins of frames [m], shape (..., len(frames), 3)."""
@@ -236,16 +221,11 @@ class Arm(Manipulable):
         poses[..., :3, :3], poses[..., :3, 3], poses[..., 3, 3] = rotations, origins, 1.0
         return poses.reshape(*array.shape[:-1], *poses.shape[1:])
 
-    def surfaces(self, most_triangles: int | None = 15_000) -> tuple[Surface, ...]:
+    def surfaces(self) -> tuple[Surface, ...]:
         """Return the visual meshes of the arm by joint; files are read on the first call.
 
         Bodies beyond the end effector and moving fingers are omitted. Links of a URDF with missing meshes have their
-        collision shapes.
-
-        Parameters
-        ----------
-        most_triangles : int or None
-            Largest number of triangles of the whole arm, at least 200; larger meshes are simplified. None keeps all.
+        collision shapes. Meshes with more than 15 000 triangles in total are simplified.
 
         Returns
         -------
@@ -253,5 +233,4 @@ class Arm(Manipulable):
             One for each joint index with shapes, ascending; empty if the description has no shapes. `FileFormatError`
             when the robot's file or a mesh is missing or cannot be read.
         """
-        most = None if most_triangles is None else as_count(most_triangles, "most_triangles", minimum=200)
-        return self.geometry.surfaces(most)
+        return self.geometry.surfaces(15_000)

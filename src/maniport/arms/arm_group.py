@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from maniport.arms.arm import Arm
 from maniport.arms.chain import Chain
-from maniport.arms.dynamics import DynamicsTerms
 from maniport.arms.joint_space import JointSpace, Manipulable
-from maniport.arms.kinematics import Kinematics
+from maniport.arms.kinematics import DynamicsTerms, Kinematics
 from maniport.arms.manipulability import VELOCITY, EllipsoidSpec
 from maniport.errors import InvalidInputError, typed
 from maniport.util.validation import Array, as_choice, as_numbers

@@ -109,6 +109,7 @@ class Chain:
     # spatial inertia (joints + 1, 6, 6) of all that is fixed to the link after each joint (0: the base), linear rows
     # first, about the origin of the link's frame; None where the description has no masses
     inertia: Array | None = None
+    payload: float = 0.0  # mass in it that the end effector carries [kg]
     gravity: tuple[float, ...] = (0.0, 0.0, -9.81)  # acceleration of free fall in the base frame [m/s²]
     shapes: Callable[..., Iterable[Shape]] | None = None  # reads shapes of links by name; `mesh_folders` is optional
     others: Mapping[str, Body] | None = None  # bodies off the chain; None if the chain is the whole robot
@@ -143,6 +144,17 @@ class Chain:
             return {}
         beyond = {name: place for name, place in self.frames.items() if not self.holds(name)}
         return {**{name: Body(f.joint, f.placement[None], name) for name, f in beyond.items()}, **self.others}
+
+
+def point_mass(mass: float, point: Array) -> Array:
+    """Spatial inertia (6, 6), linear rows first, of a mass [kg] at a point (3,) [m], about the origin."""
+    return np.asarray(pin.Inertia(mass, point, np.zeros((3, 3))).matrix())
+
+
+def moved_inertia(inertia: Array, pose: Array) -> Array:
+    """Spatial inertia (..., 6, 6) about another frame in which its present frame has the pose (4, 4)."""
+    force = pin.SE3(pose).dualAction  # transforms forces and momenta
+    return np.asarray(force @ inertia @ force.T)
 
 
 def _require_rigid(placement: Array, what: str) -> None:

@@ -1,4 +1,17 @@
-"""Compiled gravity torques and joint-space inertia of chains; the formulas are in `maniport.arms.dynamics`."""
+"""Compiled gravity torques and joint-space inertia of a chain, with derivatives, for many configurations.
+
+With the axis s_k of joint k as a spatial motion vector and the composite inertia I_k of all links outward from joint k
+(Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 6), all in the base frame,
+
+    H_ij = s_iᵀ I_j s_j for i ≤ j,            g_k = s_kᵀ I_k (−γ; 0) with the acceleration γ of gravity,
+
+and a joint k takes all outward of it along, so that with the cross product × of motion vectors
+
+    ∂H_ij/∂q_k = 0 for k ≤ i ≤ j,
+               = −(s_k × s_i)ᵀ I_j s_j for i < k ≤ j,
+               = −(s_k × s_i)ᵀ I_k s_j − (s_k × s_j)ᵀ I_k s_i for i ≤ j < k,
+    ∂g_k/∂q_j  = ∂g_j/∂q_k = −s_kᵀ I_k (s_j × (−γ; 0)) for j ≤ k.
+"""
 
 import numpy as np
 
@@ -20,7 +33,7 @@ def fill_dynamics(  # type: ignore[no-untyped-def]
     inertia,
     inertia_changes,
 ):
-    """Fill the terms of `maniport.arms.dynamics` in the joints of a chain; arrays of length 0 are left out.
+    """Fill the terms in the joints of a chain; arrays of length 0 are left out.
 
     Links have masses, first moments (3,) and rotational inertias (3, 3) about their origins; −`up` is gravity.
     """

@@ -8,16 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from maniport.arms.dynamics import DynamicsTerms
-from maniport.arms.kinematics import Kinematics
-from maniport.arms.manipulability import (
-    VELOCITY,
-    EllipsoidSpec,
-    Weighting,
-    manipulability,
-    principal_axes,
-    with_derivatives,
-)
+from maniport.arms.kinematics import DynamicsTerms, Kinematics
+from maniport.arms.manipulability import VELOCITY, EllipsoidSpec, Weighting, manipulability, with_derivatives
 from maniport.errors import InvalidInputError
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.sampling import sobol
@@ -168,10 +160,6 @@ class Manipulable(JointSpace):
         """Compute poses of the end effector in the base frame [m], shape (..., 4, 4)."""
         return self._motions(q, with_jacobians=False)[0]
 
-    def motion(self, q: ArrayLike) -> tuple[Array, Array]:
-        """Return the results of `forward` and `jacobian`."""
-        return self._motions(q)[:2]
-
     def jacobian(self, q: ArrayLike) -> Array:
         """Compute geometric Jacobians of the end effector, shape (..., 6, dof).
 
@@ -185,22 +173,9 @@ class Manipulable(JointSpace):
 
     def posed_ellipsoids(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
         """Return the results of `forward` and `ellipsoids`."""
-        poses, rows = self._weighted_rows(q, spec)
-        return poses, manipulability(rows, spec.kind)
-
-    def principal_axes(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array]:
-        """Compute semi-axis lengths (..., d), ascending, and directions (..., d, d), columns, of the ellipsoids.
-
-        They come from the singular values of the weighted Jacobian and are more accurate than an eigendecomposition of
-        the matrix.
-        """
-        return principal_axes(self._weighted_rows(q, spec)[1], spec.kind)
-
-    def _weighted_rows(self, q: ArrayLike, spec: EllipsoidSpec) -> tuple[Array, Array]:
-        """Poses (..., 4, 4), and rows J W (..., d, dof) of which ellipsoids are products."""
         poses, jacobians, _ = self._motions(q)
         weighting = self._weighting(np.asarray(q, dtype=np.float64).reshape(-1, self.dof), spec)
-        return poses, weighting.shaped(poses.shape[:-2]).rows(jacobians, spec)[1]
+        return poses, manipulability(weighting.shaped(poses.shape[:-2]).rows(jacobians, spec)[1], spec.kind)
 
     def checked_spec(self, spec: EllipsoidSpec) -> EllipsoidSpec:
         """Require numbers or limits, and masses where they count, for the ellipsoids of a specification."""
@@ -260,19 +235,12 @@ class Manipulable(JointSpace):
             raise InvalidInputError(f"the description of {self.name!r} has no masses")
         return terms.gravity.reshape(array.shape)
 
-    def manipulability_jacobian(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> Array:
-        """Compute the derivatives ``∂M/∂q_k`` of the manipulability matrices, shape (..., dof, d, d), symmetric.
-
-        In closed form, see `maniport.arms.kernels.fill_derivatives`; units are those of M per radian or meter.
-        """
-        return self.differentials(q, spec)[2]
-
-    def differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array]:
-        """Return the results of `jacobian`, `ellipsoids` (up to rounding) and `manipulability_jacobian`."""
-        return self.posed_differentials(q, spec)[1:]
-
     def posed_differentials(self, q: ArrayLike, spec: EllipsoidSpec = VELOCITY) -> tuple[Array, Array, Array, Array]:
-        """Return the results of `forward` and `differentials`."""
+        """Return the results of `forward`, `jacobian` and `ellipsoids`, and derivatives of the latter.
+
+        Derivatives ``∂M/∂q_k`` have shape (..., dof, d, d), symmetric, in closed form; see
+        `maniport.arms.kernels.fill_derivatives`. Units are those of M per radian or meter.
+        """
         poses, jacobians, of_joints = self._motions(q)
         chains = [(factor, own, chain.coupling) for (factor, chain), own in zip(self._parts, of_joints, strict=True)]
         flat = jacobians.reshape(-1, 6, self.dof)

@@ -1,10 +1,10 @@
-"""Kinematics of chains for many configurations, without checks.
+"""Kinematics and dynamics of chains for many configurations, without checks.
 
 Numba takes a quarter of a second to load, so that the kernels are imported where they are called.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,15 @@ from maniport.arms.chain import PRISMATIC, Chain
 from maniport.util.validation import Array
 
 Attachment = tuple[int, Array]  # number of joints before it, and a vector (3,) in the frame of the last of them
+
+
+class DynamicsTerms(NamedTuple):
+    """Terms of the equation of motion at n configurations; arrays have length 0 where they were not computed."""
+
+    gravity: Array  # (n, dof): torques g that hold the arm [N m] or [N]
+    gravity_changes: Array  # (n, dof, dof): ∂g_i/∂q_k
+    inertia: Array  # (n, dof, dof): joint-space inertia H
+    inertia_changes: Array  # (n, dof, dof, dof): ∂H/∂q_k, k first
 
 
 class Kinematics:
@@ -51,6 +60,7 @@ class Kinematics:
         self.axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(count, 3)
         self.slides = np.array([joint.kind == PRISMATIC for joint in joints], dtype=np.bool_)
         self._frame = frame.joint, np.array(frame.placement, dtype=np.float64, order="C")
+        self._links, self._gravity = chains[0].inertia, np.array(chains[0].gravity)
         self.moves = np.zeros((count + 1, count), dtype=np.bool_)  # which joints move each link
         for joint, parent in enumerate(parents):
             self.moves[joint + 1] = self.moves[parent]
@@ -85,6 +95,33 @@ class Kinematics:
         positions = self.positions(q)
         fill_link_poses(positions, self.parents, self.placements, self.axes, self.slides, rotations, origins)
         return rotations, origins
+
+    def dynamics(
+        self, q: Array, gravity: bool = True, inertia: bool = True, changes: bool = False
+    ) -> DynamicsTerms | None:
+        """Terms of one chain at configurations (n, dof), `changes` with derivatives; None without masses."""
+        from maniport.arms.dynamics_kernels import fill_dynamics
+
+        if (links := self._links) is None:
+            return None
+        # masses, first moments m c, and rotational inertias about the origins of the links
+        bodies = (
+            np.ascontiguousarray(part) for part in (links[:, 0, 0], links[:, [5, 3, 4], [1, 2, 0]], links[:, 3:, 3:])
+        )
+        rows = [len(q) if wanted else 0 for wanted in (gravity, gravity and changes, inertia, inertia and changes)]
+        terms = DynamicsTerms(
+            *(np.empty((n, *[len(self.axes)] * size)) for n, size in zip(rows, (1, 2, 2, 3), strict=True))
+        )
+        fill_dynamics(*self.link_poses(q), self.axes, self.slides, *bodies, -self._gravity, *terms)
+        if self.trivial:
+            return terms
+        c = self.coupling
+        return DynamicsTerms(
+            self.coupled(terms.gravity),
+            c.T @ self.coupled(terms.gravity_changes),
+            c.T @ self.coupled(terms.inertia),
+            np.einsum("nmij,mk->nkij", c.T @ self.coupled(terms.inertia_changes), c, optimize=True),
+        )
 
 
 class PointKinematics:

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Shape, check_names
-from maniport.arms.dynamics import moved_inertia
+from maniport.arms.chain import LEFT, REVOLUTE, RIGHT, Body, Chain, Shape, check_names, moved_inertia
 from maniport.errors import InvalidInputError, unknown_name
 from maniport.util.validation import MAX_POSITION, Array, as_number
 

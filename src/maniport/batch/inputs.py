@@ -1,18 +1,22 @@
-"""The recordings and robots of a batch: each once, and with a name of its own."""
+"""The recordings and robots of a batch: each once, with a name of its own, and with a digest of its content."""
 
 import glob
+import hashlib
+import inspect
 import itertools
 import os
+import pickle
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence, Set
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from maniport.arms import Arm
-from maniport.batch.content import as_setting, digest
+import numpy as np
+
+from maniport.arms import Arm, ArmGroup
 from maniport.errors import InvalidInputError, as_text
-from maniport.mocap import shipped_recording
+from maniport.mocap import Recording, shipped_recording
 from maniport.mocap.readers import SHIPPED
 from maniport.pipeline.config import OPTIONS, Config
 from maniport.pipeline.transfer import settings_of
@@ -25,8 +29,6 @@ ABOUT = "batch.json"  # The file that marks a folder as that of a batch
 
 ENDINGS = [ending for ending in RECORDINGS if ending not in (".npz", ".npy", ".csv", ".tsv", ".json")]
 """Endings of recordings in a folder; files with the others may be anything, such as earlier results."""
-
-RobotInput = Arm | str | Path | tuple[Arm, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -129,14 +131,13 @@ def _clashing(names: Sequence[str]) -> set[str]:
     return clashing
 
 
-def find_robots(robots: Sequence[RobotInput], config: Config, taken: Collection[str]) -> list[Robot]:
+def find_robots(robots: Sequence[Arm | str | Path], config: Config, taken: Collection[str]) -> list[Robot]:
     """Load robots and check their options; each once, with a name of its own that is none of those taken."""
     if isinstance(robots, str | Path | Arm) or not len(robots):
         raise InvalidInputError("robots must be a sequence of at least one robot")
     distinct, names = dict[str, Robot](), {name.casefold() for name in taken}
     for robot in robots:
-        name, own = robot if isinstance(robot, tuple) else (robot, {})
-        job = settings_of(config.changed(**{"robot": name, **own}))
+        job = settings_of(config.changed(robot=robot))
         values = {name: job.config.value(name) for name, (_, option) in OPTIONS.items() if not option.is_file}
         values |= {"maniport": __version__, "robot": job.robot, "markers": job.config.human.roles()}
         if job.control is not None:  # contents replace files
@@ -155,3 +156,71 @@ def _as_folder(name: str, taken: set[str]) -> str:
     chosen = next(name for name in names if name.casefold() not in taken)
     taken.add(chosen.casefold())
     return chosen
+
+
+def digest(*things: Any) -> str:
+    """Return 128 bits of SHA-256 of values, arrays, arms and settings, and, of a `Path`, of the file's content."""
+    return hashlib.sha256(repr([_described(thing) for thing in things]).encode()).hexdigest()[:32]
+
+
+def as_setting(value: Any, longest: int = 200) -> str:
+    """Return a setting as text, equal for equal settings only: its value, or a name and a digest where that is long."""
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    text = repr(value) if _is_plain(value) else ""
+    label = getattr(value, "name", None) or type(value).__name__
+    return text if 0 < len(text) <= longest else f"{label} {digest(value)}"
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, dict):
+        return all(map(_is_plain, (*value, *value.values())))
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, bool | int | float | str)
+
+
+def _described(thing: Any) -> Any:
+    """Return nested tuples and lists of texts and numbers that are equal for equal contents only."""
+    if isinstance(thing, Path):
+        return "file", _of_file(thing)
+    if isinstance(thing, np.ndarray):
+        data = np.ascontiguousarray(thing)
+        return "array", thing.dtype.str, thing.shape, hashlib.sha256(data.tobytes()).hexdigest()
+    if isinstance(thing, np.generic):
+        return _described(thing.item())
+    if thing is None or isinstance(thing, bool | int | float | complex | str | bytes):
+        return type(thing).__name__, thing
+    if isinstance(thing, Mapping):
+        return "mapping", sorted(((_described(key), _described(value)) for key, value in thing.items()), key=repr)
+    if isinstance(thing, Set):
+        return "set", sorted(map(_described, thing), key=repr)
+    if isinstance(thing, list | tuple):
+        return "sequence", [_described(item) for item in thing]
+    if inspect.isroutine(thing) or inspect.isclass(thing):
+        return "name", f"{thing.__module__}.{thing.__qualname__}"
+    return "object", f"{type(thing).__module__}.{type(thing).__qualname__}", _described(_state(thing))
+
+
+def _state(thing: Any) -> Any:
+    """Return the content of an object; its origin counts only for recordings."""
+    if isinstance(thing, Arm):
+        return thing.chain
+    if isinstance(thing, ArmGroup):
+        return thing.arms, thing.joint_names
+    if is_dataclass(thing):
+        names = {field.name for field in fields(thing)}
+        if not isinstance(thing, Recording):
+            names -= {"source", "shapes", "notes"}  # shapes count by the hulls of `Collisions`
+        return {name: getattr(thing, name) for name in names}
+    return vars(thing) if hasattr(thing, "__dict__") else pickle.dumps(thing)
+
+
+def _of_file(path: Path) -> Any:
+    """Digest of a file's bytes; of a folder, names and digests of all visible files in it."""
+    if path.is_dir():
+        inside = sorted(entry for entry in path.iterdir() if not entry.name.startswith("."))
+        return [(entry.name, _of_file(entry)) for entry in inside]
+    if path.exists() and not path.is_file():
+        raise OSError(f"{path} is no file")  # a pipe or a device has no end
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from maniport.arms import Arm
 from maniport.batch.executors import completed, cores, executor_for
-from maniport.batch.inputs import ABOUT, Robot, RobotInput, Source, find_recordings, find_robots
+from maniport.batch.inputs import ABOUT, Robot, Source, find_recordings, find_robots
 from maniport.batch.pair import ADAPTERS, Pair, content_of, reason, work
 from maniport.batch.table import FAILED, PAGE, TABLES, Row, failed_row, failures, write_overview, write_tables
 from maniport.errors import InvalidInputError, ManiportWarning, OutputError, argument, typed
@@ -64,7 +65,7 @@ class Batch:
 
 def transfer_batch(
     recordings: Sequence[str | os.PathLike[str]],
-    robots: Sequence[RobotInput],
+    robots: Sequence[Arm | str | Path],
     output: str | os.PathLike[str],
     config: Config | None = None,
     *,
@@ -87,7 +88,7 @@ def transfer_batch(
     recordings : sequence of str or path
         Files, folders, and patterns such as ``recordings/**/*.bvh``; see docs/batch.md.
     robots : sequence of Arm, str or Path
-        As `transfer_recording` takes them; or pairs of a robot and options of its own, such as its motion limits.
+        As `transfer_recording` takes them.
     output : str or path
         A new folder, or that of an earlier batch.
     config : Config, optional

@@ -44,7 +44,7 @@ METRICS = (
                                      "teacher_dispersion", "student_dispersion", "dispersion_ratio")),
     *(f"adapter.report.{name}" for name in ("gap", "gap_p95", "moved", "step", "rank_correlation", "turn",
                                             "singular_value", "near_singular")),
-    "person.frames", "person.largest_joint_step_deg",
+    "person.frames",
     *(f"person.segment_lengths_m.{part}" for part in PARTS),
     *(f"person.residual_deg.{part}.{value}" for part in PARTS for value in STATISTICS),
     "recording.frames", "recording.duration_s", "recording.rate_hz",

@@ -48,7 +48,7 @@ def domain(
 
 
 @command(
-    "robot", *CHAIN, "method", "damping", "eigenvalue_floor", "base_rotation", "ellipsoids", "part", "seed",
+    "robot", *CHAIN, "method", "damping", "base_rotation", "ellipsoids", "part", "seed",
     common=("damping", "base_rotation"), defaults=NO_ROBOT.changed(method="icp"),
     without=("hand_targets", "pose"),
     example="maniport fit person.npz panda.npz -o adapter.npz",
@@ -64,7 +64,7 @@ def fit(
     ] = False,
 ) -> None:
     """Fit the map from a teacher's domain to a student's."""
-    from maniport.feasibility import with_feasible_set
+    from maniport.evaluation.comparison import with_feasible_set
     from maniport.transfer import method_of
     from maniport.util.files import load_ellipsoids
 
@@ -74,7 +74,7 @@ def fit(
     arm, seed = optional_robot(config), config.seed
     domains = load_ellipsoids(teacher)[0], load_ellipsoids(student)[0]
     rotation = None if unknown_base_rotation else transfer.rotation
-    adapter = method_of(transfer.method, **transfer.regularization, base_rotation=rotation, random_state=seed)
+    adapter = method_of(transfer.method, damping=transfer.damping or None, base_rotation=rotation, random_state=seed)
     if arm is not None:
         adapter = with_feasible_set(adapter, arm, transfer.spec, random_state=seed)
     with console.progress() as progress:
@@ -125,7 +125,7 @@ def evaluate(
     """Compare a fitted adapter with baselines."""
     from maniport.arms import load_arm
     from maniport.evaluation import evaluate
-    from maniport.evaluation.baselines import BASELINES
+    from maniport.evaluation.summary import BASELINES
     from maniport.transfer import load_adapter
     from maniport.util.files import load_ellipsoids
 

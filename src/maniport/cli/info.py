@@ -19,7 +19,7 @@ from maniport.util.defaults import AUTO, RECORDINGS
 
 
 @command(
-    *("unit", "vertical_axis", "fps", "start", "stop", "markers", "side", "height"),
+    *("unit", "fps", "start", "stop", "markers", "side", "height"),
     *("frame", "joints", "base", "lock", "mesh_folders"),
     example="maniport info panda;  maniport info walk.bvh;  maniport info walk.c3d --markers roles.json",
 )

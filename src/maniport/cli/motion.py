@@ -15,7 +15,7 @@ HandPath = Annotated[Path | None, typer.Option("--path", help="Positions of the 
 
 
 @command(
-    "robot", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
+    "robot", "scale", "workspace", "table", "ellipsoids", "part", "joint_weights", "damping", "tilt", "rank", "seed",
     without=("hand_targets", "pose"), common=("workspace",),
     example="maniport place target_profile.npz --path hand.npz --robot panda --tilt free -o placed",
 )  # fmt: skip
@@ -30,7 +30,7 @@ def place(
     """Find the best placements of a path relative to a robot."""
     from maniport.motion import place_path
     from maniport.motion.placement.placement import DATA_FILES
-    from maniport.pipeline.targets import bounded_profiles
+    from maniport.pipeline.values import bounded_profiles
     from maniport.report.metrics import report_of
     from maniport.util.atomic_io import folder_written_whole, require_free
     from maniport.util.files import save_ellipsoids
@@ -44,9 +44,10 @@ def place(
     control, options = config.motion.control(arm := config.robot.load_arm()), config.placement
     with console.progress() as progress:
         placed = place_path(
-            positions, targets, arm, time=time, tilt=options.tilt, workspace=config.motion.bounds.T, rank=options.rank,
-            spec=spec.bounded, damping=config.transfer.damping or 0.0, collisions=control.collisions,
-            random_state=config.seed, progress=progress,
+            positions, targets, arm, time=time, scale=config.motion.scale, tilt=options.tilt,
+            workspace=config.motion.bounds.T, rank=options.rank, spec=spec.bounded,
+            damping=config.transfer.damping or 0.0, collisions=control.collisions, random_state=config.seed,
+            progress=progress,
         )  # fmt: skip
     with folder_written_whole(output, files, overwrite) as staging:
         placed.write_data(staging, time)

@@ -85,12 +85,12 @@ def batch(
     """Process recordings on robots; resume an interrupted run."""
     from maniport.batch import transfer_batch
     from maniport.batch.table import PAGE, failures
-    from maniport.util.signals import raising
+    from maniport.util.signals import ending_in_order, interrupt
 
     config = config.changed(recording=recordings) if recordings else config
     options: dict[str, Any] = {"processes": processes, "dask": dask, "ray": ray, "overwrite": overwrite}
     try:
-        with console.progress() as progress, raising():
+        with console.progress() as progress, ending_in_order(interrupt):
             result = transfer_batch(config.recording, config.robot.robot, output, config, progress=progress, **options)
     except KeyboardInterrupt as interrupted:
         print(f"maniport: interrupted{f'; {interrupted}' if str(interrupted) else ''}", file=sys.stderr)
@@ -167,10 +167,7 @@ def _learned(config: Config, progress: Any) -> Any:
         raise InvalidInputError(f"--segments is needed for each of the {count} recordings; found {len(texts)}")
     segments = [AUTO if text == AUTO else [_interval(part) for part in text.split(",")] for text in texts]
     data = [config.human.read(file) for file in config.recording]
-    options = {**config.human.fit_options, **config.transfer.regularization, "spec": config.transfer.spec}
-    options |= {name: getattr(config.learning, name) for name in ("lengths", "components")}
-    learned = learn(data, segments or None, random_state=config.seed, progress=progress, **options)
-    return replace(learned, config=config)
+    return replace(learn(data, segments or None, config, progress=progress), config=config)
 
 
 def _interval(text: str) -> tuple[float, float]:

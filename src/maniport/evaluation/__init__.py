@@ -9,7 +9,7 @@ from maniport.evaluation.capability import (
     polytope_extent,
     resemblance,
 )
-from maniport.evaluation.comparison import evaluate
+from maniport.evaluation.comparison import evaluate, select_method
 from maniport.evaluation.metrics import (
     RMSE,
     DistancePreservation,
@@ -19,20 +19,16 @@ from maniport.evaluation.metrics import (
     rmse,
     smoothness,
 )
-from maniport.evaluation.selection import Choice, select_method
-from maniport.evaluation.summary import Evaluation, Gaps, Row, Summary, Weakness
+from maniport.evaluation.summary import Evaluation, Gaps, Row
 
 __all__ = [
     "RMSE",
     "Capability",
-    "Choice",
     "DistancePreservation",
     "Evaluation",
     "Gaps",
     "Row",
     "Smoothness",
-    "Summary",
-    "Weakness",
     "compare_capabilities",
     "distance_preservation",
     "ellipsoid_extent",

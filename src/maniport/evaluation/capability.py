@@ -196,8 +196,7 @@ def position_only(arm: Arm, q: Array, tolerance: float = 1e-4, most_steps: int =
     for i in range(1, len(q)):
         now = result[i - 1].copy()
         for _ in range(most_steps):
-            pose, jacobian = arm.motion(now)
-            error = positions[i] - pose[:3, 3]
+            error, jacobian = positions[i] - arm.forward(now)[:3, 3], arm.jacobian(now)
             if error @ error < tolerance**2:
                 break
             step = np.linalg.lstsq(jacobian[:3], error, rcond=1e-3)[0]

@@ -4,7 +4,6 @@ The functions take arrays of any SPD matrices.
 """
 
 from maniport.learning.alignment import Alignment, align
-from maniport.learning.gmm import ProfileGMM
-from maniport.learning.tangent import tracking_weights
+from maniport.learning.gmm import ProfileGMM, tracking_weights
 
 __all__ = ["Alignment", "ProfileGMM", "align", "tracking_weights"]

@@ -6,35 +6,36 @@ demonstrations deviate smoothly, as people do: 0.01 to 0.82 without `groups`, 0.
 deviate independently: 0.78 to 0.94 without, 0.97 to 1.00 with.
 """
 
-import json
-import os
 import warnings
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
-from maniport.errors import ConvergenceWarning, FileFormatError, InvalidInputError, NotFittedError
+from maniport.errors import ConvergenceWarning, InvalidInputError, NotFittedError, NotSPDError
 from maniport.estimator import Estimator
 from maniport.learning.mixture import (
     Mixture,
     as_inputs,
     component_counts,
     count_demonstrations,
-    most_likely,
+    expectation_maximization,
+    k_means_shares,
     regress,
 )
-from maniport.util.files import load_arrays, save_arrays
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.progress import Progress, Step, pieces
-from maniport.util.validation import Array, as_count, as_finite, as_generator, as_number, as_points, require_shape
-
-FILE_FORMAT = "maniport-profile-1"
-
-_MIXTURE = "weights_", "input_means_", "means_", "covariances_"
-_SAVED = (*_MIXTURE, "converged_", "history_", "log_likelihood_", "bic_curve_")
+from maniport.util.validation import (
+    SPD_TOLERANCE,
+    Array,
+    as_count,
+    as_finite,
+    as_generator,
+    as_number,
+    as_points,
+    require_shape,
+)
 
 
 class ProfileGMM(NotebookDisplay, Estimator):
@@ -52,14 +53,12 @@ class ProfileGMM(NotebookDisplay, Estimator):
     max_components : int
     regularization : float
         Added to the variances in log coordinates and, times the variance of the inputs, to theirs.
-    n_init : int
-        Number of k-means starts; the most likely result is kept.
     max_iter : int
         Largest number of EM steps.
     tol : float
         EM stops when the mean log-likelihood rises by at most this; the most likely mixture is kept.
     random_state : None, int or numpy.random.Generator
-        For the k-means starts.
+        For the k-means start.
 
     Attributes
     ----------
@@ -100,7 +99,6 @@ class ProfileGMM(NotebookDisplay, Estimator):
         n_components: int | None = None,
         max_components: int = 10,
         regularization: float = 1e-5,
-        n_init: int = 1,
         max_iter: int = 200,
         tol: float = 1e-3,
         random_state: Any = None,
@@ -108,7 +106,6 @@ class ProfileGMM(NotebookDisplay, Estimator):
         self.n_components = n_components
         self.max_components = max_components
         self.regularization = regularization
-        self.n_init = n_init
         self.max_iter = max_iter
         self.tol = tol
         self.random_state = random_state
@@ -155,14 +152,15 @@ class ProfileGMM(NotebookDisplay, Estimator):
         candidates = component_counts(self.n_components, self.max_components, x, points)
         checked: Any = {
             "regularization": as_number(self.regularization, "regularization", above=0.0),
-            "n_init": as_count(self.n_init, "n_init"),
             "max_iter": as_count(self.max_iter, "max_iter"),
             "tol": as_number(self.tol, "tol", above=0.0),
         }
         step, fits, curve = Step(progress, "Fit Gaussian mixture"), [], []
         with threadpool_limits(1):  # threads cost more than they bring on matrices this small, and far more when busy
             for count, part in zip(candidates, pieces(step, *candidates), strict=True):
-                fits.append(most_likely(x, points, count, as_generator(self.random_state), part, **checked))
+                shares = k_means_shares(x, points, count, as_generator(self.random_state))
+                fits.append(expectation_maximization(x, points, shares, **checked))
+                part(1.0)
                 curve.append(fits[-1].mixture.bic(len(x) * fits[-1].log_likelihood, len(x)))
                 if curve[-1] > min(curve):
                     break
@@ -215,74 +213,43 @@ class ProfileGMM(NotebookDisplay, Estimator):
             covariance = (1 + 1 / k) * (k * unbiased + m * variance * np.eye(m)) / (k + m)
         return (centers, covariance) if return_covariance else centers
 
-    def score_samples(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> Array:
-        """Return the log-likelihood, shape (n,), of inputs and ellipsoids together."""
-        mixture = self._mixture()
-        points = as_points(ellipsoids, "ellipsoids", mixture.ellipsoids.shape[-1], minimum=1)
-        x = as_inputs(inputs, len(points), mixture.inputs.shape[1])
-        return np.asarray(logsumexp(mixture.log_joint(mixture.deviations(x, points)), axis=1))
-
-    def score(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
-        """Return the mean of `score_samples`; larger is better."""
-        return float(self.score_samples(inputs, ellipsoids).mean())
-
-    def bic(self, inputs: ArrayLike, ellipsoids: ArrayLike) -> float:
-        """Return the Bayesian information criterion −2 log L + parameters · log n (Schwarz 1978); smaller is better."""
-        samples = self.score_samples(inputs, ellipsoids)
-        return self._mixture().bic(float(samples.sum()), len(samples))
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the fitted model to an ``.npz`` file without pickled objects; `ProfileGMM.load` reads it."""
-        self._mixture()
-        parameters = self.get_params(deep=False)
-        if isinstance(parameters["random_state"], np.random.Generator):
-            parameters["random_state"] = None  # its state is not that of the fit
-        plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
-        content = {"format": FILE_FORMAT, "parameters": plain, "demonstrations": self.n_demonstrations_}
-        header = json.dumps(content, sort_keys=True)
-        arrays = {name: np.asarray(getattr(self, name)) for name in _SAVED}
-        save_arrays(path, {"profile_model": np.array(header), **arrays})
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a model that was written by `save`.
-
-        Raises
-        ------
-        FileFormatError
-            When the file cannot be read or holds something else.
-        """
-        arrays = load_arrays(path, "profile model", ("profile_model", *_SAVED))
-        try:
-            header = json.loads(str(arrays["profile_model"]))
-            if header["format"] != FILE_FORMAT:
-                raise ValueError(f"its format is {header['format']!r}; this version reads {FILE_FORMAT!r}")
-            model = cls(**header["parameters"])
-            count = header["demonstrations"]
-            model.n_demonstrations_ = None if count is None else as_count(count, "demonstrations")
-            for name in _SAVED:
-                value = as_finite(arrays[name], name) if name != "converged_" else arrays[name].astype(bool)
-                setattr(model, name, value.item() if value.ndim == 0 else value)
-            _require_mixture(*(getattr(model, name) for name in _MIXTURE))
-            model.n_components_, model.n_features_in_ = model.input_means_.shape
-        except (KeyError, TypeError, ValueError, RecursionError, OverflowError) as error:
-            raise FileFormatError(f"{str(path)!r} is not a profile model, or a damaged one: {error}") from None
-        return model
-
     def _mixture(self) -> Mixture:
         if not hasattr(self, "means_"):
             raise NotFittedError("this ProfileGMM is not fitted yet; call fit(inputs, ellipsoids) first")
         return Mixture(self.weights_, self.input_means_, self.means_, self.covariances_)
 
 
-def _require_mixture(weights: Any, inputs: Any, means: Any, covariances: Any) -> None:
-    """Raise `InvalidInputError` unless these make a mixture."""
-    require_shape(np.asarray(inputs), "input_means_", ("k", "f"))
-    k, f = inputs.shape
-    points = as_points(means, "means_", minimum=k)
-    m = f + points.shape[-1] * (points.shape[-1] + 1) // 2
-    require_shape(np.asarray(weights), "weights_", (k,))
-    require_shape(points, "means_", (k, "d", "d"))
-    require_shape(as_points(covariances, "covariances_", minimum=k), "covariances_", (k, m, m))
-    if np.any(weights <= 0) or abs(weights.sum() - 1) > 1e-6:
-        raise InvalidInputError(f"weights_ must be positive and add up to 1; found {weights}")
+def tracking_weights(covariance: ArrayLike, damping: float = 0.1) -> Array:
+    """Return the weights of a tracking task: large where demonstrations agree.
+
+    Parameters
+    ----------
+    covariance : array_like, shape (n, m, m)
+        Of a profile, in whitened Mandel coordinates at its ellipsoids; see `ProfileGMM.predict`.
+    damping : float
+        ρ ≥ 0: the weights are (C + ρ c I)⁻¹, c the mean variance over all times and directions. A direction has at most
+        1 + 1 / ρ times the weight of one of mean variance.
+
+    Returns
+    -------
+    ndarray, shape (n, m, m)
+        W, dimensionless, for the cost eᵀ W e of the error e = vec(log(M^-½ M_target M^-½)); its mean weight, tr(W) / m
+        averaged over the n times, is one.
+
+    Raises
+    ------
+    NotSPDError, InvalidInputError
+        When a covariance is not positive-semidefinite, all are zero, or one is singular without damping.
+    """
+    array, rho = as_finite(covariance, "covariance"), as_number(damping, "damping", minimum=0.0)
+    require_shape(array, "covariance", ("n", array.shape[-1] if array.ndim else 0, "m"))
+    values, vectors = np.linalg.eigh(0.5 * (array + np.swapaxes(array, -1, -2)))
+    scale = max(float(np.abs(values).max()), np.finfo(np.float64).tiny)  # weights have no unit
+    if values.min() < -1e-10 * scale:
+        raise NotSPDError(f"covariance must have no negative eigenvalue; found {values.min():.3g}")
+    variance = float(values.mean()) / scale
+    values = np.maximum(values / scale, 0.0) + rho * variance
+    if np.any(values <= SPD_TOLERANCE * variance):
+        raise InvalidInputError("covariance is zero, or singular at some time; use a damping above 0")
+    weights = (vectors / values[..., None, :]) @ np.swapaxes(vectors, -1, -2) / np.mean(1.0 / values)
+    return np.asarray(0.5 * (weights + np.swapaxes(weights, -1, -2)))

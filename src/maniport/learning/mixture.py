@@ -1,4 +1,9 @@
-"""Gaussian mixtures on R^p × SPD(d): input checks, EM iteration, regression."""
+"""Gaussian mixtures on R^p × SPD(d): tangent spaces, input checks, EM iteration, regression.
+
+The whitened Mandel coordinates of X at P are vec(log(P^-½ X P^-½)), a vector of m = d (d + 1) / 2 whose length is the
+affine-invariant distance. Parallel transport from P₁ to P₂ along their geodesic, E L Eᵀ with E = (P₂ P₁⁻¹)^½, becomes a
+rotation of them: V → Q V Qᵀ with Q = P₂^-½ E P₁^½ = P₂^-½ P₁^½ (P₁^-½ P₂ P₁^-½)^½, which is orthogonal.
+"""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -10,15 +15,32 @@ from scipy.cluster.vq import ClusterError, kmeans2
 from scipy.special import logsumexp, softmax
 
 from maniport.errors import ConvergenceWarning, InvalidInputError
-from maniport.learning.tangent import coordinates, on_vectors, turns
 from maniport.spd.affine_invariant import whitened_eigh
-from maniport.spd.kernels import eigh
+from maniport.spd.kernels import eigh, mandel_basis
 from maniport.spd.matrix_functions import apply, bounded, compose, congruence, from_vector, roots, to_vector
 from maniport.spd.mean import mean
-from maniport.util.progress import Part, counted
 from maniport.util.validation import Array, as_count, as_finite, require_shape
 
 MIN_WEIGHT = 1e-8  # A component that explains fewer points keeps its mean and covariance
+
+
+def coordinates(centers: Array, points: Array) -> Array:
+    """Return whitened Mandel coordinates (..., m) of points at centers, shapes (..., d, d) that broadcast."""
+    values, vectors = whitened_eigh(roots(centers)[1], points)
+    return to_vector(compose(np.log(values), vectors))
+
+
+def turns(starts: Array, ends: Array) -> Array:
+    """Return the rotations Q (..., d, d) of parallel transport in whitened coordinates."""
+    root, inverse_root = roots(starts)
+    values, vectors = whitened_eigh(inverse_root, ends)
+    return np.asarray(roots(ends)[1] @ root @ compose(np.sqrt(values), vectors))
+
+
+def on_vectors(rotations: Array) -> Array:
+    """Return the orthogonal matrices (..., m, m) of V → Q V Qᵀ on Mandel vectors; Q has shape (..., d, d)."""
+    images = congruence(rotations[..., None, :, :], mandel_basis(rotations.shape[-1]))
+    return np.swapaxes(to_vector(images), -1, -2)
 
 
 def as_inputs(value: ArrayLike, count: int | None, columns: int | None = None) -> Array:
@@ -117,33 +139,12 @@ class Fit:
     converged: bool
 
 
-def most_likely(
-    inputs: Array,
-    points: Array,
-    count: int,
-    generator: np.random.Generator,
-    progress: Part,
-    *,
-    regularization: float,
-    n_init: int,
-    max_iter: int,
-    tol: float,
-) -> Fit:
-    """Fit `count` components from several starts and return the most likely."""
-    d, p = points.shape[-1], inputs.shape[1]
-    ridge = regularization * np.r_[np.full(p, np.var(inputs, axis=0).mean()), np.ones(d * (d + 1) // 2)]
-    starts = n_init if count > 1 else 1
-    fits = [
-        expectation_maximization(inputs, points, k_means_shares(inputs, points, count, generator), ridge, tol, max_iter)
-        for _ in counted(range(starts), starts, progress)
-    ]
-    return max(fits, key=lambda fit: fit.log_likelihood)
-
-
 def expectation_maximization(
-    inputs: Array, points: Array, shares: Array, ridge: Array, tol: float, max_iter: int
+    inputs: Array, points: Array, shares: Array, regularization: float, tol: float, max_iter: int
 ) -> Fit:
     """Fit a mixture by EM from initial shares (n, K)."""
+    d, p = points.shape[-1], inputs.shape[1]
+    ridge = regularization * np.r_[np.full(p, np.var(inputs, axis=0).mean()), np.ones(d * (d + 1) // 2)]
     mixture: Mixture | None = None
     best: tuple[Mixture, float] | None = None
     history: list[float] = []

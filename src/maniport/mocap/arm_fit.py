@@ -123,13 +123,6 @@ class ArmFit(NotebookDisplay):
         joints = zip(self.joint_names, self.reasons, self.observable, strict=True)
         return {name: reason for name, reason, observable in joints if not observable}
 
-    @property
-    def largest_step(self) -> tuple[float, float]:
-        """Largest change of a joint from frame to frame [degrees], and when it ends [s]."""
-        steps = np.where(np.diff(self.frames) == 1, np.abs(np.diff(self.joint_angles, axis=0)).max(axis=1), 0.0)
-        at = int(np.argmax(steps)) + 1 if steps.any() else 0
-        return float(np.degrees(steps.max(initial=0.0))), float(self.time[at])
-
     def residual_summary(self) -> dict[str, dict[str, float]]:
         """Statistics of each residual [degrees]: ``median``, ``p95``, ``max``, and its time ``max_at_s`` [s].
 

@@ -1,24 +1,20 @@
 """Joint angles of one or several human arms from a recording."""
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maniport.arms import PERSONS
 from maniport.arms.chain import LEFT, RIGHT, SIDES
 from maniport.arms.human import as_height, human_arm
-from maniport.errors import InvalidInputError, ManiportWarning, RecordingError, argument, spoken, typed
+from maniport.errors import InvalidInputError, RecordingError, argument, spoken, typed
 from maniport.mocap.arm_fit import ArmFit, HumanMotion
-from maniport.mocap.arm_path import JUMP_OPTIONS, solve_arm, treat_jumps
-from maniport.mocap.cleaning import as_smoothing
+from maniport.mocap.arm_path import jump_warning, solve_arm
 from maniport.mocap.data_quality import (
     AT_LIMIT,
-    calibration_pose,
     gap_warning,
     model_differences,
     observability,
@@ -26,11 +22,11 @@ from maniport.mocap.data_quality import (
 from maniport.mocap.directions import require_human
 from maniport.mocap.marker_sets import ARM, TRUNK
 from maniport.mocap.observation import Observation, observe, segment_lengths
-from maniport.mocap.recording import LONGEST_GAP, Recording
+from maniport.mocap.recording import Recording
 from maniport.mocap.roles import assign_roles, role_position
-from maniport.util.defaults import AUTO, BOTH, KEEP
+from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, Step
-from maniport.util.validation import as_choice, as_number
+from maniport.util.validation import as_choice
 
 GROUP = LEFT, RIGHT  # Order of the arms of a person
 
@@ -39,13 +35,11 @@ def fit_arm(
     recording: Recording,
     person: str = "myoarm",
     markers: Mapping[str, Any] | None = None,
-    fill: float = LONGEST_GAP,
     progress: Progress | None = None,
     *,
     side: str = AUTO,
     height: float | None = None,
-    smooth: str | float = AUTO,
-    jumps: str = KEEP,
+    smooth: str = AUTO,
 ) -> ArmFit:
     """Find the joint angles with which a human arm follows a recording.
 
@@ -64,8 +58,6 @@ def fit_arm(
         ``{"shoulder": ["RFSH", "RBSH"], "elbow_axis": (["RIEL"], ["RELB"])}``, the mean of several points each.
         Roles: shoulder, elbow, wrist, hand; as pairs (from, to) elbow_axis (medial, lateral), wrist_axis (ulnar,
         radial), trunk_up (low, high), trunk_front (back, front), trunk_left (right, left). None drops a role.
-    fill : float
-        Gaps up to this many seconds are interpolated; frames in longer ones are left out.
     progress : callable, optional
         Called with the name of the step and the fraction done.
     side : {"auto", "right", "left"}
@@ -74,11 +66,8 @@ def fit_arm(
     height : float, optional
         The person's body height [m], from 1 to 2.5. Segments that are not recorded, or not as long as an adult's, get
         their fraction of it, see `maniport.arms.human`.
-    smooth : {"auto", "off"} or float
-        "auto" smooths points with large noise, as keypoints of video; a number smooths all points at that cutoff
-        frequency [Hz].
-    jumps : {"keep", "smooth", "split"}
-        Treatment of joints that are too fast: keep them; interpolate all joints; use the longest part between jumps.
+    smooth : {"auto", "off"}
+        "auto" smooths points with large noise, as keypoints of video.
 
     Raises
     ------
@@ -88,30 +77,20 @@ def fit_arm(
         When the person's model lacks the joints or frames of a human arm, or an option has a wrong value.
     RecordingError
         When points that are needed are not recorded, or never all at once, or the body changes its size.
-
-    Warns
-    -----
-    ManiportWarning
-        When the model and the person differ much: a joint would exceed its limit by more than 10° in more than 20 % of
-        the frames, a segment is more than 5° (median) from its measured direction, or markers of a joint seem to be
-        exchanged.
     """
-    require_person(person, side, height, smooth, jumps)  # rejects "both"
-    options: dict[str, Any] = {"side": side, "height": height, "smooth": smooth, "jumps": jumps}
-    return fit_arms(recording, person, markers, fill, progress, **options).arms[0]
+    require_person(person, side, height, smooth)  # rejects "both"
+    return fit_arms(recording, person, markers, progress, side=side, height=height, smooth=smooth).arms[0]
 
 
 def fit_arms(
     recording: Recording,
     person: str = "myoarm",
     markers: Mapping[str, Mapping[str, Any]] | None = None,
-    fill: float = LONGEST_GAP,
     progress: Progress | None = None,
     *,
     side: str = BOTH,
     height: float | None = None,
-    smooth: str | float = AUTO,
-    jumps: str = KEEP,
+    smooth: str = AUTO,
 ) -> HumanMotion:
     """Find the joint angles with which both arms of a person follow a recording, each as `fit_arm` does.
 
@@ -126,8 +105,8 @@ def fit_arms(
         from the right arm. For one arm as in `fit_arm`.
     side : {"both", "auto", "right", "left"}
         Both arms, or one as in `fit_arm`.
-    person, fill, progress, height, smooth, jumps : optional
-        As in `fit_arm`; so are the other errors and the warnings.
+    person, progress, height, smooth : optional
+        As in `fit_arm`; so are the other errors.
 
     Raises
     ------
@@ -135,25 +114,19 @@ def fit_arms(
         When one of the arms is not recorded, or never all of them at once.
     """
     both = side == BOTH
-    height, cutoff = require_person(person, AUTO if both else side, height, smooth, jumps)
-    fill = as_number(fill, "fill [s]", minimum=0.0)
+    height = require_person(person, AUTO if both else side, height, smooth)
     chosen = _markers_by_side(recording, markers) if both else {side: markers}
-    observations = [observe(recording, own, name, fill, cutoff) for name, own in chosen.items()]
+    observations = [observe(recording, own, name, smooth == AUTO) for name, own in chosen.items()]
     counts = ", ".join(f"{len(observation.frames)} the {observation.side} one" for observation in observations)
-    common = _common(observations, f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
+    common = reduce(np.intersect1d, [observation.frames for observation in observations])
+    if not len(common):
+        raise RecordingError(f"no frame of {recording.source!r} has all arms; fully observed are {counts}")
     trunk, fits = observations[-1].trunk, []
     for observation in observations:
         step = Step(progress, f"Fit human {observation.side} arm" if both else "Fit human arm")
-        fit, differences = _fit(
-            recording, replace(observation, frames=common, trunk=trunk), person, height, jumps, step
-        )
-        for text in differences:
-            text = f"{observation.side} arm: {text}" if both else text
-            warnings.warn(text, ManiportWarning, stacklevel=2 if both else 3)
+        fit = _fit(recording, replace(observation, frames=common, trunk=trunk), person, height, step)
         step.end(fit.summary)
         fits.append(fit)
-    common = _common(fits, f"the longest parts of {recording.source!r} without jumps of either arm share no frame")
-    fits = [fit if len(fit) == len(common) else fit.only(np.isin(fit.frames, common)) for fit in fits]
     origins = []
     for observation, fit in zip(observations, fits, strict=True):  # of the base frames in the trunk, from the neck
         neck = role_position(observation.used, observation.roles["trunk_up"][1])
@@ -193,41 +166,27 @@ def _markers_by_side(recording: Recording, markers: Mapping[str, Any] | None) ->
     return {side: {**(own.get(side) or {}), **trunk} for side in GROUP}
 
 
-def _common(parts: Sequence[Observation] | Sequence[ArmFit], message: str) -> NDArray[np.intp]:
-    """Return the frames that all parts have."""
-    frames = reduce(np.intersect1d, [part.frames for part in parts])
-    if not len(frames):
-        raise RecordingError(message)
-    return frames
-
-
-def _fit(
-    recording: Recording, observation: Observation, person: str, height: float | None, jumps: str, step: Step
-) -> tuple[ArmFit, list[str]]:
-    """Fit an arm to an observation; return it with the large differences of model and person."""
+def _fit(recording: Recording, observation: Observation, person: str, height: float | None, step: Step) -> ArmFit:
+    """Fit an arm to an observation."""
     roles, notes = observation.roles, list(observation.notes)
     lengths = segment_lengths(observation.points, recording.source, height, notes, recording.measured)
     arm = human_arm(person, observation.side, lengths=lengths)
     require_human(arm)
     directions, time = observation.directions(arm), observation.time
-    q, kept, jump_warning = treat_jumps(
-        solve_arm(directions, time, roles, step), time, observation.frames, arm.joint_names, jumps
-    )
-    directions, time = directions.take(kept), time[kept]
+    q = solve_arm(directions, time, roles, step)
     angles, twists = directions.errors(q)
     share, reasons, beyond = observability(directions, roles, q)
     texts = (
         *observation.quality_warnings,
         gap_warning(observation.used.time, observation.frames),
-        calibration_pose(dict(zip(directions.names, np.moveaxis(directions.targets, 1, 0), strict=True)), time),
-        jump_warning,
+        jump_warning(q, time, observation.frames, arm.joint_names),
     )
     fit = ArmFit(
         arm=arm,
         side_reason=observation.reason,
         joint_angles=_frozen(q),
         time=_frozen(time),
-        frames=_frozen(observation.frames[kept]),
+        frames=_frozen(observation.frames),
         segments=tuple(angles),
         residual=_frozen(np.degrees(np.stack(list(angles.values()), axis=1))),
         twist_residual={segment: _frozen(np.degrees(twist)) for segment, twist in twists.items()},
@@ -241,15 +200,11 @@ def _fit(
         notes=tuple(notes),
         quality_warnings=tuple(filter(None, texts)),
     )
-    differences, small = model_differences(fit)
-    fit = replace(fit, quality_warnings=(*differences, *small, *fit.quality_warnings))
-    return fit, differences
+    return replace(fit, quality_warnings=(*model_differences(fit), *fit.quality_warnings))
 
 
-def require_person(
-    person: str, side: str, height: float | None, smooth: str | float = AUTO, jumps: str = KEEP
-) -> tuple[float | None, float | None]:
-    """Check options of `fit_arm`; return the height [m] and the cutoff frequency [Hz]."""
+def require_person(person: str, side: str, height: float | None, smooth: str = AUTO) -> float | None:
+    """Check options of `fit_arm`; return the height [m]."""
     as_choice(person, "person", PERSONS)
     if side == BOTH:
         takes = "maniport transfer, batch, live and view" if typed() else "fit_arms and transfer_recording"
@@ -257,8 +212,8 @@ def require_person(
             f"{argument('side', BOTH)} is an option of {takes}; allowed here are {', '.join((AUTO, *SIDES))}"
         )
     as_choice(side, "side", (AUTO, *SIDES))
-    as_choice(jumps, "jumps", JUMP_OPTIONS)
-    return as_height(height), as_smoothing(smooth)
+    as_choice(smooth, "smooth", (AUTO, "off"))
+    return as_height(height)
 
 
 def _frozen(array: Any) -> Any:

@@ -10,20 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from maniport.arms import Arm
-from maniport.errors import argument
 from maniport.mocap.data_quality import unobservable_joints
 from maniport.mocap.directions import Directions
 from maniport.mocap.path_solver import parts_of, solve_each, solve_long
 from maniport.mocap.recording import Bools, when
-from maniport.util.defaults import KEEP
 from maniport.util.progress import Step
 from maniport.util.validation import Array
-
-JUMP_OPTIONS = KEEP, "smooth", "split"
-"""Values of the option `jumps`: keep the jumps, interpolate over them, use the longest part between two of them."""
 
 FASTEST_JOINT = 1500.0
 """A joint that is faster from one frame to the next jumps [degrees/s]. In everyday motion none is; elbows of pitchers
@@ -139,47 +133,20 @@ def _local_solutions(directions: Directions, samples: Array, modeled: Array) -> 
     return solved.reshape(starts.shape), cost.reshape(starts.shape[:2])
 
 
-def treat_jumps(
-    q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...], option: str
-) -> tuple[Array, slice, str]:
-    """Apply the option `jumps`; return joint angles, the frames that are kept and a data-quality warning.
+def jump_warning(q: Array, time: Array, frames: NDArray[np.intp], names: tuple[str, ...]) -> str:
+    """Report the frames into which a joint jumps from the preceding frame of the recording; empty without any.
 
     Joints jump where points are confused, and where the arm hangs straight down: there the plane in which it is raised
     may rotate by any angle at once.
     """
-
-    def jumps_of(q: Array) -> NDArray[np.intp]:
-        """Return the fitted frames into which a joint jumps from the preceding frame of the recording."""
-        speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)) / np.diff(time)
-        return np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
-
-    jumps, kept = jumps_of(q), slice(0, len(q))
+    speed = np.degrees(np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)) / np.diff(time)
+    jumps = np.flatnonzero((speed > FASTEST_JOINT) & (np.diff(frames) == 1)) + 1
     if not len(jumps):
-        return q, kept, ""
+        return ""
     steps = np.degrees(np.abs(q[jumps] - q[jumps - 1]))
     worst, joint = np.unravel_index(np.argmax(steps), steps.shape)
-    text = (
+    return (
         f"joints jump in {len(jumps)} of {len(q)} frames, faster than {FASTEST_JOINT:g}°/s "
         f"({when(time, np.isin(np.arange(len(q)), jumps))}); most {names[joint]}, by {steps[worst, joint]:.1f}° in one "
-        f"frame at {time[jumps[worst]]:.2f} s"
+        f"frame at {time[jumps[worst]]:.2f} s. They are kept"
     )
-    if option == "smooth":  # interpolate around jumps, wider until none is left
-        after, width, widest = np.searchsorted(jumps, np.arange(len(q))), 0.15, 1.2  # [s]
-        nearest = np.minimum(*(np.abs(time - time[jumps[np.clip(after - i, 0, len(jumps) - 1)]]) for i in (0, 1)))
-        while True:
-            near = nearest <= width
-            near[[0, -1]] = False
-            smooth = q.copy()
-            smooth[near] = PchipInterpolator(time[~near], q[~near])(time[near])
-            if not len(jumps_of(smooth)) or width >= widest:
-                break
-            width = min(2 * width, widest)
-        return smooth, kept, f"{text}. All joints are interpolated from {width:g} s before each to {width:g} s after it"
-    if option == "split":
-        edges = np.concatenate([[0], jumps, [len(q)]])
-        longest = int(np.argmax(np.diff(edges)))
-        kept = slice(int(edges[longest]), int(edges[longest + 1]))
-        start, stop = time[kept][[0, -1]]
-        return q[kept], kept, f"{text}. The longest part between them is used, from {start:.2f} to {stop:.2f} s"
-    options = f"{argument('jumps', 'smooth')} interpolates, {argument('jumps', 'split')} uses the longest part between"
-    return q, kept, f"{text}. They are kept; {options}"

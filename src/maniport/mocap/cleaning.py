@@ -9,21 +9,19 @@ robust spline: each track x of a point minimizes
 that outliers do not pull the track. λ has the least generalized cross-validation.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.ndimage import median_filter
 from scipy.special import comb
 
-from maniport.errors import InvalidInputError, RecordingError, argument, spoken
+from maniport.errors import InvalidInputError, argument, spoken
 from maniport.mocap.marker_sets import other_side
 from maniport.mocap.recording import LONGEST_GAP, Bools, Recording, runs_of, when
-from maniport.mocap.roles import role_position
 from maniport.util.defaults import AUTO
-from maniport.util.validation import Array, as_choice, as_number
+from maniport.util.validation import Array
 
 MIN_JUMP = 0.1  # Least displacement of a point that is taken for an outlier [m]
 
@@ -33,31 +31,19 @@ LEAST_SHARE = 0.003
 """Smallest cutoff as a share of the frame rate: below it rounding of the equations moves points by millimeters."""
 
 
-def in_order(
-    time: Array, positions: Array, latest: float = 0.5, most_repeated: float = 0.1
-) -> tuple[Array, Array, list[str]]:
-    """Sort frames that are at most `latest` seconds late, and drop a small share with the time of another frame."""
+def in_order(time: Array, positions: Array, most: float = 0.1) -> tuple[Array, Array, list[str]]:
+    """Omit frames, a share of at most `most`, whose time does not exceed that of every frame before."""
     if not np.isfinite(time).all() or time.shape != positions.shape[:1] or (np.diff(time) > 0).all():
         return time, positions, []
-    late = np.maximum.accumulate(time) - time
-    if late.max() > latest:
-        i = int(np.argmax(late > latest))
+    kept = np.concatenate([[True], time[1:] > np.maximum.accumulate(time)[:-1]])
+    count, first = int((~kept).sum()), int(np.argmin(kept))
+    if count > most * len(time):
         raise InvalidInputError(
-            f"time decreases by {late[i]:.3g} s at index {i}, to {time[i]:g} s; frames may be late by at most "
-            f"{latest:g} s. If the file holds several recordings, split it"
+            f"the times of {count} of {len(time)} frames do not increase, the first at index {first}, "
+            f"{time[first]:g} s; at most {100 * most:.0f} % may. If the file holds several recordings, split it; if "
+            f"times are rounded, give the frames per second ({spoken('rate')})"
         )
-    order = np.argsort(time, kind="stable")
-    kept = order[np.concatenate([[True], np.diff(time[order]) > 0])]
-    repeated = len(time) - len(kept)
-    if repeated > most_repeated * len(time):
-        raise InvalidInputError(
-            f"{repeated} of {len(time)} frames have the time of another one, the first at index "
-            f"{int(np.argmax(np.diff(time) == 0)) + 1}; at most {100 * most_repeated:.0f} % may. If times are rounded, "
-            f"give the frames per second ({spoken('rate')})"
-        )
-    notes = [f"{int((late > 0).sum())} frames were out of order in time and were sorted"] if (late > 0).any() else []
-    notes += [f"{repeated} frames with the time of another one were omitted"] if repeated else []
-    return time[kept], positions[kept], notes
+    return time[kept], positions[kept], [f"{count} frames with times that do not increase were omitted"]
 
 
 def without_zeros(recording: Recording) -> Recording:
@@ -102,38 +88,6 @@ def unswapped(recording: Recording, points: Iterable[str], least_step: float = 0
                 f"({when(recording.time, swapped)})"
             )
     return _changed(recording, positions, quality_warnings=texts)
-
-
-def in_one_unit(recording: Recording, roles: Mapping[str, Any]) -> Recording:
-    """Scale frames in which the whole body is 10, 100 or 1000 times as large or small as in most frames."""
-    similar = 1.2  # ratio up to which factors count as equal
-    shoulder, elbow, wrist = (role_position(recording, roles[name]) for name in ("shoulder", "elbow", "wrist"))
-    low, high = (role_position(recording, names) for names in roles["trunk_up"])
-    lengths = np.linalg.norm(np.stack([elbow - shoulder, wrist - elbow, high - low], axis=1), axis=-1)
-    observed = np.flatnonzero((lengths > 0).all(axis=1))
-    if not len(observed):
-        return recording
-    median = np.quantile(lengths[observed], 0.5, axis=0, method="lower")  # not the mean of two sizes
-    least, most = np.sort(lengths[observed] / median, axis=1)[:, [0, 2]].T
-    uniform, size = most < similar * least, np.log10(least * most) / 2
-    metric = uniform & (np.abs(size - np.round(size)) < np.log10(similar))
-    last = np.maximum(np.searchsorted(observed, np.arange(len(recording)), side="right") - 1, 0)  # also of gaps
-    power = np.where(metric, np.round(size), 0.0)[last]
-    # Smaller changes of all lengths are left to the fit, and shorter ones are faults of points.
-    for start, stop in runs_of((uniform & ~metric & (np.abs(size) > np.log10(1.6)))[last]):
-        if recording.time[stop - 1] - recording.time[start] > 0.5:
-            factor = 10 ** np.median(size[last[start:stop]])
-            raise RecordingError(
-                f"{recording.source or 'the recording'}: from {recording.time[start]:.2f} to "
-                f"{recording.time[stop - 1]:.2f} s the body is {factor:.3g} times as large as in most frames; there "
-                "may be a second unit or a second person in the file. Crop the recording"
-            )
-    texts = [
-        f"the body is {10.0**exponent:g} times as large as otherwise in {(power == exponent).sum()} frames, which were "
-        f"scaled to one unit ({when(recording.time, power == exponent)})"
-        for exponent in np.unique(power[power != 0])
-    ]
-    return _changed(recording, recording.positions * (10.0**-power)[:, None, None], quality_warnings=texts)
 
 
 def without_outliers(recording: Recording) -> Recording:
@@ -185,45 +139,28 @@ def _changed(
     return replace(recording, positions=positions, notes=notes, quality_warnings=quality_warnings)
 
 
-def as_smoothing(value: Any) -> float | None:
-    """Check the option `smooth`; return the cutoff [Hz], infinite for "off", None for "auto"."""
-    if isinstance(value, str):
-        try:
-            value = float(value)  # as the command line passes it
-        except ValueError:
-            return None if as_choice(value, "smooth", (AUTO, "off")) == AUTO else np.inf
-    return as_number(value, "smooth [Hz]", above=0.0)
-
-
-def smoothed(recording: Recording, cutoff: float | None = None, large_noise: float = 0.004) -> Recording:
-    """Smooth the noisy points, or all up to a cutoff [Hz]; `quality_warnings` reports noise and smoothing.
+def smoothed(recording: Recording, smooth: bool = True, large_noise: float = 0.004) -> Recording:
+    """Smooth the noisy points, or only report them, in `quality_warnings`.
 
     Points are noisy from `large_noise` in one direction [m]: optical systems have 0.0001 to 0.001, skeletons of people
     who climb and jump 0.002, keypoints of video 0.005 to 0.02. Below 20 frames per second motion is not distinct from
     noise, and runs of less than 12 frames are kept.
     """
-    least = LEAST_SHARE * recording.rate
-    if cutoff is not None and cutoff < least:
-        raise InvalidInputError(
-            f"{spoken('smooth')} must be at least {least:.3g} Hz for {recording.rate:.4g} frames per second; "
-            f"found {cutoff:g}"
-        )
-    amounts = np.array([noise(recording.positions[:, i]) for i in range(len(recording.names))])
-    noisy = np.flatnonzero((amounts > large_noise) & (recording.rate >= 20.0) & (least <= CUTOFFS[-1]))
-    names = ", ".join(recording.names[i] for i in noisy)
-    text = f"{names}: noise of {_span(1e3 * amounts[noisy])} mm" if len(noisy) else ""
-    positions, cutoffs = recording.positions.copy(), []
-    for i in noisy if cutoff is None else range(len(amounts) if cutoff < np.inf else 0):
+    rate, positions, cutoffs = recording.rate, recording.positions.copy(), []
+    amounts = np.array([noise(positions[:, i]) for i in range(len(recording.names))])
+    noisy = np.flatnonzero((amounts > large_noise) & (rate >= 20.0) & (LEAST_SHARE * rate <= CUTOFFS[-1]))
+    for i in noisy if smooth else ():
         for start, stop in runs_of(np.isfinite(positions[:, i, 0])):
             if stop - start >= 12:
-                positions[start:stop, i], used = _robust_spline(positions[start:stop, i], recording.rate, cutoff)
-                cutoffs.append(used)
-    how = f"smoothed up to {_span(cutoffs)} Hz" if cutoffs else ""
-    if cutoff == np.inf and text:
-        return _changed(recording, positions, (), [f"{text}; {argument('smooth', AUTO)} smooths them"])
-    if cutoff is None and how:
-        return _changed(recording, positions, (), [f"{text}, {how}; {argument('smooth', 'off')} keeps them"])
-    return _changed(recording, positions, [f"all points {how}"] if how else ())
+                positions[start:stop, i], cutoff = _robust_spline(positions[start:stop, i], rate)
+                cutoffs.append(cutoff)
+    if not len(noisy) or (smooth and not cutoffs):
+        return recording
+    names = ", ".join(recording.names[i] for i in noisy)
+    how = f"; {argument('smooth', AUTO)} smooths them"
+    if smooth:
+        how = f", smoothed up to {_span(cutoffs)} Hz; {argument('smooth', 'off')} keeps them"
+    return _changed(recording, positions, (), [f"{names}: noise of {_span(1e3 * amounts[noisy])} mm{how}"])
 
 
 def noise(track: Array, order: int = 6) -> float:
@@ -243,11 +180,11 @@ def _span(values: Array | list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _robust_spline(track: Array, rate: float, cutoff: float | None) -> tuple[Array, float]:
-    """Smooth one run of frames (n, 3); return it with the cutoff [Hz], by generalized cross-validation where None."""
+def _robust_spline(track: Array, rate: float) -> tuple[Array, float]:
+    """Smooth one run of frames (n, 3); return it with the cutoff [Hz]."""
     n, tails = len(track), 4.0  # degrees of freedom of Student's distribution
     median_chi_squared = 2.366  # with three degrees of freedom
-    cutoffs = [cutoff] if cutoff is not None else [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
+    cutoffs = [f for f in CUTOFFS if LEAST_SHARE * rate <= f < 0.45 * rate]
     pattern, penalty = np.array([-1.0, 3.0, -3.0, 1.0]), np.zeros((4, n))  # third differences; DᵀD as lower bands
     for offset in range(4):
         for k in range(4 - offset):

@@ -1,6 +1,6 @@
 """Quality of an arm fit: observable joints, saturated limits, gaps, and differences of model and person."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,87 +69,53 @@ def observability(directions: Directions, roles: Collection[str], q: Array) -> t
     return share, tuple(reasons), np.concatenate(excesses)
 
 
-def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> tuple[list[str], list[str]]:
-    """Return the large and the small differences of the model and the person as warnings; none where it follows well.
+def model_differences(fit: ArmFit, large: float = 10.0, small: float = 1.0) -> list[str]:
+    """Report differences of the model and the person; empty where the model follows well.
 
-    Differences are large where observable joints exceed a limit in over 20 % of the frames by more than `large`
-    [degrees], small from more than `small`. Residuals of segments are large from 5° (median). Rotations about a
-    segment's axis have up to 15° in good recordings, as markers lie at some distance from the joints, and 36° to 169°
-    with exchanged markers: large is 25°.
+    Observable joints exceed a limit in over 20 % of the frames by more than `small` [degrees]; more than `large` may be
+    a fault of the points. Residuals of segments are large from 5° (median). Rotations about a segment's axis have up to
+    15° in good recordings, as markers lie at some distance from the joints, and 36° to 169° with exchanged markers:
+    large is 25°.
     """
-
-    def beyond(excess: float) -> list[int]:
-        return np.flatnonzero(fit.observable & ((fit.beyond_limit > excess).mean(axis=0) > 0.2)).tolist()
-
-    def exceeded_limit(joint: int) -> float:
-        q = float(np.median(fit.joint_angles[fit.beyond_limit[:, joint] > small, joint]))
-        return float(min((fit.arm.lower[joint], fit.arm.upper[joint]), key=lambda limit: abs(limit - q)))
-
-    def text(joint: int, excess: float) -> str:
-        degrees, limit = fit.beyond_limit[:, joint], np.degrees(exceeded_limit(joint))
-        often = degrees > excess
-        return (
-            f"{JOINTS[joint]} beyond its limit of {limit:.0f}° in {100 * often.mean():.0f} % of the frames "
-            f"(by {np.median(degrees[often]):.0f}°, at most {degrees.max():.0f}°)"
-        )
-
-    others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
-    other_model = [f"try another model ({argument('person', name)})" for name in others[:1]]
-    far = beyond(large)
-    near = [text(joint, small) for joint in beyond(small) if joint not in far]
-    less = [f"joint limits of the model are exceeded: {', '.join(near)}. Advice: {', '.join(other_model)}"]
-    small_differences = less if near else []
-    rotations = {about_axis(segment): axis for axis, segment in AROUND.items()}
     medians = {name: row["median"] for name, row in fit.residual_summary().items()}
-    medians = {name: median for name, median in medians.items() if median > (25.0 if name in rotations else 5.0)}
     exchanged = []
-    for name, axis in rotations.items():
-        if name in medians:
+    for axis, segment in AROUND.items():
+        if (median := medians.pop(about_axis(segment), 0.0)) > 25.0:
             first, second = fit.roles[axis]
             exchanged.append(
-                f"the {AROUND[axis]} is rotated by {medians[name]:.0f}° (median) about its axis from its markers: "
+                f"the {segment} is rotated by {median:.0f}° (median) about its axis from its markers: "
                 f"{'+'.join(first)} and {'+'.join(second)} may be exchanged. If so, give "
                 f"{argument('markers', {axis: [list(second), list(first)]})}; "
                 f"if that does not help omit them: {argument('markers', {axis: None})}"
             )
-    if exchanged or not (far or medians):
-        return exchanged, small_differences
-    texts = [text(joint, large) for joint in far]
+    near, far = (
+        np.flatnonzero(fit.observable & ((fit.beyond_limit > excess).mean(axis=0) > 0.2)).tolist()
+        for excess in (small, large)
+    )
+    limits, texts = {}, []
+    for joint in near:
+        degrees = fit.beyond_limit[:, joint]
+        often = degrees > small
+        ends, q = (fit.arm.lower[joint], fit.arm.upper[joint]), np.median(fit.joint_angles[often, joint])
+        limits[joint] = min(ends, key=lambda limit: abs(limit - q))
+        texts.append(
+            f"{JOINTS[joint]} beyond its limit of {np.degrees(limits[joint]):.0f}° in {100 * often.mean():.0f} % of "
+            f"the frames (by {np.median(degrees[often]):.0f}°, at most {degrees.max():.0f}°)"
+        )
+    medians = {name: median for name, median in medians.items() if median > 5.0}
     texts += [f"the {name} is {median:.1f}° (median) from the measured one" for name, median in medians.items()]
-    segments = bool(medians.keys() & {"upper arm", "forearm"})
-    advice = []
-    if ELBOW in far and exceeded_limit(ELBOW) == fit.arm.lower[ELBOW]:
+    if exchanged or not texts:
+        return exchanged
+    segments, advice = bool(medians.keys() & {"upper arm", "forearm"}), []
+    if ELBOW in far and limits[ELBOW] == fit.arm.lower[ELBOW]:
         advice.append("change the sign of one axis, if the axes are left-handed as those of Unity and Unreal")
     if segments or any(joint < TURN for joint in far):
         advice.append(f"check the roles of the points (maniport info) and assign others with {argument('markers')}")
     if segments:
         advice.append(f"try the other arm ({argument('side', LEFT if fit.arm.side != LEFT else RIGHT)})")
-    advice += other_model
-    differ = f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"
-    return [differ], small_differences
-
-
-def calibration_pose(directions: Mapping[str, Array], time: Array) -> str:
-    """Report a T-pose or A-pose, held for 0.5 s or left at once, with which the motion begins; empty without one.
-
-    In it the elbow is nearly straight, and the arm points to the side, along the horizon (T) or lower (A).
-    """
-    upper, fore = directions["upper arm"], directions["forearm"]
-    elevation = np.degrees(np.arccos(np.clip(-upper[0, 2], -1.0, 1.0))) - 90.0  # above the horizon
-    straight = upper[0] @ fore[0] >= np.cos(np.radians(20.0))
-    if len(time) < 3 or not straight or abs(upper[0, 0]) > 0.35 or not -65.0 <= elevation <= 15.0:
-        return ""
-    rotation = np.degrees(np.max([np.arccos(np.clip(u @ u[0], -1.0, 1.0)) for u in (upper, fore)], axis=0))
-    left = int(np.argmax(rotation > 3.0))  # zero where the pose is held to the end
-    duration = float(time[left - 1] - time[0])
-    at_once = left <= 2 and rotation[left] > 15.0
-    if left == 0 or not (duration >= 0.5 or at_once):
-        return ""
-    return (
-        f"the recording begins in {'a T' if elevation > -15.0 else 'an A'}-pose, as for calibration, "
-        f"{'left at once' if at_once else f'held for {duration:.2f} s'}; to omit it crop the recording: "
-        f"{argument('start', round(float(time[left]), 2))}"
-    )
+    others = [name for name in PERSONS if name != fit.arm.name.removesuffix(f"_{LEFT}")]
+    advice += [f"try another model ({argument('person', name)})" for name in others[:1]]
+    return [f"the model of the arm and the person differ: {'; '.join(texts)}. Advice: {', or '.join(advice)}"]
 
 
 def gap_warning(time: Array, frames: NDArray[np.intp]) -> str:

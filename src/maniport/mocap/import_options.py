@@ -1,4 +1,4 @@
-"""Unit, vertical axis and rate of a file: from the caller, else from the file, else recognized from the points."""
+"""Unit and rate of a file: from the caller, else from the file, else recognized from the points."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from maniport.arms.chain import SIDES
 from maniport.errors import FileFormatError, InvalidInputError, argument, as_text
 from maniport.mocap.cleaning import in_order, without_zeros
-from maniport.mocap.marker_sets import find_legs, find_roles, whole_bodies
-from maniport.mocap.recording import MAX_POSITION, UP_AXES, Recording
+from maniport.mocap.marker_sets import find_roles, whole_bodies
+from maniport.mocap.recording import MAX_POSITION, Recording
 from maniport.mocap.roles import direction
 from maniport.util.input_limits import FRAMES, PLACES, POINTS, require_at_most
 from maniport.util.validation import Array
@@ -33,7 +33,6 @@ class ImportOptions:
     """Options of the caller for reading a file; None for the values of the file."""
 
     unit: str | None = None  # one of `UNITS`
-    up: str | None = None  # vertical axis, one of `UP_AXES`
     rate: float | None = None  # frames per second
 
     def recording(
@@ -43,19 +42,16 @@ class ImportOptions:
         positions: ArrayLike,
         time: ArrayLike | None = None,
         unit: str = "",
-        up: str = "",
-        usual: str = "z",
         origin: str = "stated in the file",
         notes: Sequence[str] = (),
         quality_warnings: Sequence[str] = (),
         measured: bool = True,
     ) -> Recording:
-        """Make the recording in meters, with notes on the unit, the vertical axis, the rate and missing points.
+        """Make the recording in meters, with notes on the unit, the rate and missing points.
 
         `names` that repeat are numbered. `positions` (n_frames, n_points, 3) are in the unit of the file; nan, and
         points farther than 1e12, are missing. `time` [s] is None where the file has neither times nor a rate. `unit`
-        and `up` are empty where the file does not state them; `origin` describes why they are these. `usual` is the
-        vertical axis if neither the file nor the points determine it. The rest is as in `Recording`.
+        is empty where the file does not state it; `origin` describes why it is this one. The rest is as in `Recording`.
 
         Raises
         ------
@@ -112,99 +108,50 @@ class ImportOptions:
         try:
             times, points, ordered = in_order(times, points)
             source = as_text(file.name)
-            raw = Recording(tuple(unique), points, times, usual, source, (), tuple(quality_warnings), "", measured)
+            raw = Recording(tuple(unique), points, times, source, (), tuple(quality_warnings), "", measured)
         except InvalidInputError as error:
             raise FileFormatError(f"{file}: {error}") from None
         scale, unit_note = self._scale(raw, file, unit, origin)
-        axis, up_note = self._vertical(raw, up, origin)
-        notes = [unit_note, up_note, *notes, *ordered]
-        return without_zeros(replace(raw, positions=raw.positions * scale, up=axis, notes=tuple(notes)))
+        texts = (unit_note, *notes, *ordered), (*quality_warnings, *_bodies_warning(raw))
+        return without_zeros(replace(raw, positions=raw.positions * scale, notes=texts[0], quality_warnings=texts[1]))
 
     def _scale(self, recording: Recording, file: Path, declared: str, origin: str) -> tuple[float, str]:
         """Return meters per unit, with a note on the origin."""
-        if self.unit is not None:
-            return UNITS[self.unit], f"unit set by the caller: {self.unit}"
-        unit, arm = known_unit(declared), _upper_arm(recording)
+        unit, (ends, length) = self.unit or known_unit(declared), _upper_arm(recording)
+        fitting = [name for name in UNITS if name != "dm" and UPPER_ARM[0] <= length * UNITS[name] <= UPPER_ARM[1]]
         if unit is not None:
-            if arm is not None and not POSSIBLE_UPPER_ARM[0] <= arm[1] * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
-                raise FileFormatError(f"{file}: {_implausible(arm, unit, f'the unit {unit}, {origin},')}")
-            return UNITS[unit], f"unit {unit}, {origin}"
-        fitting = [] if arm is None else _fitting_units(arm[1])
-        if arm is None or not fitting:
-            why = f"the upper arm ({arm[0]}) has {arm[1]:.4g} units" if arm else "no points are those of an upper arm"
+            if ends and not POSSIBLE_UPPER_ARM[0] <= length * UNITS[unit] <= POSSIBLE_UPPER_ARM[1]:
+                cause = argument("unit", unit) if self.unit else f"the unit {unit}, {origin},"
+                better = (f"; {argument('unit', fit)} makes it {length * UNITS[fit]:.3g} m" for fit in fitting)
+                raise FileFormatError(
+                    f"{file}: {cause} makes the upper arm ({ends}) {length * UNITS[unit]:.3g} m long; possible are "
+                    f"{POSSIBLE_UPPER_ARM[0]} to {POSSIBLE_UPPER_ARM[1]} m{''.join(better)}"
+                )
+            return UNITS[unit], f"unit set by the caller: {unit}" if self.unit else f"unit {unit}, {origin}"
+        if not fitting:
+            why = f"the upper arm ({ends}) has {length:.4g} units" if ends else "no points are those of an upper arm"
             names = ", ".join(recording.names[:12]) + (", …" if len(recording.names) > 12 else "")
             raise FileFormatError(
                 f"{file}: the unit of length cannot be recognized: {why}; give {argument('unit')} one of "
                 f"{', '.join(map(repr, UNITS))}. Points: {names}"
             )
         scale = UNITS[fitting[0]]
-        length = f"the upper arm ({arm[0]}) is {arm[1]:.4g} units long, {arm[1] * scale:.3f} m"
-        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {length}"
+        text = f"the upper arm ({ends}) is {length:.4g} units long, {length * scale:.3f} m"
+        return scale, f"unit recognized as {fitting[0]} (1 unit = {scale:.5g} m): {text}"
 
-    def _vertical(self, recording: Recording, declared: str, origin: str) -> tuple[str, str]:
-        """Return the vertical axis, with a note on the origin."""
-        if self.up is not None:
-            return self.up, f"vertical axis set by the caller: {self.up}"
-        if declared in UP_AXES:
-            return declared, f"vertical axis {declared}, {origin}"
-        if pair := find_roles(recording.observed)[1].get("trunk_up"):
-            step = direction(recording, pair)
-            if (present := np.isfinite(step).all(axis=-1)).any():
-                mean = step[present].mean(axis=0)
-                axis = int(np.argmax(np.abs(mean)))
-                if np.abs(mean[axis]) > 0.75 * np.linalg.norm(mean):
-                    name = ("" if mean[axis] > 0 else "-") + "xyz"[axis]
-                    low, high = map("+".join, pair)
-                    return name, f"vertical axis recognized as {name}: {high} lies above {low} along it"
-        return (
-            recording.up,
-            f"vertical axis {recording.up}, the usual one of the format, as the points do not determine it",
-        )
 
-    def checked(self, recording: Recording, least: float = 0.5) -> Recording:
-        """Compare the options with the points; add data-quality warnings.
-
-        The trunk and the legs of people who stand, sit, climb, hang or crawl: one of them is nearer to upright than
-        60°. A vertical axis of the caller is implausible where the cosines to both (median) are below `least`.
-
-        Raises
-        ------
-        InvalidInputError
-            When the unit makes an impossible upper arm.
-        """
-        warnings = list(recording.quality_warnings)
-        for side in SIDES:
-            first, *others = whole_bodies(recording.observed, side) or ("",)
-            if others:
-                shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
-                warnings.append(
-                    f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
-                    "whole arm is used. Assign a point of another one to use that: "
-                    f"{argument('markers', {'shoulder': shoulder})}"
-                )
-                break
-        arm = _upper_arm(recording) if self.unit else None
-        if self.unit is not None and arm is not None and not UPPER_ARM[0] <= arm[1] <= UPPER_ARM[1]:
-            text = _implausible((arm[0], arm[1] / UNITS[self.unit]), self.unit, argument("unit", self.unit))
-            if not POSSIBLE_UPPER_ARM[0] <= arm[1] <= POSSIBLE_UPPER_ARM[1]:
-                raise InvalidInputError(f"{recording.source}: {text}")
-            warnings.append(text)
-        pair = find_roles(recording.observed)[1].get("trunk_up")
-        if self.up is not None and pair is not None and (trunk := _upright(direction(recording, pair))):
-            legs = [
-                _upright(recording.point(high) - recording.point(low)) for low, high in find_legs(recording.observed)
+def _bodies_warning(recording: Recording) -> list[str]:
+    """Report which of several bodies is used."""
+    for side in SIDES:
+        first, *others = whole_bodies(recording.observed, side) or ("",)
+        if others:
+            shoulder = list(find_roles(recording.observed, side, others[0])[1]["shoulder"])
+            return [
+                f"the points are those of several bodies: {', '.join((first, *others))}; the first that has a "
+                "whole arm is used. Assign a point of another one to use that: "
+                f"{argument('markers', {'shoulder': shoulder})}"
             ]
-            if max(part.get(self.up, 0.0) for part in (trunk, *legs)) < least:
-                likely = max(trunk, key=trunk.__getitem__)
-                angle, better = (
-                    f"{np.degrees(np.arccos(np.clip(trunk[axis], -1.0, 1.0))):.0f}°" for axis in (self.up, likely)
-                )
-                low, high = map("+".join, pair)
-                warnings.append(
-                    f"with {argument('up', self.up)} the trunk ({low} to {high}) is {angle} from upright (median); "
-                    f"with {argument('up', likely)} it is {better} from upright"
-                )
-        return replace(recording, quality_warnings=tuple(warnings))
+    return []
 
 
 def known_unit(text: str) -> str | None:
@@ -227,42 +174,13 @@ def drop_untrusted(positions: Array, confidence: Array, least: float = 0.5) -> l
     )
 
 
-def _implausible(arm: tuple[str, float], unit: str, cause: str) -> str:
-    """Describe an upper arm, in the unit of the file, of implausible length, with the units that make it plausible."""
-    name, length = arm[0], arm[1] * UNITS[unit]
-    possible = POSSIBLE_UPPER_ARM[0] <= length <= POSSIBLE_UPPER_ARM[1]
-    low, high = UPPER_ARM if possible else POSSIBLE_UPPER_ARM
-    better = "".join(
-        f"; {argument('unit', fit)} makes it {arm[1] * UNITS[fit]:.3g} m" for fit in _fitting_units(arm[1])
-    )
-    return (
-        f"{cause} makes the upper arm ({name}) {length:.3g} m long; {'usual' if possible else 'possible'} are {low} to "
-        f"{high} m{better}"
-    )
-
-
-def _fitting_units(length: float) -> list[str]:
-    """Return the recognized units in which a length is that of an upper arm."""
-    return [unit for unit in UNITS if unit != "dm" and UPPER_ARM[0] <= length * UNITS[unit] <= UPPER_ARM[1]]
-
-
-def _upper_arm(recording: Recording) -> tuple[str, float] | None:
-    """Find an upper arm by the names of its ends; return them and its median length in the unit of the points."""
+def _upper_arm(recording: Recording) -> tuple[str, float]:
+    """Return the ends of an upper arm and its median length in the unit of the points; nan without one."""
     for side in SIDES:
         roles = find_roles(recording.observed, side)[1]
         if "shoulder" in roles and "elbow" in roles:
             length = np.linalg.norm(direction(recording, (roles["shoulder"], roles["elbow"])), axis=-1)
-            length = length[np.isfinite(length)]
-            if len(length):
+            if len(length := length[np.isfinite(length)]):
                 median = float(np.quantile(length, 0.5, method="lower"))  # not the mean of two units
                 return f"{'+'.join(roles['shoulder'])} to {'+'.join(roles['elbow'])}", median
-    return None
-
-
-def _upright(step: Array) -> dict[str, float]:
-    """Return the cosine (median) between a body part and each axis; nothing where it is missing."""
-    along = step[np.linalg.norm(step, axis=-1) > 0]
-    if not len(along):
-        return {}
-    x, y, z = np.median(along / np.linalg.norm(along, axis=-1, keepdims=True), axis=0).tolist()
-    return dict(zip(UP_AXES, (x, y, z, -x, -y, -z), strict=True))
+    return "", np.nan

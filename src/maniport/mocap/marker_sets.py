@@ -84,13 +84,6 @@ def whole_bodies(names: Iterable[str], side: str, most: int = 20) -> dict[str, l
     return {body: own for body, own in list(bodies.items())[:most] if needed <= _roles_among(own, side)[1].keys()}
 
 
-def find_legs(names: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the lower and the upper end of each leg that is recorded."""
-    by_key = {_key(name): name for name in names}
-    pairs = [pair for right in _DATA["legs"] for pair in (right, [other_side(name) for name in right])]
-    return [(by_key[_key(low)], by_key[_key(high)]) for low, high in pairs if {_key(low), _key(high)} <= by_key.keys()]
-
-
 def alternatives(marker_set: str, role: str, side: str = "right") -> list[Any]:
     """Return the alternatives of a marker set for a role on one side: groups of names, or pairs of groups."""
     where = f"MARKER_SETS[{marker_set!r}][{role!r}]"

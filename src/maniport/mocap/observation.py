@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from maniport.arms import Arm
 from maniport.arms.human import FRACTIONS, LONGEST_SEGMENT, adult_range, segment_length
 from maniport.errors import RecordingError
-from maniport.mocap.cleaning import in_one_unit, smoothed, unswapped, without_outliers, without_zeros
+from maniport.mocap.cleaning import smoothed, unswapped, without_outliers, without_zeros
 from maniport.mocap.directions import AXES, MARKED, SEGMENTS, Directions
 from maniport.mocap.marker_sets import DIRECTIONS
 from maniport.mocap.recording import Bools, Recording, runs_of
@@ -55,15 +55,12 @@ class Observation:
         return Directions(arm, tuple(vectors), unit(local))
 
 
-def observe(
-    recording: Recording, markers: Mapping[str, Any] | None, side: str, fill: float, cutoff: float | None
-) -> Observation:
+def observe(recording: Recording, markers: Mapping[str, Any] | None, side: str, smooth: bool) -> Observation:
     """Choose the arm, clean its points and find the frames in which it is fully observed."""
     chosen, reason, roles = find_side(recording, markers, side)
     points_used = points_of(roles)
     whole = unswapped(without_zeros(recording), points_used)
-    repaired = without_outliers(in_one_unit(whole.select(points_used), roles))
-    used = smoothed(repaired.fill_gaps(fill), cutoff)
+    used = smoothed(without_outliers(whole.select(points_used)).fill_gaps(), smooth)
     notes = list(used.notes[len(recording.notes) :])
     points = {role: role_position(used, names) for role, names in roles.items() if role not in DIRECTIONS}
     hand = points["hand"] - points["wrist"] if "hand" in points and "hand" not in (markers or {}) else None

@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import Akima1DInterpolator, make_interp_spline
 
-from maniport.errors import InvalidInputError, RecordingError, argument, spoken, unknown_name
+from maniport.errors import InvalidInputError, RecordingError, argument, unknown_name
 from maniport.util.files import save_arrays
-from maniport.util.input_limits import PLACES
 from maniport.util.notebook import NotebookDisplay
-from maniport.util.validation import Array, as_choice, as_number, as_times, require_shape
+from maniport.util.validation import Array, as_number, as_times, require_shape
 
 Bools = NDArray[np.bool_]
 
-UP_AXES = ("x", "y", "z", "-x", "-y", "-z")
-
 MAX_POSITION = 1e12  # Largest coordinate [m]: squares of distances stay finite
 
-LONGEST_GAP = 0.2  # Default length of gaps that are interpolated [s]; within it a hand hardly changes its speed
+LONGEST_GAP = 0.2  # Length of gaps that are interpolated [s]; within it a hand hardly changes its speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +34,6 @@ class Recording(NotebookDisplay):
         Positions [m] in the axes of the recording; nan where a point is missing.
     time : array_like, shape (n_frames,)
         Time [s], strictly increasing.
-    up : {"x", "y", "z", "-x", "-y", "-z"}
-        Vertical axis of the recording.
     source : str
         Name of the file.
     notes : sequence of str
@@ -59,7 +54,6 @@ class Recording(NotebookDisplay):
     names: tuple[str, ...]
     positions: Array
     time: Array
-    up: str = "z"
     source: str = ""
     notes: tuple[str, ...] = ()
     quality_warnings: tuple[str, ...] = ()
@@ -72,7 +66,6 @@ class Recording(NotebookDisplay):
         positions = _as_positions(self.positions, len(time), len(names))
         for array in (time, positions):
             array.setflags(write=False)
-        as_choice(self.up, "up", UP_AXES)
         texts = {name: tuple(map(str, getattr(self, name))) for name in ("notes", "quality_warnings")}
         for name, value in {"names": names, "time": time, "positions": positions, **texts}.items():
             object.__setattr__(self, name, value)
@@ -84,7 +77,7 @@ class Recording(NotebookDisplay):
     def __repr__(self) -> str:
         return (
             f"Recording({self.source or 'unnamed'!r}: {len(self.names)} points, {len(self)} frames, "
-            f"{self.duration:.2f} s at {self.rate:.4g} Hz, {self.up} up)"
+            f"{self.duration:.2f} s at {self.rate:.4g} Hz)"
         )
 
     @property
@@ -114,9 +107,9 @@ class Recording(NotebookDisplay):
         return np.asarray(self.positions[:, self.names.index(name)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s], vertical axis."""
+        """Write an ``.npz`` file that `read_recording` reads: names, positions [m], time [s]."""
         fields = {"names": np.array(self.names), "positions": self.positions, "time": self.time}
-        save_arrays(path, {**fields, "up": np.array(self.up), "unit": np.array("m")})
+        save_arrays(path, {**fields, "unit": np.array("m")})
 
     def select(self, names: Iterable[str]) -> "Recording":
         """Keep the named points, in this order."""
@@ -142,29 +135,6 @@ class Recording(NotebookDisplay):
                 f"{argument('stop', stop)} is beyond the end of the recording, {self.time[-1]:.2f} s",
             )
         return replace(self, positions=self.positions[keep], time=self.time[keep], quality_warnings=quality_warnings)
-
-    def resample(self, rate: float) -> "Recording":
-        """Interpolate linearly at another rate [Hz]; missing points stay missing.
-
-        Frames are not averaged, so motion faster than half the new rate folds back; human motion below 20 Hz does not.
-        """
-        rate = as_number(rate, "rate", above=0)
-        most = PLACES // len(self.names)
-        if self.duration * rate > most:
-            raise InvalidInputError(f"{spoken('rate')} must be at most {most / self.duration:g} Hz; found {rate:g}")
-        count = int(np.floor(self.duration * rate + 1e-9)) + 1
-        time = np.minimum(self.time[0] + np.arange(count) / rate, self.time[-1])
-        right = np.clip(np.searchsorted(self.time, time), min(1, len(self) - 1), len(self) - 1)
-        left = np.maximum(right - 1, 0)
-        part = (time - self.time[left]) / np.where(right > left, self.time[right] - self.time[left], 1.0)
-        # Of a frame that coincides with a recorded one the other neighbor has no weight, even if it is nan.
-        weights = np.where(part < 1e-9, 0.0, np.where(part > 1 - 1e-9, 1.0, part))[:, None, None]
-        before, after = self.positions[left], self.positions[right]
-        positions = np.where(
-            weights == 0, before, np.where(weights == 1, after, (1 - weights) * before + weights * after)
-        )
-        note = f"resampled from {self.rate:.6g} to {rate:.6g} Hz"
-        return replace(self, positions=positions, time=time, notes=(*self.notes, note))
 
     def fill_gaps(self, longest: float = LONGEST_GAP) -> "Recording":
         """Interpolate gaps up to `longest` seconds (Akima's spline); longer ones and both ends stay missing.

@@ -60,4 +60,4 @@ def synthetic_recording(arm: Arm, joint_angles: ArrayLike, time: ArrayLike, sour
         points[low], points[high] = points[middle] - axis, points[middle] + axis
     neck = np.array([0.0, middle_of(arm), 0.0])
     points |= {name: np.tile(neck + point, (len(q), 1)) for name, point in TRUNK.items()}
-    return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, "z", source)
+    return Recording(tuple(points), np.stack(list(points.values()), axis=1), times, source)

@@ -4,7 +4,6 @@ Target ellipsoids and positions are plain arrays, in the arm's base frame.
 """
 
 from maniport.motion.arm_model import robot_model
-from maniport.motion.arm_motion import ArmMotion
 from maniport.motion.controller import Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost
 from maniport.motion.costs.position import RelativePositionCost
@@ -20,14 +19,8 @@ from maniport.motion.plan.planner import Planner
 from maniport.motion.plan.reachability_map import ReachabilityMap
 from maniport.motion.plan.time_parameterization import retime, with_approach
 from maniport.motion.problem import MotionProblem
-from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.search.feasible import (
-    FeasibleEllipsoids,
-    FeasibleProjector,
-    FeasibleSearch,
-    feasibility_gap,
-    nearest_feasible,
-)
+from maniport.motion.robot_motion import ArmMotion, RobotMotion
+from maniport.motion.search.feasible import FeasibleEllipsoids, FeasibleProjector, FeasibleSearch, nearest_feasible
 from maniport.motion.search.seed_bank import SeedBank
 from maniport.motion.tracker import Control, track
 from maniport.motion.trajectory import Clearance, Trajectory
@@ -60,7 +53,6 @@ __all__ = [
     "SeedBank",
     "Trajectory",
     "export_motion",
-    "feasibility_gap",
     "nearest_feasible",
     "place_path",
     "plan_motion",

@@ -1,4 +1,4 @@
-"""Models of arms: for Pinocchio, the axis that an arm turns about, and what an arm must have to be moved."""
+"""Models of arms for Pinocchio, joint torques, the axis that an arm turns about, and requirements of motions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -123,6 +123,33 @@ def _own_coordinates(arm: Arm) -> Array:
     return np.asarray(coupling.sum(axis=1))
 
 
+class InverseDynamics:
+    """Torques of an arm or a group of arms with masses, by Pinocchio's recursive Newton-Euler algorithm."""
+
+    def __init__(self, arm: Arm | ArmGroup):
+        self.arm, self._model = arm, robot_model(arm)
+        self._data = self._model.createData()
+
+    def __reduce__(self) -> tuple[type["InverseDynamics"], tuple[Arm | ArmGroup]]:
+        return type(self), (self.arm,)
+
+    def torques(self, q: Array, velocities: Array, accelerations: Array) -> Array:
+        """Torques H q̈ + C q̇ + g at n states, each of shape (n, dof); the result is [N m] or [N]."""
+        result = np.empty(q.shape)
+        for row, state in enumerate(zip(q, velocities, accelerations, strict=True)):
+            result[row] = pin.rnea(self._model, self._data, *state)
+        return result
+
+    def along(self, q: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
+        """Return a, b and g (n, dof) of the torques a u + b x + g on a path with derivatives `first` and `second`.
+
+        u is the acceleration and x the squared speed of the path's parameter.
+        """
+        still = np.zeros(q.shape)
+        gravity = self.torques(q, still, still)
+        return self.torques(q, still, first) - gravity, self.torques(q, first, second) - gravity, gravity
+
+
 def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) -> None:
     """Raise InvalidInputError unless an arm has enough joints, none of them coupled, to follow such ellipsoids."""
     if arm.dof < least:
@@ -134,30 +161,20 @@ def require_trackable(arm: Arm, spec: EllipsoidSpec = VELOCITY, least: int = 3) 
     _own_coordinates(arm)
 
 
-def require_compatible(
-    what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec], limits: bool
-) -> None:
+def require_compatible(what: str, arms: tuple[Arm, Arm], specs: tuple[EllipsoidSpec, EllipsoidSpec]) -> None:
     """Raise InvalidInputError unless something made for the first arm and ellipsoids serves the second."""
-    mine, other = arms
-    own, expected = (
-        {"joints": arm.joint_names, "end effector": arm.frame, "base": arm.base, "held joints": dict(arm.locked)}
-        for arm in arms
-    )
-    differing = [
-        f"{name}: {value!r} there, {expected[name]!r} here" for name, value in own.items() if value != expected[name]
+    there, here = (
+        {
+            "joints": arm.joint_names, "end effector": arm.frame, "base": arm.base, "held joints": dict(arm.locked),
+            "ellipsoids": spec,
+        }
+        for arm, spec in zip(arms, specs, strict=True)
+    )  # fmt: skip
+    different = [
+        f"{name}: {value!r} there, {here[name]!r} here" for name, value in there.items() if value != here[name]
     ]
-    if specs[0] != specs[1]:
-        differing.append(f"ellipsoids: {specs[0]!r} there, {specs[1]!r} here")
-    if limits and mine.joint_names == other.joint_names:
-        joints = np.flatnonzero((mine.lower != other.lower) | (mine.upper != other.upper))
-        for i in joints[:1]:
-            there, here = (f"{arm.lower[i]:.6g} to {arm.upper[i]:.6g}" for arm in arms)
-            differing.append(
-                f"limits of {mine.joint_names[i]}: {there} there, {here} here, in all {len(joints)} of {mine.dof} "
-                "joints. A planner keeps a margin of the limits: its samples fit its own arm, planner.limits.arm"
-            )
-    if differing:
-        raise InvalidInputError(f"{what} {mine.name!r}; it does not fit {other.name!r}: {'; '.join(differing)}")
+    if different:
+        raise InvalidInputError(f"{what} {arms[0].name!r}; it does not fit {arms[1].name!r}: {'; '.join(different)}")
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from maniport.arms import Arm, ArmGroup, EllipsoidSpec, as_group
+from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.arm_model import model_prefixes
-from maniport.motion.arm_motion import ArmMotion
-from maniport.motion.objective import Objective
 from maniport.motion.robot_motion import RobotMotion
-from maniport.motion.schedule import Schedule
 from maniport.motion.trajectory import Trajectory
 from maniport.util.atomic_io import written_whole
 from maniport.util.files import save_arrays
@@ -25,7 +22,6 @@ from maniport.util.validation import Array, as_choice
 
 SCENE = "rerun"
 DECIMALS = 9, 7, 5, 4  # of positions, velocities, accelerations and torques in messages
-Columns = dict[str, tuple[Array, str]]  # values and their unit, by name
 
 
 def _samples(motion: Trajectory, rate: float = 100.0) -> Iterator[tuple[int, int, list[list[float]]]]:
@@ -98,55 +94,23 @@ def write_mujoco(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | 
     })  # fmt: skip
 
 
-def write_parquet(path: str | os.PathLike[str], motion: ArmMotion, robot: Arm) -> None:
-    """Write a row for each control step; targets are interpolated as by the tracker."""
+def write_parquet(path: str | os.PathLike[str], motion: Trajectory, robot: Arm | ArmGroup | None) -> None:
+    """Write a row for each control step."""
     arrow, parquet = pyarrow(), parquet_writer()
-    q, time, spec = motion.control_positions, motion.control_time, motion.spec
-    begin, end, step = motion.time[0], motion.time[-1], time[1] - time[0]
-    inside = (time > begin - step) & (time < end + step)
-    schedule = Schedule(Objective.of(robot, spec, motion.damping), motion.time, motion.target, motion.path)
-    target = schedule.at(np.clip(time[inside], begin, end))
-    targets = target.targets()
-
-    def spread(values: Array) -> Array:
-        """Insert rows of nan outside the times of the targets."""
-        result = np.full((len(time), *values.shape[1:]), np.nan)
-        result[inside] = values
-        return result
-
-    def vectors(prefix: str, values: Array) -> Columns:
-        return {f"{prefix}_{axis}": (column, "m") for axis, column in zip("xyz", values.T, strict=True)}
-
-    columns: Columns = {"time": (time - time[0], "s")}
+    columns: dict[str, tuple[Array, str]] = {"time": (motion.control_time - motion.control_time[0], "s")}
     for quantity, (values, units) in motion.control_states.items():
         for name, unit, column in zip(motion.joint_names, units, values.T, strict=True):
             columns[f"{name}_{quantity}"] = column, unit
-    columns |= vectors("end_effector", robot.forward(q)[:, :3, 3])
-    columns |= _entries("achieved", robot.ellipsoids(q, spec), spec)
-    columns |= _entries("target", spread(target.ellipsoids), spec)
-    columns["distance"] = spread(targets.distance(q[inside])), ""
-    error = targets.position_error(q[inside])
-    if target.positions is not None and error is not None:
-        columns |= vectors("path", spread(target.positions))
-        columns["position_error"] = spread(error), "m"
+    if robot is not None:
+        group = as_group(robot)
+        tips = group.forward(motion.control_positions)[:, :, :3, 3]
+        for arm, name in enumerate(group.names):
+            prefix = f"{name}_" if len(group) > 1 else ""
+            columns |= {f"{prefix}end_effector_{axis}": (tips[:, arm, i], "m") for i, axis in enumerate("xyz")}
     fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, (_, unit) in columns.items()]
-    about = {"robot": motion.arm, "end_effector": motion.frame, "damping": repr(motion.damping.epsilon)}
-    about |= {"kind": spec.kind, "part": spec.part}
-    table = arrow.table(
-        [arrow.array(values, from_pandas=True) for values, _ in columns.values()],  # nan becomes null
-        schema=arrow.schema(fields, metadata=about),
-    )
+    table = arrow.table([values for values, _ in columns.values()], schema=arrow.schema(fields))
     with written_whole(path) as temporary:
         parquet.write_table(table, temporary, compression="zstd")
-
-
-def _entries(prefix: str, ellipsoids: Array, spec: EllipsoidSpec) -> Columns:
-    """Entries of symmetric matrices (m, d, d) from the diagonal on, such as ``target_xy``."""
-    axes = {"translation": ("x", "y", "z"), "rotation": ("rx", "ry", "rz")}
-    names = axes.get(spec.part, axes["translation"] + axes["rotation"])
-    unit = f"({spec.unit})²" if spec.unit else ""
-    rows = zip(*np.triu_indices(len(names)), strict=True)
-    return {f"{prefix}_{names[i]}{names[j]}": (ellipsoids[:, i, j], unit) for i, j in rows}
 
 
 class Format(NamedTuple):
@@ -155,7 +119,6 @@ class Format(NamedTuple):
     file: str  # name among a run's results
     write: Callable[..., None] | None  # with path, motion and robot; None where the file contains a complete result
     package: Callable[[], Any] | None = None  # imports the package that it requires, or raises `MissingPackageError`
-    needs_robot: bool = False  # then the motion is that of one arm
 
     @property
     def ready(self) -> str:
@@ -169,7 +132,7 @@ FORMATS = {
     "ros2": Format("joints.yaml", write_ros2),
     "mcap": Format("joints.mcap", write_mcap, mcap_writer),
     "mujoco": Format("joints_mujoco.npz", write_mujoco),
-    "parquet": Format("joints.parquet", write_parquet, parquet_writer, needs_robot=True),
+    "parquet": Format("joints.parquet", write_parquet, parquet_writer),
     SCENE: Format("motion.rrd", None, rerun),
 }
 """All formats of exports by name, on the command line and in Python."""
@@ -185,9 +148,8 @@ def export_motion(
       ``sensor_msgs/msg/JointState``, as JSON with its schema, not in the binary encoding of ROS.
     - ``"mujoco"``, ``.npz``: ``qpos`` and ``qvel``, shape (m, dof), ``joint_names`` and ``timestep`` [s]; with the
       robot also its locked joints, ``held_names`` and ``held_positions``.
-    - ``"parquet"``, ``.parquet``: a row for every control step with joints, end effector, ellipsoids, their distance
-      with the motion's damping, and position errors; units are in the metadata of the columns. Targets are interpolated
-      on geodesics; outside the times of the profile they are null.
+    - ``"parquet"``, ``.parquet``: a row for every control step with the joints and, with the robot, the positions of
+      the end effectors; units are in the metadata of the columns.
 
     The first and the last control step are always included.
 
@@ -195,19 +157,18 @@ def export_motion(
     ----------
     path : str or path
     motion : Trajectory, ArmMotion or RobotMotion
-        Of one arm or of several; ``"parquet"`` takes that of one: ``motion.arms[0]``.
+        Of one arm or of several.
     format : {"ros2", "mcap", "mujoco", "parquet"}
         ``"rerun"`` takes a complete result: see `maniport.write_results`.
     robot : Arm or ArmGroup, optional
-        Required for ``"parquet"``; used for ``"mujoco"``.
+        Used for ``"mujoco"`` and ``"parquet"``.
 
     Raises
     ------
     UnknownNameError
         When the format is unknown.
     InvalidInputError
-        When the suffix is not that of the format, the motion has another type, or the robot is missing or has other
-        joints.
+        When the suffix is not that of the format, the motion has another type, or the robot has other joints.
     MissingPackageError
         When a package that the format requires is not installed.
     OutputError
@@ -226,15 +187,8 @@ def export_motion(
         motion = motion.arms[0] if len(motion.arms) == 1 else motion.trajectory
     if not isinstance(motion, Trajectory):
         raise InvalidInputError(f"motion must be a motion, such as result.motion; found {type(motion).__name__}")
-    if writer.needs_robot and not isinstance(motion, ArmMotion):
+    if robot is not None and getattr(robot, "joint_names", None) != motion.joint_names:
         raise InvalidInputError(
-            f"motion must be of one arm for the format {format!r}, such as motion.arms[0]; found {motion!r}"
-        )
-    names = robot.joint_names if isinstance(robot, Arm | ArmGroup) else None
-    if (robot is not None or writer.needs_robot) and names != motion.joint_names:
-        wrong = f"one with the joints {list(names)}" if names is not None else "none" if robot is None else repr(robot)
-        raise InvalidInputError(
-            f"robot must be the arm that moves, with the joints {list(motion.joint_names)}, for the format "
-            f"{format!r}; found {wrong}"
+            f"robot must be the one that moves, with the joints {list(motion.joint_names)}; found {robot!r}"
         )
     writer.write(path, motion, robot)

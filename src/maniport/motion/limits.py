@@ -180,7 +180,7 @@ class CollisionLimit:
     >>> import maniport as mp
     >>> arm = mp.load_arm("panda", frame="panda_hand_tcp")
     >>> CollisionLimit(mp.Collisions.of(arm, table=0.0))
-    CollisionLimit(Collisions('panda', 36 pairs, padding 0 m), margin=0.02, reach=0.1, time_constant=0.1)
+    CollisionLimit(Collisions('panda', 36 pairs), margin=0.02, reach=0.1, time_constant=0.1)
     """
 
     def __init__(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maniport.arms import Arm, ArmGroup, as_group
 from maniport.errors import FileFormatError, InvalidInputError
-from maniport.motion.inverse_dynamics import InverseDynamics
+from maniport.motion.arm_model import InverseDynamics
 from maniport.motion.schedule import require_rows
 from maniport.util.defaults import MARGIN
 from maniport.util.files import read_settings, require_mapping
@@ -21,6 +21,7 @@ DERIVATIVES = ("velocity", "acceleration", "jerk")
 TORQUES = ("torque", "torque rate")
 QUANTITIES = ("position", *DERIVATIVES, *TORQUES)
 LIMITS = (*DERIVATIVES, "effort", "effort_rate")  # keys of limits of a joint
+ASSUMED = "assumed: "  # beginning of such sources
 PANDA = {
     f"panda_joint{i}": {"acceleration": acceleration, "jerk": 500.0 * acceleration, "effort_rate": 1000.0}
     for i, acceleration in enumerate((15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0), 1)
@@ -95,50 +96,44 @@ class MotionLimits:
             joints, default = _checked(content, arm, where)
         except (InvalidInputError, FileFormatError) as error:
             raise (FileFormatError if is_file else InvalidInputError)(str(error)) from None
-        own_names, free = list(arm.joint_names), set[str]()  # in the descriptions of the robots
+        own_names, unlimited = list(arm.joint_names), set[str]()  # in the descriptions of the robots
         for member, columns in zip(as_group(arm).arms, as_group(arm).columns, strict=True):
-            free |= set(member.chain.unlimited)
+            unlimited |= set(member.chain.unlimited)
             for column, name in zip(columns, member.joint_names, strict=True):
                 own_names[column] = name
         inside = share * (arm.upper - arm.lower)
         ends = np.stack([arm.lower + inside, arm.upper - inside])
-        limits: dict[str, Array] = {quantity: np.full(arm.dof, np.inf) for quantity in LIMITS}
-        joints_by_source: dict[str, dict[str, list[str]]] = {quantity: {} for quantity in LIMITS}
-        assumed: dict[str, list[str]] = {quantity: [] for quantity in ("position", *DERIVATIVES)}
-        for i, (name, unit, own) in enumerate(zip(arm.joint_names, arm.joint_units, own_names, strict=True)):
-            numbers = joints.get(name, {})
+        pairs = [(name, joints.get(name, {}), own) for name, own in zip(arm.joint_names, own_names, strict=True)]
+        for i, (_, numbers, _) in enumerate(pairs):
             ends[:, i] = numbers.get("lower", ends[0, i]), numbers.get("upper", ends[1, i])
-            if own in free and not {"lower", "upper"} <= numbers.keys():
-                assumed["position"].append(name)
-            described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
-            sources = {
-                where: numbers,
-                f"{where} (default)": default,
-                "Franka's limits of the Panda (FER)": PANDA.get(own, {}),
-                "the robot's description": {
-                    key: float(own[i]) for key, own in described.items() if own is not None and np.isfinite(own[i])
-                },
-            }
-            for quantity in LIMITS:
-                source = next((source for source, values in sources.items() if quantity in values), None)
-                if source is not None:
-                    value = sources[source][quantity]
-                elif quantity not in DERIVATIVES:
-                    continue  # unknown: infinite
-                else:
-                    assumed[quantity].append(name)
-                    value, source = _assumed(quantity, unit, {key: limits[key][i] for key in limits})
-                limits[quantity][i] = value
-                joints_by_source[quantity].setdefault(source, []).append(name)
-        texts = {
-            quantity: "; ".join(f"{source} ({', '.join(names)})" for source, names in by_source.items())
-            if len(by_source) > 1
-            else next(iter(by_source))
-            for quantity, by_source in joints_by_source.items()
-            if by_source
-        }
-        names = {quantity: tuple(own) for quantity, own in assumed.items()}
-        return cls(arm.narrowed(*ends), sources=texts, assumed=names, **limits)
+        free = (name for name, numbers, own in pairs if own in unlimited and not {"lower", "upper"} <= numbers.keys())
+        limits, sources, assumed = dict[str, Array](), dict[str, str](), {"position": tuple(free)}
+        described = {"velocity": arm.velocity_limits, "effort": arm.effort_limits}
+        for quantity in LIMITS:
+            values, chosen, known = np.full(arm.dof, np.inf), [""] * arm.dof, described.get(quantity)
+            for i, (_, numbers, own) in enumerate(pairs):
+                candidates = [
+                    (numbers.get(quantity), where),
+                    (default.get(quantity), f"{where} (default)"),
+                    (PANDA.get(own, {}).get(quantity), "Franka's limits of the Panda (FER)"),
+                    (known[i] if known is not None and np.isfinite(known[i]) else None, "the robot's description"),
+                ]
+                if quantity in DERIVATIVES:
+                    lower = {key: magnitudes[i] for key, magnitudes in limits.items()}
+                    candidates.append(_assumed(quantity, arm.joint_units[i], lower))
+                for value, source in candidates:
+                    if value is not None:
+                        values[i], chosen[i] = value, source
+                        break
+            named = list(zip(arm.joint_names, chosen, strict=True))
+            if quantity in DERIVATIVES:
+                assumed[quantity] = tuple(name for name, source in named if source.startswith(ASSUMED))
+            if texts := list(dict.fromkeys(filter(None, chosen))):
+                joints_of = {text: ", ".join(name for name, source in named if source == text) for text in texts}
+                listed = (f"{text} ({joints_of[text]})" for text in texts)
+                sources[quantity] = "; ".join(listed) if len(texts) > 1 else texts[0]
+            limits[quantity] = values
+        return cls(arm.narrowed(*ends), sources=sources, assumed=assumed, **limits)
 
     def of_joints(self, arm: Arm, columns: NDArray[np.integer]) -> "MotionLimits":
         """Return the limits of one arm of a group; `columns` are its joints in the group."""
@@ -205,14 +200,9 @@ class MotionLimits:
         Parameters
         ----------
         time : array_like, shape (m,)
-            At a constant rate [s].
+            At a constant rate [s]; `InvalidInputError` otherwise.
         q : array_like, shape (m, dof)
             [rad] or [m].
-
-        Raises
-        ------
-        InvalidInputError
-            When shapes do not fit, or the rate is not constant.
         """
         times, values = as_times(time, fewest=2), as_finite(q, "q")
         require_rows(len(times), q=(values, (self.arm.dof,)))
@@ -305,7 +295,7 @@ def _assumed(quantity: str, unit: str, lower: Mapping[str, float]) -> tuple[floa
     """
     if quantity == "velocity":
         speed = {"rad": 1.0, "m": 0.25}[unit]  # slow enough for any arm
-        return speed, f"assumed: {speed:g} {unit}/s"
+        return speed, f"{ASSUMED}{speed:g} {unit}/s"
     if quantity == "acceleration":
-        return lower["velocity"] / 0.25, "assumed: velocity limit reached in 0.25 s"
-    return lower["acceleration"] / 0.04, "assumed: acceleration limit reached in 0.04 s"
+        return lower["velocity"] / 0.25, f"{ASSUMED}velocity limit reached in 0.25 s"
+    return lower["acceleration"] / 0.04, f"{ASSUMED}acceleration limit reached in 0.04 s"

@@ -1,23 +1,220 @@
-"""The motion of a group of arms."""
+"""Motions of robots, and how well their arms follow the targets."""
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
-from maniport.arms import ArmGroup
+from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions
-from maniport.motion.arm_motion import ArmMotion, rms_ratio
 from maniport.motion.motion_limits import LimitUse, MotionLimits
-from maniport.motion.schedule import Schedule
-from maniport.motion.status import ENOUGH_METRES
-from maniport.motion.trajectory import Clearance, Trajectory
+from maniport.motion.objective import Damping, Objective
+from maniport.motion.schedule import Schedule, speed_limits
+from maniport.motion.status import ENOUGH_METRES, statuses_of
+from maniport.motion.trajectory import Clearance, Trajectory, interpolated
+from maniport.spd.affine_invariant import distance
+from maniport.spd.ellipsoid import axis_over_time, line_angles
+from maniport.spd.regularization import Regularization
+from maniport.util.defaults import DAMPING
 from maniport.util.files import save_arrays
 from maniport.util.notebook import NotebookDisplay
 from maniport.util.validation import Array
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ArmMotion(Trajectory):
+    """The trajectory of one arm, and how well it follows target ellipsoids and a path.
+
+    `plan_motion` and `track` make it; `ArmMotion.of_motion` evaluates a trajectory from elsewhere.
+
+    Attributes
+    ----------
+    joint_names, joint_units, time, joint_positions, control_*, limits
+        As in `Trajectory`, of this arm's joints; the waypoints are those of the target ellipsoids.
+    arm, frame : str
+        Names of the arm and of its end effector.
+    joint_velocities : ndarray, shape (n, dof)
+        At the waypoints [rad/s] or [m/s].
+    target, achieved : ndarray, shape (n, d, d)
+        Target and achieved ellipsoids, both without damping.
+    spec : EllipsoidSpec
+    damping : Regularization
+        Its ε is added to the eigenvalues of both before they are compared.
+    distance : ndarray, shape (n,)
+        Affine-invariant distances with the damping; not comparable between different dampings.
+    path : ndarray, shape (n, 3), or None
+        Target positions of the end effector in the base frame [m].
+    position_error : ndarray, shape (n,), or None
+        Distances from them [m].
+    orientation_error : ndarray, shape (n,), or None
+        Largest angle between a constrained axis of the end effector and its target [rad].
+    position_tolerance : float
+        Largest position error of a waypoint that counts as on the path [m].
+    status : tuple of str
+        The worst since the previous waypoint, one of `maniport.motion.status.STATUSES`.
+    held : ndarray, shape (m,)
+        Control steps at which the quadratic program failed and the arm was brought to rest, bool.
+    velocity_limits : ndarray, shape (dof,)
+        Infinite where none is available.
+    demonstrated_time : ndarray, shape (n,), or None
+        Demonstrated times of the waypoints [s], of a planned motion; ``time`` are those of the robot.
+    pointwise_best : ndarray, shape (n,), or None
+        Distances of the pointwise optimum of a planned motion: the smallest found for each waypoint by itself, with the
+        end effector on the path (at most 250 waypoints; its square is linear between them).
+    clearance : Clearance
+        Collisions and clearance of a planned motion, together with those of all other arms.
+    """
+
+    arm: str
+    frame: str
+    joint_velocities: Array
+    target: Array
+    achieved: Array
+    spec: EllipsoidSpec
+    damping: Regularization
+    distance: Array
+    path: Array | None
+    position_error: Array | None
+    orientation_error: Array | None
+    position_tolerance: float
+    status: tuple[str, ...]
+    held: NDArray[np.bool_]
+    velocity_limits: Array
+    demonstrated_time: Array | None = None
+    pointwise_best: Array | None = None
+    clearance: Clearance = field(default_factory=Clearance)
+
+    @classmethod
+    def of_motion(
+        cls,
+        arm: Arm,
+        time: Array,
+        target: Array,
+        control_time: Array,
+        control_positions: Array,
+        *,
+        spec: EllipsoidSpec = VELOCITY,
+        damping: Damping = DAMPING,
+        path: Array | None = None,
+    ) -> "ArmMotion":
+        """Evaluate a joint trajectory; arguments are those of the attributes and are not checked."""
+        schedule = Schedule(Objective.of(arm, spec, damping), time, target, path)
+        trajectory = Trajectory.of_positions(arm, time, control_time, control_positions)
+        return cls.of(schedule, trajectory, speed_limits(arm, None))
+
+    @classmethod
+    def of(
+        cls,
+        schedule: Schedule,
+        trajectory: Trajectory,
+        velocity_limits: Array,
+        held: NDArray[np.bool_] | None = None,
+        position_tolerance: float = ENOUGH_METRES,
+        **plan: Any,
+    ) -> "ArmMotion":
+        """Compare the trajectory of an arm with its targets; `plan` are attributes of a planned motion."""
+        arm, q, targets = schedule.objective.arm, trajectory.joint_positions, schedule.targets()
+        error, apart = targets.position_error(q), targets.distance(q)
+        time, positions = trajectory.control_time, trajectory.control_positions
+        stopped = np.zeros(len(time), bool) if held is None else held
+        near_stop, near_speed = 1e-3, 0.999 * velocity_limits  # [rad or m], and per second
+        ends = (positions <= arm.lower + near_stop) | (positions >= arm.upper - near_stop)
+        fast = np.abs(np.diff(positions, axis=0) / np.diff(time)[:, None]) >= near_speed
+        off_path = np.zeros(len(q), bool) if error is None else np.asarray(error > position_tolerance)
+        steps = stopped, np.asarray(ends.any(axis=1)), np.append(False, fast.any(axis=1))
+        return cls(
+            **{item.name: getattr(trajectory, item.name) for item in fields(Trajectory)},
+            arm=arm.name,
+            frame=arm.frame,
+            joint_velocities=interpolated(time, trajectory.control_velocities, trajectory.time),
+            target=schedule.ellipsoids,
+            achieved=arm.ellipsoids(q, schedule.objective.spec),
+            spec=schedule.objective.spec,
+            damping=schedule.objective.damping,
+            distance=apart,
+            path=schedule.positions,
+            position_error=error,
+            orientation_error=None if targets.orientation_cost is None else targets.orientation_cost.angles(q),
+            position_tolerance=position_tolerance,
+            status=statuses_of(trajectory.time, apart, off_path, time, *steps),
+            held=stopped,
+            velocity_limits=velocity_limits,
+            **plan,
+        )
+
+    def __repr__(self) -> str:
+        error = self.position_error
+        position = "" if error is None else f", position error {1e3 * np.median(error):.2f} mm"
+        return (
+            f"{type(self).__name__}({self.arm!r}, {len(self.time)} waypoints in {self.time[-1] - self.time[0]:.2f} s, "
+            f"distance {np.median(self.distance):.3f}{position} (medians))"
+        )
+
+    @property
+    def major_axis_angle(self) -> Array:
+        """Angle between the longest axes of target and achieved ellipsoids, shape (n,) [rad], at most π/2.
+
+        It is nan where the two longest semi-axes of either are nearly equal, so that their direction is arbitrary.
+        """
+        return line_angles(axis_over_time(self.target, -1), axis_over_time(self.achieved, -1))
+
+    @property
+    def pointwise_ratio(self) -> float:
+        """Ratio of the root mean square distance to that of the best pointwise solutions found."""
+        assert self.pointwise_best is not None
+        return rms_ratio(self.distance, self.pointwise_best)
+
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Waypoints next to a jump of the demonstration, in its path or its ellipsoids, shape (n,).
+
+        A jump is a step of more than 0.02 m or a distance of 0.2 that is also four times as fast as the median of the
+        steps around it: most are errors of the recording or of its fit.
+        """
+        assert self.demonstrated_time is not None
+        pace = 1.0 / np.diff(self.demonstrated_time)
+        damped = self.target + self.damping.epsilon * np.eye(self.target.shape[-1])
+        steps = [(distance(damped[1:], damped[:-1]), 0.2)]
+        if self.path is not None:
+            steps.append((np.linalg.norm(np.diff(self.path, axis=0), axis=1), 0.02))
+        marked = np.zeros(len(pace) + 2, bool)
+        for size, least in steps:
+            usual = median_filter(size * pace, min(9, len(pace)), mode="nearest")
+            marked[1:-1] |= (size > least) & (size * pace > 4.0 * usual)
+        return np.asarray(marked[1:] | marked[:-1])
+
+    def save_joints(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file without pickled objects.
+
+        For the control steps ``control_time``, ``control_positions``, ``control_velocities``, ``control_accelerations``
+        and, where masses are known, ``control_torques``; for the waypoints ``time``, ``joint_positions``,
+        ``joint_velocities``, ``manipulability``, ``distance``, ``status`` and, where there was a path,
+        ``position_error``; ``joint_names``, ``joint_units`` and ``damping``. Times are counted from the first control
+        step, which was at ``began_at`` [s]. The achieved ellipsoids are readable as an ellipsoid file. `OutputError`
+        when the file cannot be written.
+        """
+        arrays = self.joint_arrays() | {"joint_velocities": self.joint_velocities} | self.error_arrays()
+        save_arrays(path, arrays, compress=False)  # numbers that hardly get smaller
+
+    def error_arrays(self) -> dict[str, Array]:
+        """Return the arrays of the ellipsoids and errors that files contain, by name."""
+        arrays = {
+            "manipulability": self.achieved,
+            "distance": self.distance,
+            "damping": np.array(self.damping.epsilon),
+            "status": np.array(self.status),
+        }
+        return arrays if self.position_error is None else arrays | {"position_error": self.position_error}
+
+
+def rms_ratio(distance: Array, best: Array) -> float:
+    """Return the ratio of two root mean squares; infinite where the second is zero."""
+    norm = float(np.linalg.norm(best))
+    return float(np.linalg.norm(distance)) / norm if norm > 0.0 else np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,11 +297,6 @@ class RobotMotion(NotebookDisplay):
         One arm: see `ArmMotion.save_joints`. Several: the arrays of the joints, ``manipulability``, ``distance``,
         ``status``, ``damping`` and ``position_error`` of each arm with its name as a prefix, such as ``left_distance``,
         and ``relative`` and ``relative_error`` where only these were kept.
-
-        Raises
-        ------
-        OutputError
-            When the file cannot be written.
         """
         if len(self.arms) == 1:
             self.arms[0].save_joints(path)

@@ -14,7 +14,7 @@ from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
 from maniport.motion.controller import LM_DAMPING, Controller, ControlProblem, ControlState
 from maniport.motion.costs.cost import Cost, as_costs
-from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.motion.costs.orientation import POINTING, axis_weights
 from maniport.motion.costs.posture import PostureCost
 from maniport.motion.limits import BrakingLimit, CollisionLimit, Limit
 from maniport.motion.motion_limits import MotionLimits
@@ -46,7 +46,7 @@ class Control:
         Levenberg-Marquardt damping of the ellipsoid cost, not negative.
     position_cost : float
         Weight of position errors [1/m].
-    orientation_axes, orientation_weight
+    orientation_axes : {"pointing", "whole"}
         As in `maniport.motion.PlanSettings`.
     costs : sequence of Cost
         Further costs, see `maniport.motion.Cost`.
@@ -66,7 +66,6 @@ class Control:
     lm_damping: float = LM_DAMPING
     position_cost: float = FOLLOWING_WEIGHT
     orientation_axes: str = POINTING
-    orientation_weight: float = ORIENTATION_WEIGHT
     costs: Sequence[Cost] = ()
     limits: Sequence[Limit] = ()
 
@@ -74,7 +73,7 @@ class Control:
         as_number(self.rate, "rate", above=0.0)
         as_choice(self.interpolation, "interpolation", ("cubic", "linear"))
         as_number(self.position_cost, "position_cost", above=0.0)
-        axis_weights(self.orientation_axes, self.orientation_weight)
+        axis_weights(self.orientation_axes)
         as_number(self.lm_damping, "lm_damping", minimum=0.0)
         for name in ("costs", "limits"):
             if not isinstance(getattr(self, name), Sequence) or isinstance(getattr(self, name), str):
@@ -145,7 +144,7 @@ def track(
         bank.require_fits(group.arms[0], spec)
     near = None if reference is None else group.require_within_limits(reference, "reference")
     arrays = {"profile": profile, "path": path, "weights": weights, "rotations": rotations}
-    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    axes = axis_weights(settings.orientation_axes)
     schedules = schedules_of(arm, time, spec, damping, settings.position_cost, axes, arrays, near)
     begin = near[0] if start is None and near is not None else start
     if begin is not None:
@@ -231,7 +230,6 @@ def _planned_start(
         planner=planner,
         position_tolerance=1e-3,
         orientation_axes=settings.orientation_axes,
-        orientation_weight=settings.orientation_weight,
         random_state=random,
     )
     return np.asarray(plan.trajectory.joint_positions[0])

@@ -51,24 +51,14 @@ class Trajectory(NotebookDisplay):
 
     @classmethod
     def of_positions(
-        cls,
-        joints: JointSpace,
-        time: Array,
-        control_time: Array,
-        positions: Array,
-        velocities: Array | None = None,
-        accelerations: Array | None = None,
-        limits: MotionLimits | None = None,
+        cls, joints: JointSpace, time: Array, control_time: Array, positions: Array, limits: MotionLimits | None = None
     ) -> "Trajectory":
-        """Make a trajectory of control steps, with differences of the positions instead of missing derivatives."""
-        if velocities is None:
-            velocities = np.gradient(positions, control_time, axis=0)
-        if accelerations is None:  # at the ends those of the neighbors, zero for fewer than three times
-            accelerations = np.zeros_like(positions)
-            if len(control_time) > 2:
-                slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
-                inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
-                accelerations = np.concatenate([inside[:1], inside, inside[-1:]])
+        """Make a trajectory of control steps, with central differences of the positions."""
+        velocities, accelerations = np.gradient(positions, control_time, axis=0), np.zeros_like(positions)
+        if len(control_time) > 2:  # at the ends those of the neighbors
+            slopes = np.diff(positions, axis=0) / np.diff(control_time)[:, None]
+            inside = np.diff(slopes, axis=0) / (0.5 * (control_time[2:] - control_time[:-2]))[:, None]
+            accelerations = np.concatenate([inside[:1], inside, inside[-1:]])
         control = control_time, positions, velocities, accelerations
         at_waypoints = interpolated(control_time, positions, time)
         return Trajectory(joints.joint_names, joints.joint_units, time, at_waypoints, *control, limits)
@@ -98,19 +88,6 @@ class Trajectory(NotebookDisplay):
         return self.limits.dynamics.torques(*states)
 
     @property
-    def jerk(self) -> Array:
-        """Third derivative of the joint positions over the control steps [rad/s³ or m/s³], shape (m - 3, dof)."""
-        times, values = self.control_time, self.control_positions
-        for _ in range(3):
-            times, values = 0.5 * (times[1:] + times[:-1]), np.diff(values, axis=0) / np.diff(times)[:, None]
-        return np.asarray(values)
-
-    @property
-    def rms_jerk(self) -> float:
-        """Root mean square of the jerk over time and joints; 0 for fewer than four control steps."""
-        return float(np.sqrt(np.mean(self.jerk**2))) if len(self.control_time) > 3 else 0.0
-
-    @property
     def control_states(self) -> dict[str, tuple[Array, tuple[str, ...]]]:
         """Values (m, dof) and units at the control steps by name: position, velocity, acceleration, effort."""
         states = {
@@ -127,12 +104,7 @@ class Trajectory(NotebookDisplay):
 
         The other columns are positions of all joints (``NAME_rad`` or ``NAME_m``), their velocities (``NAME_rad/s``),
         accelerations (``NAME_rad/s2``) and, where masses are known, torques (``NAME_Nm``) or forces (``NAME_N``). An
-        apostrophe precedes names that a spreadsheet would evaluate.
-
-        Raises
-        ------
-        OutputError
-            When the file cannot be written.
+        apostrophe precedes names that a spreadsheet would evaluate. `OutputError` when the file cannot be written.
         """
         states, formulas = self.control_states, ("=", "+", "-", "@", "\t", "\r")
         names = ["'" + name if name.startswith(formulas) else name for name in self.joint_names]

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 _MODULE_OF = {
     "Config": "config",
-    "LearnedProfile": "learned",
+    "LearnedProfile": "demonstrations",
     "MotionResult": "results",
     "TransferResult": "results",
     "follow_profile": "transfer",
-    "learn": "learn",
+    "learn": "demonstrations",
     "transfer_recording": "transfer",
 }
 
@@ -22,8 +22,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from maniport.pipeline.config import Config
-    from maniport.pipeline.learn import learn
-    from maniport.pipeline.learned import LearnedProfile
+    from maniport.pipeline.demonstrations import LearnedProfile, learn
     from maniport.pipeline.results import MotionResult, TransferResult
     from maniport.pipeline.transfer import follow_profile, transfer_recording
 

@@ -28,9 +28,6 @@ class HumanOptions(Options):
     unit: str | None = option(
         None, "Unit of length; recognized by default", choices=("m", "dm", "cm", "mm", "inch", "CMU"), common=True
     )
-    vertical_axis: str | None = option(
-        None, "Vertical axis; recognized by default", choices=("x", "y", "z", "-x", "-y", "-z"), common=True
-    )
     fps: float | None = option(None, "Frame rate, if the file has none", "Hz", above=0.0, below=1e5, common=True)
     start: float | None = option(None, "Start of the part that is used", "s", common=True)
     stop: float | None = option(None, "End of the part that is used", "s", common=True)
@@ -38,13 +35,12 @@ class HumanOptions(Options):
     person: str = option(defaults.PERSON, "Arm model: myoarm, rhuman", common=True)
     side: str = option(AUTO, "Arm of the person", choices=(AUTO, "right", "left", BOTH), common=True)
     height: float | None = option(None, "Body height, if lengths are missing", "m", minimum=1.0, maximum=2.5)
-    smooth: str | float = option(AUTO, "Low-pass filter: auto, off, or cutoff", "Hz", (AUTO, "off"), above=0.0)
-    jumps: str = option(defaults.KEEP, "Treatment of joint jumps", choices=(defaults.KEEP, "smooth", "split"))
+    smooth: str = option(AUTO, "Smoothing of noisy points", choices=(AUTO, "off"))
 
     @property
     def fit_options(self) -> dict[str, Any]:
         """Arguments of `maniport.fit_arm`."""
-        names = ("person", "side", "height", "smooth", "jumps")
+        names = ("person", "side", "height", "smooth")
         return {"markers": self.roles(), **{name: getattr(self, name) for name in names}}
 
     def read(self, recording: "Recording | str | os.PathLike[str]") -> "Recording":
@@ -52,7 +48,7 @@ class HumanOptions(Options):
         from maniport.mocap import Recording, read_recording
 
         if not isinstance(recording, Recording):
-            recording = read_recording(recording, unit=self.unit, up=self.vertical_axis, rate=self.fps)
+            recording = read_recording(recording, unit=self.unit, rate=self.fps)
         return recording if self.start is None and self.stop is None else recording.crop(self.start, self.stop)
 
     def roles(self) -> Mapping[str, Any] | None:
@@ -165,8 +161,7 @@ class TransferOptions(Options):
         None, "Joint weights; default: unit for velocity, else joint-limits", unchecked=True,
         choices=(UNIT, JOINT_LIMITS), metavar="WORD|W1,W2,…",
     )  # fmt: skip
-    damping: float | None = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
-    eigenvalue_floor: float | None = option(None, "Smallest eigenvalue, instead of damping", above=0.0)
+    damping: float = option(defaults.DAMPING, "Relative damping of singular ellipsoids; 0 for none", minimum=0.0)
     base_rotation: tuple[float, ...] = option(
         (0.0, 0.0, 0.0), "Rotation from human trunk to robot base", "deg", metavar="ROLL,PITCH,YAW", count=3,
         unchecked=True,
@@ -182,12 +177,6 @@ class TransferOptions(Options):
         usual = None if self.ellipsoids == "velocity" else JOINT_LIMITS
         weights = usual if self.joint_weights is None else None if self.joint_weights == UNIT else self.joint_weights
         return EllipsoidSpec(self.ellipsoids, self.part, weights)
-
-    @property
-    def regularization(self) -> dict[str, float | None]:
-        """Arguments of a transfer method; a floor replaces the damping."""
-        damping = self.damping or None if self.eigenvalue_floor is None else None
-        return {"damping": damping, "eigenvalue_floor": self.eigenvalue_floor}
 
     @property
     def rotation(self) -> Any:
@@ -218,7 +207,6 @@ class MotionOptions(Options):
     orientation_axes: str = option(
         "pointing", "Constrained axes: z (pointing) or all (whole)", choices=("pointing", "whole")
     )
-    orientation_weight: float = option(10.0, "Weight of the orientation error", "1/rad", above=0.0)
     rate: float = option(defaults.RATE, "Sampling rate of joints.csv", "Hz", minimum=10.0)
     limits: str | None = option(None, "YAML file of joint limits", is_file=True, common=True, unchecked=True)
     joint_limit_margin: float = option(
@@ -227,6 +215,7 @@ class MotionOptions(Options):
     home: tuple[float, ...] | None = option(
         None, "Configuration at start and end [deg, or m]", metavar="Q1,Q2,…", unchecked=True
     )
+    scale: float | None = option(None, "Scale of the path; searched by default", above=0.0, common=True)
     workspace: tuple[float, ...] | None = option(
         None, "Box for the path in the base frame [m]; inf is open", metavar="X0,X1,Y0,Y1,Z0,Z1", count=6,
         unchecked=True,
@@ -237,9 +226,6 @@ class MotionOptions(Options):
     srdf: str | None = option(None, "SRDF file of link pairs that are not checked", is_file=True)
     export: tuple[str, ...] = option((), "Formats: ros2, mcap, mujoco, parquet, rerun", metavar="FORMAT,…", common=True)
     costs: tuple[Any, ...] = option((), "Further costs of the motion", unchecked=True, typed=False)
-    tracking: Mapping[str, Any] | None = option(
-        None, "Options of a controller that follows the plan", unchecked=True, typed=False
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -256,12 +242,6 @@ class MotionOptions(Options):
             _ = self.bounds  # raises where it is wrong
         if self.export and not self.move:
             raise InvalidInputError(f"{argument('export')} needs a trajectory; found {argument('no_move')}")
-
-    @property
-    def control_options(self) -> dict[str, Any]:
-        """Options of the controller that follows the plan."""
-        shared = ("rate", "orientation_axes", "orientation_weight", "costs")
-        return {name: getattr(self, name) for name in shared} | dict(self.tracking or {})
 
     @property
     def bounds(self) -> Any:
@@ -309,7 +289,6 @@ class LearningOptions(Options):
         common=True,
     )  # fmt: skip
     components: int | None = option(None, "Number of Gaussians; default: minimum of the BIC", minimum=1, common=True)
-    lengths: str = option("mean", "Segment lengths of all persons", choices=("mean", "own"), common=True)
 
 
 @dataclass(frozen=True, kw_only=True)

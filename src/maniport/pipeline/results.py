@@ -10,9 +10,9 @@ import numpy as np
 
 from maniport.arms import VELOCITY, Arm, ArmGroup, EllipsoidSpec
 from maniport.arms.collisions import Collisions, Lowest
-from maniport.arms.collisions.hulls import lowest_points
+from maniport.arms.collisions.hulls import lowest_point
 from maniport.errors import InvalidInputError
-from maniport.evaluation import Capability, Choice, Evaluation
+from maniport.evaluation import Capability, Evaluation
 from maniport.mocap import ArmFit, Recording
 from maniport.motion import ArmMotion, Placement, RobotMotion
 from maniport.motion.placement.placement import DATA_FILES as PLACED_FILES
@@ -63,7 +63,6 @@ class ArmResult(NotebookDisplay):
     spec: EllipsoidSpec = VELOCITY  # of the ellipsoids; `motion` has their inverses where the kind is "force"
     placement: Placement | None = None  # of the path relative to the robot; None where it was not placed
     motion: ArmMotion | None = None  # None where the robot was not moved; a warning has the reason
-    free: ArmMotion | None = None  # the same with a free orientation, where an orientation was requested
     gap: Array | None = None  # (n,) feasibility gap: distances from target ellipsoids to the nearest feasible ones
     collisions: Collisions | None = None
 
@@ -74,16 +73,10 @@ class ArmResult(NotebookDisplay):
         return f"{type(self).__name__}({self.name!r}, {self.robot.name!r}, {moved})"
 
     @cached_property
-    def lowest_of_links(self) -> tuple[Lowest, ...]:
-        """Lowest point of each moving link over the motion, the lowest first; empty where no shape is available."""
-        if self.motion is None:
-            return ()
-        return lowest_points(self.robot, self.motion.control_time, self.motion.control_positions)
-
-    @property
     def lowest(self) -> Lowest | None:
         """Lowest point of all moving links over the motion; None where no shape is available."""
-        return self.lowest_of_links[0] if self.lowest_of_links else None
+        motion = self.motion
+        return None if motion is None else lowest_point(self.robot, motion.control_time, motion.control_positions)
 
     @property
     def mean_distance(self) -> "MeanDistance":
@@ -116,7 +109,6 @@ class ArmTransfer(ArmResult):
     """Origin of the person's arm in the common frame of all arms [m], see `maniport.mocap.HumanMotion`."""
     method: str
     adapter: DomainAdapter  # fitted, from the person's domain (teacher) to the robot's (student)
-    choice: Choice | None = None  # selection of the method, where ``method="auto"``
     evaluation: Evaluation | None = None  # comparison with baselines; None where not requested, as in a batch
     time: Array  # (n,), demonstrated times of the profiles [s]
     demonstrated_profile: Array  # (n, d, d), ellipsoids of the person in the trunk frame

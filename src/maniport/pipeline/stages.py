@@ -8,7 +8,6 @@ One arm is a group of one: values that belong to an arm are tuples over the arms
 import time as clock
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,26 +19,23 @@ from maniport.domain import sample_domain, sample_domains
 from maniport.errors import InvalidInputError, ManiportWarning, RecordingError
 from maniport.evaluation import Capability, compare_capabilities, select_method
 from maniport.evaluation import evaluate as compare_with_baselines
-from maniport.feasibility import with_feasible_set
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.mocap import ArmFit, HumanMotion, Recording, fit_arms
 from maniport.motion import (
     MotionLimits,
     Placement,
     Planner,
-    RobotMotion,
-    feasibility_gap,
+    nearest_feasible,
     place_path,
     plan_motion,
-    track,
 )  # fmt: skip
 from maniport.motion.arm_model import require_trackable
 from maniport.motion.plan.plan_motion import PLACED
-from maniport.motion.trajectory import Clearance
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import ArmResult, ArmTransfer, TransferResult
-from maniport.pipeline.targets import MotionTargets
-from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, Moved, SampledRobot, Settings
+from maniport.pipeline.values import MIN_FRAMES, FittedMap, Human, MotionTargets, Moved, SampledRobot, Settings
 from maniport.transfer import LengthField, method_of, name_of
+from maniport.util.sampling import evenly_spaced
 from maniport.util.validation import Array
 
 
@@ -131,11 +127,11 @@ def fit_map(person: Arm, profile: Array | None, robot: SampledRobot, settings: S
     seed, options = settings.config.seed, settings.config.transfer
     if settings.adapter is None:
         assert profile is not None
-        choice = select_method(
+        adapter, evaluation = select_method(
             teacher, student, profile, robot=settings.arms[arm], spec=spec, bank=bank,
-            random_state=seed, progress=progress, base_rotation=options.rotation, **options.regularization,
+            random_state=seed, progress=progress, base_rotation=options.rotation, damping=options.damping or None,
         )  # fmt: skip
-        return FittedMap(choice.adapter, teacher, clock.perf_counter() - started, choice)
+        return FittedMap(adapter, teacher, clock.perf_counter() - started, evaluation)
     progress("Fit transfer", 0.0)
     adapter = with_feasible_set(method_of(settings.adapter), settings.arms[arm], spec, bank, seed)
     adapter.fit(teacher, student)
@@ -164,7 +160,8 @@ def place(targets: MotionTargets, robot: SampledRobot, settings: Settings, rank:
     return place_path(
         [path[rows] for path in targets.paths], [profile[rows] for profile in targets.profiles],
         [own.limits.arm for own in arms], time=targets.time[rows], turn=targets.turn,
-        workspace=settings.config.motion.bounds.T, reachability_map=[own.reachability_map for own in arms],
+        scale=settings.config.motion.scale, workspace=settings.config.motion.bounds.T,
+        reachability_map=[own.reachability_map for own in arms],
         bank=[own.bank for own in arms], rank=rank, spec=targets.spec, damping=targets.damping,
         random_state=robot.random, progress=settings.progress,
     )  # fmt: skip
@@ -184,42 +181,18 @@ def plan(
 def plan_at(
     placements: tuple[Placement, ...] | None, targets: MotionTargets, robot: SampledRobot, settings: Settings
 ) -> Moved:
-    """Plan a motion at given placements; a controller of the settings follows the plan."""
+    """Plan a motion at given placements."""
     planner, control, options = robot.planner, settings.control, settings.config.motion
     hand_targets = settings.config.robot.hand_targets
     assert planner is not None
     assert control is not None
     placed = targets if placements is None else targets.placed(placements)
-    rotations, motions = placed.base_rotations, []
-    for own in (None,) if rotations is None else (None, rotations):  # with orientations first a free motion
-        step = ", free orientation" if own is not rotations else ""
-        motion = plan_motion(
-            planner.group, placed.profiles, time=placed.time, paths=placed.paths, spec=placed.spec,
-            damping=placed.damping, rotations=own, costs=options.costs, hand_targets=hand_targets, planner=planner,
-            pointwise_bests=placed.pointwise_bests, random_state=robot.random,
-            progress=lambda name, *more, step=step: settings.progress(f"{name}{step}", *more),
-            **vars(control),
-        )  # fmt: skip
-        motions.append(motion)
-    free = motions[0] if len(motions) > 1 else None
-    if options.tracking is not None:
-        motion = follow(motion, planner, rotations, settings)
-    return Moved(motion, free, placements if hand_targets == PLACED else None)
-
-
-def follow(
-    planned: RobotMotion, planner: Planner, rotations: Sequence[Array] | None, settings: Settings
-) -> RobotMotion:
-    """Follow the planned motion of one arm by a controller; its motion gets the targets and limits of the plan."""
-    (plan,) = planned.arms
-    (motion,) = track(
-        planner.arms[0].limits.arm, plan.target, time=plan.time, path=plan.path, reference=plan.joint_positions,
-        rotations=None if rotations is None else rotations[0], spec=plan.spec, damping=plan.damping,
-        progress=settings.progress, **settings.config.motion.control_options,
-    ).arms  # fmt: skip
-    kept = {name: getattr(plan, name) for name in ("demonstrated_time", "limits", "pointwise_best")}
-    motion = replace(motion, clearance=Clearance.of(planner.collisions, motion), **kept)
-    return RobotMotion(planned.group, motion, (motion,))
+    motion = plan_motion(
+        planner.group, placed.profiles, time=placed.time, paths=placed.paths, rotations=placed.base_rotations,
+        spec=placed.spec, damping=placed.damping, costs=options.costs, hand_targets=hand_targets, planner=planner,
+        pointwise_bests=placed.pointwise_bests, random_state=robot.random, progress=settings.progress, **vars(control),
+    )  # fmt: skip
+    return Moved(motion, placements if hand_targets == PLACED else None)
 
 
 def measure(
@@ -235,9 +208,10 @@ def measure(
     assert settings.control is not None
     budget, results = settings.control.budget, []
     for i, (own, motion) in enumerate(zip(planner.arms, moved.motion.arms, strict=True)):
-        gap = feasibility_gap(
-            own.limits.arm, motion.target, bank=own.bank, spec=motion.spec, damping=motion.damping,
-            progress=settings.progress, n_points=budget.gap_points, n_starts=budget.gap_starts,
+        rows = evenly_spaced(len(motion.target), budget.gap_points)
+        nearest = nearest_feasible(
+            own.limits.arm, motion.target[rows], bank=own.bank, spec=motion.spec, damping=motion.damping,
+            progress=settings.progress, n_starts=budget.gap_starts,
         )  # fmt: skip
         results.append(
             ArmResult(
@@ -246,8 +220,7 @@ def measure(
                 spec=settings.specs[i],
                 placement=None if moved.placements is None else moved.placements[i],
                 motion=motion,
-                free=None if moved.free is None else moved.free.arms[i],
-                gap=gap,
+                gap=np.interp(np.arange(len(motion.target)), rows, nearest.distance),
                 collisions=own.collisions,
             )
         )
@@ -268,7 +241,7 @@ def evaluate(
         names = list(as_group(settings.robot).names)
     parts = measure(moved, robot.planner, names, settings)
     for i, (part, own, profile) in enumerate(zip(parts, maps, human.profiles, strict=True)):
-        evaluation = own.choice.evaluation if own.choice else None
+        evaluation = own.evaluation
         if evaluation is None and baselines:
             evaluation = compare_with_baselines(
                 own.adapter, own.teacher, robot.domains[i], profile, robot=part.robot,
@@ -279,7 +252,7 @@ def evaluate(
             ArmTransfer(
                 **vars(part),
                 fit=human.fits[i], person_base=human.motion.bases[i], time=human.fits[i].time,
-                method=name_of(own.adapter), adapter=own.adapter, choice=own.choice, evaluation=evaluation,
+                method=name_of(own.adapter), adapter=own.adapter, evaluation=evaluation,
                 demonstrated_profile=profile, target_profile=own.adapter.transform(profile),
                 teacher_domain=own.teacher, student_domain=robot.domains[i], seconds_to_fit=own.seconds,
                 capabilities=_capabilities(human.fits[i], part, own, settings),

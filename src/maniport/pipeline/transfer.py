@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,16 +15,15 @@ from maniport.arms import PERSONS, Arm, ArmGroup, as_group
 from maniport.errors import InvalidInputError, ManiportWarning, argument
 from maniport.mocap import Recording
 from maniport.mocap.arm_ik import require_person
-from maniport.motion import Control, MotionLimits, Planner, PlanSettings
+from maniport.motion import MotionLimits, Planner, PlanSettings
 from maniport.motion.objective import Damping, Objective
 from maniport.motion.plan.plan_motion import RELATIVE
 from maniport.pipeline import stages
 from maniport.pipeline.config import Config
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.options import FREE
 from maniport.pipeline.results import MotionResult, TransferResult
-from maniport.pipeline.targets import MotionTargets, bounded_profiles, targets_of
-from maniport.pipeline.values import SampledRobot, Settings
+from maniport.pipeline.values import MotionTargets, SampledRobot, Settings, bounded_profiles, targets_of
 from maniport.transfer import METHODS, method_of
 from maniport.util.defaults import AUTO, BOTH
 from maniport.util.progress import Progress, no_progress
@@ -55,8 +54,7 @@ def transfer_recording(
         Options by name, which override those of `config`; `maniport.pipeline.config` describes them. ``robot`` may
         also be an `Arm` or an `ArmGroup`, ``method`` a `DomainAdapter`, ``base_rotation`` a matrix (3, 3) from the
         person's trunk frame (x forward, y left, z up) to the robot's base frame. ``costs`` are further costs of the
-        motion, see `maniport.motion.Cost`; with ``tracking``, a mapping of options of `maniport.motion.Control`, a
-        controller follows the planned motion.
+        motion, see `maniport.motion.Cost`.
 
     Returns
     -------
@@ -89,7 +87,7 @@ def transfer_recording(
 def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     """Load the robot of a configuration, and check all options for it."""
     transfer, human, side = config.transfer, config.human, config.human.side
-    require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth, human.jumps)
+    require_person(human.person, AUTO if side == BOTH else side, human.height, human.smooth)
     human.roles()
     robot = _with_limits(config.robot.load(side == BOTH), config)
     group = as_group(robot)
@@ -101,9 +99,9 @@ def settings_of(config: Config, progress: Progress | None = None) -> Settings:
     PERSONS[config.human.person]().checked_spec(transfer.spec)
     if len(group) > 1 and not isinstance(transfer.joint_weights, str | None):
         raise InvalidInputError("joint_weights must not be of single joints for several arms")
-    adapter, shared = None, {"random_state": config.seed, "base_rotation": transfer.rotation, **transfer.regularization}
+    adapter, shared = None, {"random_state": config.seed, "base_rotation": transfer.rotation}
     if not isinstance(transfer.method, str) or as_choice(transfer.method, "method", (AUTO, *METHODS)) != AUTO:
-        adapter = method_of(transfer.method, **shared)
+        adapter = method_of(transfer.method, damping=transfer.damping or None, **shared)
     control = _control_of(robot, config) if config.motion.move else None
     return Settings(config, robot, control, adapter, progress or no_progress)
 
@@ -125,12 +123,6 @@ def _control_of(robot: Arm | ArmGroup, config: Config) -> PlanSettings:
         raise InvalidInputError(f"{argument('hand_targets', RELATIVE)} needs several arms; found {robot.name}")
     if config.robot.hand_targets == RELATIVE and motion.workspace is not None:
         raise InvalidInputError("workspace bounds paths, which end effectors leave with hand_targets='relative'")
-    if motion.tracking is not None:
-        if len(as_group(robot)) > 1:
-            raise InvalidInputError("tracking must be None for several arms: a controller follows the plan of one arm")
-        for name in motion.tracking:
-            as_choice(name, "option of tracking", [field.name for field in fields(Control)])
-        Control(**motion.control_options)
     return motion.control(robot)
 
 
@@ -191,8 +183,9 @@ def follow_profile(
         raise InvalidInputError(text)
     robot = _with_limits(robot, config)
     settings = Settings(config, robot, _control_of(robot, config), progress=progress or no_progress)
-    if config.motion.workspace is not None and (paths is None or not place):
-        raise InvalidInputError("workspace bounds a path that is placed; found none")
+    for name in ("workspace", "scale"):
+        if getattr(config.motion, name) is not None and (paths is None or not place):
+            raise InvalidInputError(f"{argument(name)} is for a path that is placed; found none")
     group, generator = as_group(robot), np.random.default_rng(config.seed)
     times = as_times(time)
     for name, values in (("profiles", profiles), ("paths", paths)):
@@ -201,7 +194,7 @@ def follow_profile(
             raise InvalidInputError(
                 f"{name} must be {len(group)}, one for each arm, of shape ({len(times)}, ...) as time; found {shapes}"
             )
-    damping = config.transfer.damping or 0.0 if damping is None else damping
+    damping = config.transfer.damping if damping is None else damping
     targets = MotionTargets(
         times,
         bounded_profiles([as_finite(profile, "profile") for profile in profiles], config.transfer.spec),

@@ -4,7 +4,7 @@ import numpy as np
 
 from maniport.errors import argument
 from maniport.learning.mixture import points_each
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.report.metrics import describe, in_axes
 from maniport.report.recording import RECORDING
 from maniport.report.results import software
@@ -95,14 +95,13 @@ def _demonstrations(learned: LearnedProfile, outlier: str) -> Section:
         columns["held out"] = "{held_out:.2f}"
     caption = "Mean distances after alignment: from the others, and from the profile learned without it."
     mirrored = [part.name for part in learned.demonstrations if part.motion.names != sides]
-    arm = "arms that differ in size" if learned.lengths == "own" else f"{' and '.join(sides)} arm of mean lengths"
     metrics = (
         info("Reference", "reference", learned.alignment.reference, learned.reference.name,
              "Gives the times of the profile."),
         info("Outlier", "outlier", agreement.outlier, outlier or "none",
              "At least 1.5 times the median distance from the others."),
         *notes([f"mirrored to the {sides[0]} arm: {listed(mirrored)}"] if mirrored else []),
-        *notes([f"all ellipsoids are those of {arm}"]),
+        *notes([f"all ellipsoids are those of {' and '.join(sides)} arm of mean lengths"]),
     )  # fmt: skip
     return Section("Demonstrations", metrics, (table_of(values, columns, caption, "demonstrations"),), "demonstrations")
 

@@ -92,9 +92,6 @@ METRICS = {
         warning_key="longest-axis",
         warning="the longest axis of the ellipsoid is {median:.0f}° (median) from that of the target"),
     "jumps": Definition("Jumps of the recording", "Mostly errors of the recording or of its fit.", text="{_text}"),
-    "orientation_cost": Definition(
-        "Cost of the orientation", "Mean distance with and without the constraint.",
-        text="{_difference:+.2f}: {kept:.2f} instead of {free:.2f}"),
     "lowest_point": Definition(
         "Lowest point", "Of the moving links, above the base plane.", text="{height_mm:.0f} mm, {link} at {at_s:.1f} s",
         level=itemgetter("_depth"), warn_above=0.0, warning_key="below-base-plane",

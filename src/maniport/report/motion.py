@@ -72,9 +72,6 @@ def motion_section(motion: ArmMotion, time: Array, result: ArmResult | None = No
         text = f"{jumps.sum()} of {len(jumps)} waypoints; largest position error: {errors}" if largest else ""
         values: dict[str, Any] = {name: {"position_error_mm": value} for name, value in largest.items()}
         metrics += measure("jumps", points=int(jumps.sum()), **values, _text=text)
-    if result is not None and result.free is not None:
-        kept, free = (float(np.mean(moved.distance)) for moved in (motion, result.free))
-        metrics += measure("orientation_cost", kept=kept, free=free, _difference=kept - free)
     if result is not None and (lowest := result.lowest) is not None:
         on_table = result.collisions is not None and result.collisions.table is not None
         height, at = 1e3 * lowest.height, float(np.interp(lowest.time, motion.time, time))
@@ -129,8 +126,8 @@ def _of_trajectory(
     sources = {name: text for name, text in limits.sources.items() if name in DERIVATIVES}
     of_torques = {name: text for name, text in limits.sources.items() if name not in DERIVATIVES}
     for key, shares, texts in (("limits", used, sources), ("torques", torques, of_torques)):
-        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}"
-                    for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
+        exceeded = [f"{use['joint']} at {use['share']:.2f} times its {name}{_effort(limits, use['joint'], name)} "
+                    + at_time(use["at_s"]) for name, use in shares.items() if use["share"] > 1.001]  # fmt: skip
         written = {name: use for name, use in shares.items() if name != "position"}  # which cannot be exceeded
         text = listed(f"{name} {100 * use['share']:.0f} %" for name, use in written.items())
         if shares:
@@ -146,6 +143,12 @@ def _of_trajectory(
         "collisions", checked=clearance.checked, share=clearance.share, at_s=float(at), pair=clearance.pair,
         clearance_mm=1e3 * clearance.distance if checked else None, _text=text, _pair=pair, _when=when,
     )  # fmt: skip
+
+
+def _effort(limits: MotionLimits, joint: str, quantity: str) -> str:
+    i = limits.arm.joint_names.index(joint)
+    unit = {"rad": "N m", "m": "N"}[limits.arm.joint_units[i]]
+    return f" limit of {limits.effort[i]:.4g} {unit}" if quantity == "torque" else ""
 
 
 def _of_capability(own: Capability, by_speed: bool) -> list[Metric]:

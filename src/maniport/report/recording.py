@@ -32,7 +32,6 @@ from maniport.report.values import (
     Report,
     Section,
     Table,
-    at_time,
     info,
     listed,
     notes,
@@ -102,7 +101,6 @@ def recording_section(recording: Recording, points: bool = False) -> Section:
         info("Format", "format", recording.format, recording.format.removeprefix(".").upper()),
         info("Frames", "frames", len(recording), frames),
         *numbers(duration_s=round(recording.duration, 3), rate_hz=rate and round(rate, 3)),
-        info("Vertical axis", "up", recording.up),
         *([info("Points", "points", names, f"{len(names)}: {listed(names)}")] if points else []),
         info("Missing", "missing", gaps, missing, "Share of the frames."),
     ]
@@ -181,7 +179,6 @@ def fit_report(fit: ArmFit | HumanMotion) -> Report:
 def person_section(fit: ArmFit) -> Section:
     """Describe the fit of a human arm and what the recording does not determine."""
     lengths = {name: round(float(length), 4) for name, length in fit.segment_lengths.items()}
-    step, step_at = fit.largest_step
     at_limit = {name: float(part) for name, part in zip(fit.joint_names, fit.at_limit, strict=True) if part > 0}
     by_reason: dict[str, list[str]] = {}
     for name, reason in fit.unobservable.items():
@@ -196,8 +193,6 @@ def person_section(fit: ArmFit) -> Section:
         info("Segments", "segment_lengths", lengths,
              listed(f"{name} {length:.3f} m" for name, length in lengths.items()),
              "The model is scaled to these lengths.", "m"),
-        info("Largest joint step", "largest_joint_step", step, f"{step:.1f}° {at_time(step_at)}",
-             "Between successive frames.", "°"),
         info("Saturated joints", "fraction_at_limit", at_limit,
              listed(f"{name} {100 * part:.0f} %" for name, part in at_limit.items()),
              "Share of the frames; the true angle may exceed the limit."),

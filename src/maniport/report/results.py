@@ -102,7 +102,7 @@ def _arm_sections(arm: ArmResult) -> list[Section]:
             warned.append(warning(definition.warning_key, definition.warning.format(median=gap.median)))
         sections = [Section("Robot motion", tuple(warned), key="motion", text="The robot was not moved.")]
     if isinstance(arm, ArmTransfer):
-        compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation, choice=arm.choice)]
+        compared = [] if arm.evaluation is None else [evaluation_section(arm.evaluation)]
         sections += [replace(item, folded=True) for item in (*compared, _adapter(arm), person_section(arm.fit))]
     return sections
 
@@ -232,8 +232,9 @@ def _advice(result: Result, motions: Mapping[str, Metrics], status: str) -> tupl
         if parts.motion > parts.infeasible:
             command = _track(result, "all", joint_limit_margin=0.0)
             return "Limits dominate the distance: use the whole range of the joints.", command
-        better = arm.evaluation.summary.recommended if isinstance(arm, ArmTransfer) and arm.evaluation else ""
-        if better and isinstance(arm, ArmTransfer) and arm.choice is None and better != arm.method:
+        evaluation = arm.evaluation if isinstance(arm, ArmTransfer) else None
+        better = "" if evaluation is None or evaluation.rejected is not None else evaluation.recommended
+        if better and evaluation is not None and better != evaluation.adapter.name:
             text = f"The targets are infeasible: those of {better} are nearer to the feasible set."
             command = f"maniport transfer --config {{folder}}/{CONFIG} --method {better} -o {{folder}}-{better}"
             return text, command if result.config is not None and len(result.config.recording) == 1 else ""

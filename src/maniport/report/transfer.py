@@ -4,10 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from maniport.evaluation.baselines import IDENTITY
-from maniport.evaluation.comparison import GAP_SEARCH
-from maniport.evaluation.selection import Choice
-from maniport.evaluation.summary import RELEVANT_RATIO, Evaluation, Row, Summary
+from maniport.evaluation.summary import IDENTITY, RELEVANT_RATIO, Evaluation, Row
 from maniport.report.metrics import describe
 from maniport.report.values import Metric, Report, Section, Table, info, listed, notes, numbers, sentence, warning
 from maniport.transfer import DomainAdapter
@@ -108,21 +105,19 @@ WEAKNESSES = {
 
 
 @describe.register
-def evaluation_report(result: Evaluation | Choice) -> Report:
+def evaluation_report(evaluation: Evaluation) -> Report:
     """Describe the comparison of an adapter with baselines, or the selection of a method."""
-    evaluation, choice = (result.evaluation, result) if isinstance(result, Choice) else (result, None)
     settings = (
         Metric("Fit", evaluation.adapter.note),
         *(Metric(name.capitalize(), str(value)) for name, value in evaluation.settings.items()),
         *numbers(settings=evaluation.settings),
     )
-    title = evaluation.adapter.name if choice is None else choice.method
-    return Report(title, "", (evaluation_section(evaluation, choice=choice), Section("Settings", settings)))
+    return Report(evaluation.adapter.name, "", (evaluation_section(evaluation), Section("Settings", settings)))
 
 
-def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: Choice | None = None) -> Section:
+def evaluation_section(evaluation: Evaluation, explained: bool = True) -> Section:
     """Describe the result of a comparison or of the selection, then compare all methods in a table."""
-    rows, summary = evaluation.rows, evaluation.summary
+    rows = evaluation.rows
 
     def cell(row: Row, column: str) -> str:
         measure, attributes, form, _ = COLUMNS[column]
@@ -138,14 +133,16 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
         if row.smoothness is not None:
             ratios = {key: getattr(row.smoothness, key) for key in ("largest_ratio", "median_ratio")}
             values[row.name]["smoothness"] |= ratios
-    name = label(summary.name)
-    weaknesses = {own.code: f"{name}: {WEAKNESSES[own.code].format(own.value)}" for own in summary.weaknesses}
-    lost_order = weaknesses.pop("rank_correlation", "")
+    name, weaknesses = label(rows[0].name), rows[0].weaknesses
+    texts = {code: f"{name}: {WEAKNESSES[code].format(value)}" for code, value in weaknesses.items()}
+    lost_order = texts.pop("rank_correlation", "")
+    summary = {key: getattr(evaluation, key) for key in ("measure", "values", "best", "recommended")}
+    summary["weaknesses"] = weaknesses
     metrics = [
-        _comparison(summary) if choice is None else _selection(choice),
+        _comparison(evaluation) if evaluation.rejected is None else _selection(evaluation),
         *([warning("rank-correlation", lost_order)] if lost_order else []),
-        *notes(weaknesses.values()),
-        *numbers(summary=asdict(summary), gap_search=evaluation.settings.get(GAP_SEARCH, "")),
+        *notes(texts.values()),
+        *numbers(summary=summary),
         *(warning("evaluation", f"{rows[0].name}: {text}") for text in rows[0].warnings),
         *notes(f"{row.name}: {text}" for row in rows[1:] for text in (row.note, *row.warnings) if text),
     ]
@@ -154,16 +151,15 @@ def evaluation_section(evaluation: Evaluation, explained: bool = True, choice: C
     return Section("Comparison with baselines", tuple(metrics), (table,), "evaluation")
 
 
-def _selection(choice: Choice) -> Metric:
+def _selection(evaluation: Evaluation) -> Metric:
     """Report the selected method, the reason, and its gap next to that of the best baseline."""
-    summary = choice.evaluation.summary
-    others = {row: value for row, value in summary.values.items() if row != choice.method}
+    method, values, failures = evaluation.adapter.name, evaluation.values, evaluation.rejected
+    others = {row: value for row, value in values.items() if row != method}
     nearest = min(others, key=lambda row: others[row], default="")
     against = f" ({label(nearest)}: {others[nearest]:.3f})" if nearest else ""
-    why = f"the length field was rejected: {'; '.join(choice.failures)}" if choice.failures else "it passes its checks"
-    text = f"Selected {label(choice.method)}: {why}. Mean feasibility gap {summary.value or 0.0:.3f}{against}."
-    value = {"method": choice.method, "failures": list(choice.failures)}
-    return replace(notes([text])[0], key="choice", value=value)
+    reason = f"the length field was rejected: {'; '.join(failures)}" if failures else "it passes its checks"
+    text = f"Selected {label(method)}: {reason}. Mean feasibility gap {values[method]:.3f}{against}."
+    return replace(notes([text])[0], key="choice", value={"method": method, "failures": list(failures or ())})
 
 
 def label(name: str) -> str:
@@ -171,24 +167,26 @@ def label(name: str) -> str:
     return name.replace("-", " ")
 
 
-def _comparison(summary: Summary) -> Metric:
+def _comparison(evaluation: Evaluation) -> Metric:
     """Compare the method with the baselines, as a warning unless it is better."""
-    name, own, identity = sentence(label(summary.name))[:-1], summary.value, summary.identity
+    row, every = evaluation.adapter.name, evaluation.values
+    name, own, identity = sentence(label(row))[:-1], every.get(row), every.get(IDENTITY)
     if own is None or identity is None:
         return notes([f"{name} is not compared: neither the truth nor the robot is available"])[0]
-    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[summary.measure]
-    others = {row: value for row, value in summary.values.items() if row not in (summary.name, *summary.same_as)}
+    measure = {"rmse": "RMSE", "feasibility_gap": "mean feasibility gap"}[evaluation.measure]
+    others = {other: value for other, value in every.items() if not np.isclose(value, own, rtol=1e-9, atol=0.0)}
     best = min(others, key=lambda other: others[other], default="")
     values = {IDENTITY: identity, best: others[best]} if best else {}
     compared = f"{measure} {own:.3f}; {', '.join(f'{label(row)} {value:.3f}' for row, value in values.items())}."
     worse = [label(row) for row, value in values.items() if own >= RELEVANT_RATIO * value]
     if IDENTITY not in others:
-        text, better = f"{name} equals the identity baseline ({measure} {own:.3f}).", summary.name == IDENTITY
+        text, better = f"{name} equals the identity baseline ({measure} {own:.3f}).", row == IDENTITY
     elif worse:
         text, better = f"{name} is not clearly better than {' or '.join(worse)}: {compared}", False
     else:
         text, better = f"{name} is better than all baselines: {compared}", True
     if better:
         return notes([text])[0]
-    advice = f" Use {summary.recommended}." if summary.recommended and own != summary.best_value else ""
+    recommended = evaluation.recommended
+    advice = f" Use {recommended}." if recommended and row != evaluation.best else ""
     return warning("not-better", text + advice)

@@ -8,8 +8,8 @@ from typing import Any
 from maniport.errors import InvalidInputError
 from maniport.motion.exports import FORMATS, SCENE, export_motion
 from maniport.pipeline.config import CONFIG
-from maniport.pipeline.learned import DATA_FILES as LEARNED_DATA
-from maniport.pipeline.learned import LearnedProfile
+from maniport.pipeline.demonstrations import DATA_FILES as LEARNED_DATA
+from maniport.pipeline.demonstrations import LearnedProfile
 from maniport.pipeline.results import JOINT_FILES, MOTION_FILES, TRANSFER_FILES, MotionResult, TransferResult
 from maniport.report.metrics import report_of
 from maniport.report.renderings import FIGURES, LEARNED, PAGE, SUMMARY, files_of, write_report
@@ -90,14 +90,8 @@ def write_run(result: Any, report: Report, formats: Mapping[str, str], folder: P
     for name in SUMMARIES[:2]:
         write_report(folder / name, report)
     for name, file in formats.items():
-        if name == SCENE:
-            continue
-        if len(result.arms) > 1 and not FORMATS[name].needs_robot:
+        if name != SCENE:
             export_motion(folder / file, result.motion, name, result.robot)
-            continue
-        for arm in result.arms:  # these formats take one arm
-            place = folder / arm.name if len(result.arms) > 1 else folder
-            export_motion(place / file, arm.motion, name, arm.robot)
     if pages or SCENE in formats:
         from maniport.report.page import write_page  # slow to load
         from maniport.report.page.animation import animation_of

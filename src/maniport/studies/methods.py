@@ -11,15 +11,15 @@ from maniport.arms import Arm, load_arm
 from maniport.domain import sample_domain
 from maniport.errors import ManiportWarning, NotInvertibleError
 from maniport.evaluation import Evaluation, evaluate, select_method
-from maniport.evaluation.baselines import BASELINES, LOOKUP, TRANSPORT
-from maniport.feasibility import with_feasible_set
+from maniport.evaluation.comparison import with_feasible_set
+from maniport.evaluation.summary import BASELINES, LOOKUP, TRANSPORT
 from maniport.mocap import fit_arm, read_recording, shipped_recording
 from maniport.report.transfer import evaluation_section
 from maniport.report.values import Report, Section, Table
 from maniport.spd.kernels import compose, eigh
 from maniport.spd.matrix_functions import apply, congruence, from_vector, logarithm, roots, to_vector
 from maniport.studies.paper import trajectories
-from maniport.transfer import METHODS, DomainAdapter, method_of, name_of
+from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.transfer.length_field.field import KAPPA, released
 from maniport.util.defaults import AUTO, DAMPING, ROBOT, STUDENT_SAMPLES, TEACHER_SAMPLES
 from maniport.util.optional import optimal_transport
@@ -88,7 +88,7 @@ def study(
             step = Step(progress, f"{motion.name}, {method}" if len(methods) > 1 else motion.name)
             if method == AUTO:
                 options: dict[str, Any] = {"robot": robot, "random_state": random_state, **shared}
-                adapter = select_method(teacher, student, motion.profile, **options).adapter
+                adapter, _ = select_method(teacher, student, motion.profile, **options)
             else:
                 adapter = with_feasible_set(method_of(method, random_state=random_state, **shared), robot).fit(
                     teacher, student
@@ -100,7 +100,6 @@ def study(
                 motion.profile,
                 robot=robot,
                 person=motion.person,
-                name=name_of(adapter),
                 rows=rows,
                 random_state=random_state,
             )

@@ -1,28 +1,18 @@
 """Write files and folders atomically: a reader never finds half of one, whatever ends the process that writes.
 
-Everything is written to a temporary file or folder in the target's folder, which then takes the target's place. It is
-locked while it is written, and the system releases the lock when the process ends. The next process that writes the
-same target removes unlocked leftovers of killed processes. Leftovers stay where the file system has no locks, and those
-of other computers stay, since some locks hold on one computer only.
+Everything is written to a temporary file or folder in the target's folder, which then takes the target's place. A
+killed process may leave it there, under a name with a leading dot.
 """
 
 import os
-import platform
-import re
 import secrets
 import shutil
-import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from maniport.errors import OutputError, argument
 from maniport.util.input_limits import as_path
-
-try:
-    import fcntl
-except ImportError:  # Windows: no locks, hence no removal
-    fcntl = None  # type: ignore[assignment]
 
 EARLIER = ".earlier"  # suffix of the former target where two folders cannot be exchanged in one operation
 
@@ -70,31 +60,17 @@ def require_free(folder: Path, own: Collection[str], overwrite: bool = False) ->
 @contextmanager
 def temporary_beside(target: Path, folder: bool = False) -> Iterator[Path]:
     """Give a new empty file or folder in the folder of `target`; when the block ends it is removed."""
-    clean(target)
-    lock = None
-    while lock is None:  # another process may take a new one for a leftover before it is locked
-        path = target.with_name(f"{_prefix(target)}{secrets.token_hex(4)}{target.suffix}")
-        _targets[path] = target  # registered first, so that an interruption finds it
-        try:
-            if folder:
-                path.mkdir()
-            else:
-                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-            with suppress(BlockingIOError, FileNotFoundError):
-                lock = _lock(path)
-            if lock is not None and not path.exists():
-                os.close(lock)
-                lock = None
-        finally:
-            if lock is None:
-                _remove(path, target)
-                del _targets[path]
+    path = target.with_name(f".{target.stem[:50]}-{secrets.token_hex(4)}{target.suffix}")
+    _targets[path] = target  # registered first, so that an interruption finds it
     try:
+        if folder:
+            path.mkdir()
+        else:
+            path.touch(exist_ok=False)
         yield path
     finally:
         _remove(path, target)
         del _targets[path]
-        os.close(lock)
 
 
 def place(temporary: Path, target: Path) -> None:
@@ -107,23 +83,6 @@ def place(temporary: Path, target: Path) -> None:
     global _last
     if not any(other in target.parents for other in _targets):  # a part of a larger result does not count
         _last = target
-
-
-def clean(target: Path) -> None:
-    """Remove leftovers of killed processes of this computer next to a target; restore a target that one had moved."""
-    name = re.compile(f"{re.escape(_prefix(target))}[0-9a-f]{{8}}{re.escape(target.suffix)}({re.escape(EARLIER)})?")
-    with suppress(OSError):  # a folder that cannot be listed is mostly not writable either, which is reported there
-        leftovers = [entry for entry in os.listdir(target.parent) if name.fullmatch(entry)]
-        for path in {target.with_name(entry.removesuffix(EARLIER)) for entry in leftovers}:
-            try:
-                lock = _lock(path, needed=True)
-            except FileNotFoundError:  # it took its place, and only the former target is left
-                _remove(path, target)
-            except OSError:  # a process is writing it
-                continue
-            else:
-                _remove(path, target)
-                os.close(lock)
 
 
 def discard() -> None:
@@ -179,34 +138,6 @@ def _require_own(folder: Path, own: Collection[str], overwrite: bool) -> None:
             )
     if folder.exists() and not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {str(folder)!r}: permission denied")
-
-
-def _prefix(target: Path) -> str:
-    """Start of temporary names: 50 characters of the target's, which may be long, and a number for the computer."""
-    return f".{target.stem[:50]}.{zlib.crc32(platform.node().encode()):08x}-"
-
-
-def _lock(path: Path, needed: bool = False) -> int:
-    """Return the descriptor that locks a file or folder; raises `OSError` when it is locked or gone.
-
-    Where nothing can be locked, it is a descriptor of the null device, or, if `needed`, an error.
-    """
-    try:
-        if fcntl is None:
-            raise OSError("no locks")
-        descriptor = os.open(path, (os.O_RDONLY if path.is_dir() else os.O_RDWR) | os.O_NOFOLLOW)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(descriptor)
-            raise
-    except (BlockingIOError, FileNotFoundError):
-        raise
-    except OSError:
-        if needed:
-            raise
-        return os.open(os.devnull, os.O_RDONLY)
-    return descriptor
 
 
 def _remove(path: Path, target: Path) -> None:

@@ -4,7 +4,6 @@ AUTO = "auto"
 """Word for a choice by the program; as a method: the length field if it passes its checks, else parallel transport."""
 
 BOTH = "both"  # side of a person with both arms
-KEEP = "keep"  # treatment of jumps in a recording: they stay, with a warning
 
 PERSON, ROBOT, METHOD = "myoarm", "panda", AUTO  # human arm model, robot and transfer method
 DAMPING = 0.01  # relative damping ρ: hardly changes long axes, and singular ellipsoids get finite distances

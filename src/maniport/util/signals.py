@@ -30,20 +30,9 @@ def ending_in_order(end: Callable[[], Any]) -> Iterator[None]:
         restore()
 
 
-@contextmanager
-def raising() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` at the first Ctrl-C; a second one acts as before. In the main thread only."""
-    before = signal.getsignal(signal.SIGINT)
-
-    def interrupt(number: int, frame: Any) -> None:
-        signal.signal(signal.SIGINT, before)
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+def interrupt() -> None:
+    """Raise `KeyboardInterrupt`."""
+    raise KeyboardInterrupt
 
 
 def end_with_parent(parent: int) -> None:

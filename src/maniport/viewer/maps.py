@@ -9,7 +9,7 @@ import numpy as np
 
 from maniport.arms import VELOCITY, Arm
 from maniport.errors import InvalidInputError, ManiportWarning
-from maniport.feasibility import with_feasible_set
+from maniport.evaluation.comparison import with_feasible_set
 from maniport.motion import SeedBank
 from maniport.transfer import METHODS, DomainAdapter, method_of
 from maniport.util.validation import Array

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from maniport.evaluation.baselines import LOOKUP
+from maniport.evaluation.summary import LOOKUP
 from maniport.report.metrics import in_axes
 from maniport.report.page.content import ACHIEVED, PERSON, TARGET
 from maniport.util.validation import Array

@@ -74,7 +74,7 @@ def prepare(
     displayed, ready = (LOADED, LOADED) if loaded is not None else (PREFERRED, AT_ONCE)
     sides = []
     for teacher, student, base in zip(persons, group.arms, bases, strict=True):
-        bank = SeedBank.build(student, BANK_SIZE, seed)
+        bank = SeedBank(student, BANK_SIZE, seed)
         domains = sample_domain(teacher, TEACHER_SAMPLES, seed), sample_domain(student, STUDENT_SAMPLES, seed + 1)
         maps = Maps(
             *domains, loaded=loaded, robot=student, bank=bank, base_rotation=rotation, first=(ready,), **options

@@ -156,9 +156,8 @@ class Side:
         if not images:
             return {}
         search = nearest_feasible(
-            self.student, np.array(list(images.values())), damping=self.bank.damping, bank=self.bank, n_starts=4,
-            max_iter=20,
-        )  # fmt: skip
+            self.student, np.array(list(images.values())), damping=self.bank.damping, bank=self.bank, n_starts=4
+        )
         return dict(zip(images, search.distance.tolist(), strict=True))
 
 

@@ -45,9 +45,6 @@ class Collisions(NotebookDisplay):
     ----------
     checked, reason, obstacles : bool, str, bool
         Whether shapes of the arm are known, so that pairs are checked; the reason if not; whether there are obstacles.
-    padding : float
-        Distance that counts as a collision [m]; for links with at most two coordinates between them, which are always
-        close, a quarter of it.
     pairs, always, never : tuple of (str, str)
         Names of checked and omitted pairs, with the names of the arms as prefixes if two robots have links of the same
         names. Meshes of `always` intersect in more than 90 % of 10 000 samples of the joint space and at rest. Pairs in
@@ -60,11 +57,10 @@ class Collisions(NotebookDisplay):
         arm: Arm | ArmGroup,
         solids: Solids,
         selected: SelectedPairs,
-        padding: float,
         reason: str = "",
         surroundings: Mapping[str, Any] | None = None,
     ):
-        self.arm, self.padding, self.reason, self.checked = arm, padding, reason, not reason
+        self.arm, self.reason, self.checked = arm, reason, not reason
         self._solids, self._pairs, self._selected = solids, selected.pairs, selected
         self._surroundings = dict(surroundings or {})
         self.obstacles = self._surroundings.get("obstacles") is not None
@@ -81,7 +77,6 @@ class Collisions(NotebookDisplay):
         table: float | None = None,
         obstacles: Any = None,
         srdf: str | os.PathLike[str] | None = None,
-        padding: float = 0.0,
     ) -> "Collisions":
         """Choose the pairs of bodies of an arm or a group of arms to check, with table and obstacles.
 
@@ -90,12 +85,10 @@ class Collisions(NotebookDisplay):
         arm : Arm or ArmGroup
         table : float, optional
             Height of a floor or table in the base frame [m], the lower limit of all bodies that joints move.
-        obstacles : path, sequence of Box, or array_like of shape (n, 6) or (n, 7), optional
-            Boxes in the base frame: a file, see `read_boxes`, or center, size [m] and optional yaw [rad] of each.
+        obstacles : path or sequence of Box, optional
+            Boxes in the base frame, or a file of them, see `read_boxes`.
         srdf : path, optional
             File whose ``<disable_collisions>`` list pairs of links that are not checked.
-        padding : float
-            Distance that counts as a collision [m].
 
         Raises
         ------
@@ -105,20 +98,19 @@ class Collisions(NotebookDisplay):
             When obstacles or SRDF cannot be read.
         """
         height = -np.inf if table is None else as_number(table, "table")
-        distance = as_number(padding, "padding", minimum=0.0)
         boxes = [box.hull() for box in as_boxes(obstacles)]
         disabled = set() if srdf is None else disabled_pairs(srdf, arm)
-        surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf, "padding": padding}
+        surroundings = {"table": table, "obstacles": obstacles, "srdf": srdf}
         reason = f"{arm.name!r} is known by its joints alone: its description names no shapes of links"
         try:
-            chosen = select_pairs(as_group(arm), boxes, height, disabled, distance)
+            chosen = select_pairs(as_group(arm), boxes, height, disabled)
         except FileFormatError as error:
             chosen, reason = None, f"the surface of {arm.name!r} cannot be read: {error}"
         nothing = Solids(as_group(arm).kinematics, [], -np.inf), NO_PAIRS
-        return cls(arm, *(chosen or nothing), distance, "" if chosen else reason, surroundings)
+        return cls(arm, *(chosen or nothing), "" if chosen else reason, surroundings)
 
     def __repr__(self) -> str:
-        text = f"{len(self.pairs)} pairs, padding {self.padding:g} m" if self.checked else f"not checked: {self.reason}"
+        text = f"{len(self.pairs)} pairs" if self.checked else f"not checked: {self.reason}"
         return f"Collisions({self.arm.name!r}, {text})"
 
     @cached_property
@@ -126,7 +118,7 @@ class Collisions(NotebookDisplay):
         """Collisions between different arms of a group only."""
         every, across = self._selected, self._selected.across
         selected = every._replace(pairs=every.pairs[across], share=every.share[across], across=across[across])
-        return Collisions(self.arm, self._solids, selected, self.padding, self.reason)
+        return Collisions(self.arm, self._solids, selected, self.reason)
 
     @cached_property
     def of_arms(self) -> tuple["Collisions", ...]:
@@ -160,16 +152,15 @@ class Collisions(NotebookDisplay):
     def collides(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Return whether configurations (..., dof) collide, shape (...); False if nothing is checked."""
         flat, shape = self._flat(q)
-        limit = self.padding * self._selected.share
         hit = np.zeros(len(flat), dtype=np.bool_)
         for part in _blocks(len(flat)):
-            near = self._solids.maybe_near(flat[part], self._pairs, limit)  # Coal decides about these
+            near = self._solids.maybe_near(flat[part], self._pairs, 0.0)  # Coal decides about these
             left = np.flatnonzero(near.any(axis=1))
             while len(left):  # one pair of each configuration at a time, since one suffices
                 first = near[left].argmax(axis=1)
                 mask = np.arange(len(self._pairs)) == first[:, None]
                 distances = self._solids.distances(flat[part][left], self._pairs, mask, depths=False)[0]
-                hit[part.start + left[distances <= limit[first]]] = True
+                hit[part.start + left[distances <= 0.0]] = True
                 near[left] &= ~mask
                 left = left[near[left].any(axis=1) & ~hit[part.start + left]]
         return hit.reshape(shape)

@@ -107,7 +107,7 @@ def hulls_of(arm: Arm, part: Part, fine: bool = False) -> tuple[Hull, ...]:
 def _hulls(part: Part, fine: bool, tip: tuple[float, ...] | None) -> tuple[Hull, ...]:
     """Hulls of a part, in several pieces if their hulls are smaller than that of the whole; one encloses `tip`."""
     mesh = part.mesh
-    points, triangles = reduced(mesh, 300, for_display=False)  # cuts are chosen on a coarse mesh
+    points, triangles = reduced(mesh, 300)  # cuts are chosen on a coarse mesh
     pieces = [_Piece.of(points[triangles], ())]
     worth, most = (0.97, 8) if fine else (0.85, 2)  # largest volume after a cut, as a fraction
     whole: list[_Piece] = []
@@ -217,17 +217,16 @@ class Lowest(NamedTuple):
     time: float
 
 
-def lowest_points(arm: Arm, time: Array, q: Array) -> tuple[Lowest, ...]:
-    """Compute the lowest point of each moving link's convex hull over a motion."""
+def lowest_point(arm: Arm, time: Array, q: Array) -> Lowest | None:
+    """Compute the lowest point of the convex hulls of all moving links over a motion; None without shapes."""
     try:
         hulls = [hull for part in parts_of(arm.geometry) if part.joint for hull in hulls_of(arm, part)]
     except FileFormatError:
-        return ()
-    poses, lowest = arm.link_poses(q), dict[str, Lowest]()
+        return None
+    poses, lowest = arm.link_poses(q), list[Lowest]()
     for hull in hulls:
         vertical = poses[:, hull.joint, 2]
         heights = (vertical[:, :3] @ hull.corners.T).min(axis=1) + vertical[:, 3] - hull.skin
         i = int(np.argmin(heights))
-        if hull.name not in lowest or heights[i] < lowest[hull.name].height:
-            lowest[hull.name] = Lowest(hull.name, float(heights[i]), float(time[i]))
-    return tuple(sorted(lowest.values(), key=lambda point: point.height))
+        lowest.append(Lowest(hull.name, float(heights[i]), float(time[i])))
+    return min(lowest, key=lambda point: point.height, default=None)

@@ -14,7 +14,7 @@ from maniport.arms.loaders.document import parsed
 from maniport.arms.meshes import box as box_mesh
 from maniport.errors import FileFormatError, InvalidInputError, nearest_first
 from maniport.util.files import read_settings, require_mapping
-from maniport.util.validation import Array, as_finite, as_number, as_numbers
+from maniport.util.validation import as_number, as_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,21 +74,15 @@ def read_boxes(path: str | os.PathLike[str]) -> tuple[Box, ...]:
 
 
 def as_boxes(value: Any) -> tuple[Box, ...]:
-    """Convert None, a file, boxes, or rows of center, size and optional yaw, shape (n, 6) or (n, 7)."""
+    """Convert None, a file, or boxes."""
     if value is None:
         return ()
     if isinstance(value, (str, os.PathLike)):
         return read_boxes(value)
     listed = list(value) if isinstance(value, Iterable) else [value]
-    if all(isinstance(box, Box) for box in listed):
-        return tuple(listed)
-    rows: Array = as_finite(value, "obstacles")
-    if rows.ndim != 2 or rows.shape[1] not in (6, 7):
-        raise InvalidInputError(
-            "obstacles must be a file, a sequence of Box, or rows of center, size and optional yaw, "
-            f"shape (n, 6) or (n, 7); found shape {rows.shape}"
-        )
-    return tuple(Box(row[:3], row[3:6], float(sum(row[6:])), f"box {i + 1}") for i, row in enumerate(rows))
+    if not all(isinstance(box, Box) for box in listed):
+        raise InvalidInputError(f"obstacles must be a file or a sequence of Box; found {value!r}")
+    return tuple(listed)
 
 
 def disabled_pairs(path: str | os.PathLike[str], arm: Arm | ArmGroup) -> set[frozenset[str]]:

@@ -97,7 +97,7 @@ class SelectedPairs(NamedTuple):
     always: Pairs
     never: Pairs
     unresolved: Pairs
-    share: Array  # (pairs,): fraction of the padding that applies
+    share: Array  # (pairs,): fraction of a clearance that applies
     across: NDArray[np.bool_]  # (pairs,): pairs of links of two arms
 
 
@@ -105,7 +105,7 @@ NO_PAIRS = SelectedPairs(*(np.empty((0, 2), dtype=np.int64),) * 4, np.empty(0), 
 
 
 def select_pairs(
-    group: ArmGroup, boxes: Sequence[Hull], table: float, disabled: Collection[frozenset[str]], padding: float
+    group: ArmGroup, boxes: Sequence[Hull], table: float, disabled: Collection[frozenset[str]]
 ) -> tuple[Solids, SelectedPairs] | None:
     """Choose hulls, and the pairs of them to check; None where the shapes of an arm are not known.
 
@@ -128,16 +128,15 @@ def select_pairs(
         near = links & (bodies.between[tuple(of_links.T)] <= 2)
         across = links & ~np.any(bodies.owners[of_links].all(axis=1), axis=1)
         share = np.where(near, 0.25, 1.0)
-        limit = padding * share
-        reach = limit + np.where(near, 0.005, np.where(links, 0.1, 0.02))
+        reach = np.where(near, 0.005, np.where(links, 0.1, 0.02))
         bounds = solids.distance_bounds(q[:FIRST], pairs, reach)
         never = np.array((bounds > reach).all(axis=0), dtype=np.bool_)
         never[never] = ~solids.maybe_near(q[FIRST:], pairs[never], reach[never]).any(axis=0)
-        hits = np.array(bounds <= np.where(links, 0.0, limit), dtype=np.bool_)
+        hits = np.array(bounds <= 0.0, dtype=np.bool_)
         always = np.asarray(hits.all(axis=0) & ~links)
         every = np.ones((FIRST, 1), dtype=np.bool_)
         for pair in np.flatnonzero(always):
-            always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], every)[0] <= limit[pair])
+            always[pair] = np.all(solids.distances(q[:FIRST], pairs[[pair]], every)[0] <= 0.0)
         for a, b in pairs[always].tolist():
             if b > a or (b == TABLE and solids.hulls[a].joint in bodies.last):
                 what = "obstacles: " + repr(solids.hulls[b].name)

@@ -1,11 +1,8 @@
 """Shapes and surfaces of an arm; operations on meshes and meshes of simple solids."""
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
@@ -132,30 +129,15 @@ def welded(mesh: Mesh, cell: float = 0.0) -> Mesh:
     return points[kept[first[left]]], numbers.reshape(-1, 3).astype(np.int32)
 
 
-def reduced(mesh: Mesh, most: int, *, for_display: bool = True) -> Mesh:
-    """Reduce a mesh to at most `most` triangles by merging close points.
-
-    `for_display`, by quadric error as well (Garland and Heckbert, SIGGRAPH 1997) where `fast-simplification` is
-    installed; other results must not depend on that.
-    """
-    simplify: Any = None
-    if for_display:
-        with suppress(ImportError):
-            simplify = import_module("fast_simplification").simplify
+def reduced(mesh: Mesh, most: int) -> Mesh:
+    """Reduce a mesh to at most `most` triangles by merging close points."""
     a, b, c = (mesh[0][column] for column in mesh[1].T)
     area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     edge = np.sqrt(area / max(most, 1))
     cell = 0.35 * edge if len(mesh[1]) > 3 * most else 0.035 * edge
     while len(mesh[1]) > most:
         mesh = welded(mesh, cell)
-        if simplify is not None and len(mesh[1]) > most:
-            corner, size = mesh[0].min(axis=0), float(np.ptp(mesh[0], axis=0).max())
-            unit = ((mesh[0] - corner) / size).astype(np.float32)  # the algorithm uses single precision
-            points, triangles = simplify(unit, mesh[1], target_count=max(most, 1))
-            points = np.clip(points.astype(np.float64), unit.min(axis=0), unit.max(axis=0))
-            smaller = welded((corner + size * points, triangles.astype(np.int32)))
-            mesh = smaller if len(smaller[1]) <= most else mesh
-        cell *= 1.2 if simplify is None else 2.0
+        cell *= 1.2
     return mesh
 
 

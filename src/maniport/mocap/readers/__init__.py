@@ -10,7 +10,7 @@ from maniport.errors import FileFormatError, spoken, unknown_name
 from maniport.mocap.import_options import UNITS, ImportOptions, known_unit
 from maniport.mocap.marker_sets import load_names
 from maniport.mocap.readers.text import decoded
-from maniport.mocap.recording import UP_AXES, Recording
+from maniport.mocap.recording import Recording
 from maniport.util.defaults import RECORDINGS
 from maniport.util.input_limits import RECORDING_BYTES, as_path, existing_file
 from maniport.util.validation import as_choice, as_number
@@ -29,9 +29,7 @@ SHIPPED = {"ladder": "ladder.bvh", "freeform": "freeform.c3d", "both-arms": "bot
 ``"both-arms"``: the same motion with the left arm, which moves more."""
 
 
-def read_recording(
-    path: str | os.PathLike[str], unit: str | None = None, up: str | None = None, rate: float | None = None
-) -> Recording:
+def read_recording(path: str | os.PathLike[str], unit: str | None = None, rate: float | None = None) -> Recording:
     """Read a recording of a person's motion.
 
     The format is recognized by the content of the file, else by its ending.
@@ -43,8 +41,6 @@ def read_recording(
         shipped recording (``"ladder"``, ``"freeform"``, ``"both-arms"``). See ``docs/recordings.md``.
     unit : {"m", "dm", "cm", "mm", "inch", "CMU"}, optional
         Unit of length; default: from the file, else recognized from the upper arm.
-    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Vertical axis; recognized by default.
     rate : float, optional
         Frames per second; default: from the file.
 
@@ -52,19 +48,18 @@ def read_recording(
     -------
     Recording
         Positions in meters. Its notes report values that were recognized and repairs, its quality_warnings
-        contradictions between the points and unit or axis.
+        contradictions between the points and the unit.
 
     Raises
     ------
     FileFormatError
-        When the file is missing, unreadable, empty, truncated, damaged or of another format; for other formats the
-        message explains how to convert them.
+        When the file is missing, unreadable, empty, truncated, damaged or of another format, for which the message
+        explains how to convert it, or the unit makes an impossible upper arm.
     InvalidInputError
-        When an option has a wrong value, or the unit makes an impossible upper arm.
+        When an option has a wrong value.
     """
     options = ImportOptions(
         unit=None if unit is None else as_choice(known_unit(str(unit)) or unit, "unit", tuple(UNITS)),
-        up=None if up is None else as_choice(up, "up", UP_AXES),
         rate=None if rate is None else as_number(rate, f"{spoken('rate')} [Hz]", above=0.0, below=1e5),
     )
     file = as_path(path, other=" or the name of a recording")
@@ -74,14 +69,13 @@ def read_recording(
     reader = READERS[kind]
     read: Reader = importlib.import_module(reader).read if isinstance(reader, str) else reader
     try:
-        recording = replace(read(file, options), format=kind)
+        return replace(read(file, options), format=kind)
     except FileFormatError:
         raise
     except ValueError as error:
         raise FileFormatError(f"{file}: {error}") from (None if isinstance(reader, str) else error)
     except (LookupError, TypeError, OverflowError, RecursionError, SyntaxError) as error:  # also of XML and encodings
         raise FileFormatError(f"{file}: not readable as {kind}, perhaps cut off: {error}") from error
-    return options.checked(recording)
 
 
 def shipped_recording(name: str) -> Path:

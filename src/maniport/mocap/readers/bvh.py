@@ -43,7 +43,7 @@ def read(file: Path, options: ImportOptions) -> Recording:
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite counts as missing
         positions = np.concatenate([_positions(nodes, part) for part in parts])
     time = np.arange(len(positions)) * step
-    recording = options.recording(file, [node.name for node in nodes], positions, time, usual="y", notes=notes)
+    recording = options.recording(file, [node.name for node in nodes], positions, time, notes=notes)
     speed = np.linalg.norm(np.diff(recording.positions, axis=0), axis=-1).max(axis=-1) / step
     if len(speed) < 3 or not speed[0] > max(5.0, 10 * np.percentile(speed[1:], 99)):  # [m/s]
         return recording

@@ -59,10 +59,9 @@ def read(file: Path, options: ImportOptions) -> Recording:
     differ = len(set(bare)) == len(bare)
     prefixes = sorted({label.rsplit(":", 1)[0] for label in labels if ":" in label})
     notes = [f"prefix {', '.join(map(repr, prefixes))} taken off the names"] if prefixes and differ else []
-    unit, up = (str((values.get(f"POINT:{name}") or [""])[0]).strip() for name in ("UNITS", "Y_SCREEN"))
+    unit = str((values.get("POINT:UNITS") or [""])[0]).strip()
     time = np.arange(len(positions)) / rate
-    up = up.lower().replace("+", "")
-    return options.recording(file, bare if differ else labels, positions, time, unit, up, notes=notes)
+    return options.recording(file, bare if differ else labels, positions, time, unit, notes=notes)
 
 
 def _parameters(section: bytes, start: int) -> dict[str, tuple[int, Values]]:

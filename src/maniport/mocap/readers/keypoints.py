@@ -93,9 +93,8 @@ def read(file: Path, options: ImportOptions) -> Recording:
         time = np.array([_number(frame[key]) * _SECONDS[key] for frame, key in pairs])
     elif (key := _first(head, _RATES)) and 0 < (rate := _number(head[key])) < np.inf:
         time = np.arange(len(bodies)) / rate
-    unit, up = (head[key] if isinstance(head.get(key), str) else "" for key in ("unit", "up"))
-    unit, usual = unit or ("m" if mediapipe else ""), "-y" if mediapipe else "y"
-    return options.recording(file, names, positions, time, unit, up, usual, notes=notes)
+    unit = head["unit"] if isinstance(head.get("unit"), str) else "m" if mediapipe else ""
+    return options.recording(file, names, positions, time, unit, notes=notes)
 
 
 def _loaded(file: Path, most: int) -> Any:

@@ -68,7 +68,6 @@ def read(file: Path, options: ImportOptions) -> Recording:
         np.stack(list(points.values()), axis=1),
         table[:, 0],
         unit="m",
-        up="z",
         origin="as in the model of the arm",
         notes=notes,
         quality_warnings=quality_warnings,

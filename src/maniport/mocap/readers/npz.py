@@ -47,7 +47,6 @@ KEYS = {
     "body": "pose_body body_pose",
     "trans": "trans transl",
     "unit": "unit units",
-    "up": "up",
 }
 """Names of arrays: the first that is in the file counts."""
 
@@ -87,7 +86,7 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
     require_at_most(positions.size // 3, PLACES, "places (frames × points)")
     if positions.dtype.kind != "f" or positions.dtype.itemsize < 4:
         positions = positions.astype(np.float64)
-    unit, up, origin, notes = _text(arrays, "unit"), _text(arrays, "up"), "stated in the file", []
+    unit, origin, notes = _text(arrays, "unit"), "stated in the file", []
     names = arrays["names"] if "names" in arrays else _names_beside(file)
     if names is None:
         count = positions.shape[1]
@@ -100,7 +99,7 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
                 f"{count} joints without names; write one name per line into '{file.stem}.names.txt' next to it ({why})"
             )
         names = skeletons[fits[0]]
-        up, origin = up or ("z" if fits[0] == "holosoma's mocap" else ""), f"as in {fits[0]}"
+        origin = f"as in {fits[0]}"
         notes = [f"{count} joints without names: taken as {fits[0]}, in which their arms have constant lengths"]
     array = np.asarray(names)
     if array.dtype.kind == "S":
@@ -110,7 +109,7 @@ def _points(file: Path, options: ImportOptions, arrays: Mapping[str, Any]) -> Re
     if len(array) != positions.shape[1]:
         raise ValueError(f"{len(array)} names do not match positions of shape {positions.shape}")
     time = _time(arrays, len(positions), options)
-    return options.recording(file, list(map(str, array)), positions, time, unit, up, origin=origin, notes=notes)
+    return options.recording(file, list(map(str, array)), positions, time, unit, origin=origin, notes=notes)
 
 
 def _names_beside(file: Path) -> Sequence[str] | None:
@@ -168,8 +167,8 @@ def _posed(file: Path, options: ImportOptions, arrays: Mapping[str, Any], poses:
         "pose parameters without the body model: directions of bones from a T-pose, lengths of a person of "
         f"{body_height} m unless the arm is fitted with the person's height"
     )
-    up, time, names = "z" if len(poses) == 1 else "", _time(arrays, count, options), ["pelvis", *bones]
-    return options.recording(file, names, positions, time, "m", up, "y", "as in AMASS", notes=[note], measured=False)
+    time, names = _time(arrays, count, options), ["pelvis", *bones]
+    return options.recording(file, names, positions, time, "m", "as in AMASS", notes=[note], measured=False)
 
 
 def _bones(body_height: float) -> dict[str, tuple[str, Array]]:

@@ -44,7 +44,6 @@ class Table:
     rows: Sequence[Row]
     separator: str
     unit: str = ""  # of length; empty where unknown
-    usual: str = "z"  # usual vertical axis
     rate: float | None = None  # frames per second, where no column holds the time
     advice: str = ""  # for a table without points
 
@@ -109,7 +108,7 @@ def _one_row_a_frame(file: Path, options: ImportOptions, table: Table) -> Record
     notes = drop_untrusted(positions, np.where([name in confidence for name in points], confidences, 1.0))
     time = np.arange(len(numbers)) / table.rate if table.rate else numbers[:, -1] / times[0][1] if times else None
     unit = table.unit or (units.pop() if len(units) == 1 else "")
-    return options.recording(file, list(points), positions, time, unit, usual=table.usual, notes=notes)
+    return options.recording(file, list(points), positions, time, unit, notes=notes)
 
 
 def _one_row_a_point(file: Path, options: ImportOptions, table: Table, columns: list[str], name: int) -> Recording:
@@ -165,7 +164,7 @@ def _motive(rows: Sequence[Row]) -> Table:
     ]
     columns, advice = _columns(points, axes), "Motive: export markers or bones, with their positions"
     columns[1:2] = ["time"]
-    return Table(columns, rows[start + 1 :], separator, header.get("Length Units", ""), "y", advice=advice)
+    return Table(columns, rows[start + 1 :], separator, header.get("Length Units", ""), advice=advice)
 
 
 def _nexus(lines: Sequence[str], start: int) -> Table:
@@ -181,7 +180,7 @@ def _nexus(lines: Sequence[str], start: int) -> Table:
     rows = takewhile(lambda row: row[1].strip(separator + " "), enumerate(lines[5:], start + 6))
     rate = positive_number(lines[1].strip(separator + ' "'))
     unit = units.pop() if len(units) == 1 else ""
-    return Table(_columns(points, axes), list(rows), separator, unit, "z", rate, "Nexus: export trajectories")
+    return Table(_columns(points, axes), list(rows), separator, unit, rate, "Nexus: export trajectories")
 
 
 def _qualisys(rows: Sequence[Row]) -> Table:
@@ -204,7 +203,7 @@ def _qualisys(rows: Sequence[Row]) -> Table:
     elif columns:
         columns = [""] * (len(first) - (first[-1:] == [""]) - len(columns)) + columns
     rate = positive_number(" ".join(header.get("FREQUENCY", ())))
-    return Table(columns, rows, "\t", "mm", "z", rate, "Qualisys: export 3D data, with the names of markers")
+    return Table(columns, rows, "\t", "mm", rate, "Qualisys: export 3D data, with the names of markers")
 
 
 def _padded(line: str, separator: str, width: int) -> list[str]:

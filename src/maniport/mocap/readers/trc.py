@@ -43,4 +43,4 @@ def read(file: Path, options: ImportOptions) -> Recording:
     if separator != "\t":
         warnings.append(f"the fields of this TRC file are separated by {separator!r}, not by tabs: check the points")
     positions, unit = table[:, 2:].reshape(len(table), -1, 3), header.get("Units", "")
-    return options.recording(file, names, positions, time, unit, usual="y", notes=notes, quality_warnings=warnings)
+    return options.recording(file, names, positions, time, unit, notes=notes, quality_warnings=warnings)

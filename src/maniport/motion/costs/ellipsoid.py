@@ -50,7 +50,7 @@ class EllipsoidCost:
 
     def log_changes(self, q: Array) -> Array:
         """Return derivatives of log X along each joint, shape (n, dof, d, d), where nothing is singular."""
-        _, velocity, changes = self.arm.differentials(q, self.spec.bounded)
+        _, _, velocity, changes = self.arm.posed_differentials(q, self.spec.bounded)
         values, vectors, _, changes = self.spectrum(velocity, changes)
         return self._log_changes(values, vectors, changes)
 

@@ -6,19 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from maniport.motion.costs.position import PoseCost
-from maniport.util.validation import Array, as_choice, as_number
+from maniport.util.validation import Array, as_choice
 
 POINTING, WHOLE = "pointing", "whole"
 """Which axes of the end effector's orientation count: z, mostly along a gripper's fingers, or all."""
 ORIENTATION_WEIGHT = 10.0  # 6° have the same cost as a distance of 1 between ellipsoids [1/rad]
 
 
-def axis_weights(keep: str, weight: float = ORIENTATION_WEIGHT) -> tuple[float, float, float]:
+def axis_weights(keep: str) -> tuple[float, float, float]:
     """Weights of the angles between the axes of the end effector and their targets [1/rad]."""
-    as_number(weight, "orientation_weight", above=0.0)
     if as_choice(keep, "orientation_axes", (POINTING, WHOLE)) == POINTING:
-        return 0.0, 0.0, weight
-    return (weight / math.sqrt(2.0),) * 3
+        return 0.0, 0.0, ORIENTATION_WEIGHT
+    return (ORIENTATION_WEIGHT / math.sqrt(2.0),) * 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,7 +151,7 @@ def place_path(  # type: ignore[misc]
         for own, model, samples in zip(arms, models, maps, strict=True)
     ]
     for own, samples in zip(arms, maps, strict=True):
-        require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec), limits=True)
+        require_compatible("the reachability_map was built for", (samples.arm, own), (samples.spec, spec))
     _require_reach(maps, bounds, upright=bool(fixed[TILT] == 0.0))
     objectives, positions, targets = [Objective.of(own, spec, damping, WEIGHT) for own in arms], [], []
     for i, objective in enumerate(objectives):
@@ -177,14 +177,14 @@ def place_path(  # type: ignore[misc]
     for i, (member, samples, part) in enumerate(zip(members, banks, parts, strict=True)):
         q = interpolated(evenly_spaced(len(times), len(best.q[i])), best.q[i], np.arange(len(times)))
         aims = member.targets(best.place)
-        optimum = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
+        q = pointwise_best(aims, samples.starts_for(aims, budget.pointwise_starts), q, part)
         points, ellipsoids = (values[0] for values in member.placed(best.place[None]))
-        error = np.asarray(optimum.position_error)
+        error = np.asarray(aims.position_error(q))
         placed.append(Placement(
-            **vars(named(best.place, best.distance[i])), pointwise_best=optimum.distance, path=points,
+            **vars(named(best.place, best.distance[i])), pointwise_best=aims.distance(q), path=points,
             profile=ellipsoids, spec=spec, center=center,
             mount=base_rotations(best.place[None])[0], turn=rotation, position_error=error, reachable=error <= 1e-3,
-            joint_positions=optimum.joint_positions,
+            joint_positions=q,
             candidates=tuple(named(other.place, other.distance[i]) for other in results),
         ))  # fmt: skip
     medians = ", ".join(f"{np.median(own.pointwise_best):.2f}" for own in placed)

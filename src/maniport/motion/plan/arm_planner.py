@@ -84,7 +84,7 @@ class ArmPlanner:
         """Sample the arm within its limits."""
         require_trackable(limits.arm, spec)
         reachability_map = ReachabilityMap(limits.arm, spec, random_state=random, collisions=collisions)
-        return cls(limits, reachability_map, SeedBank.build(limits.arm, random_state=random, spec=spec), collisions)
+        return cls(limits, reachability_map, SeedBank(limits.arm, random_state=random, spec=spec), collisions)
 
     def solve(
         self, problem: MotionProblem, settings: PlanSettings, random: np.random.Generator, progress: Part = nobody

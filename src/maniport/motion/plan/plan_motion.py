@@ -68,8 +68,8 @@ def plan_motion(
     spec, damping, weights, progress
         As in `maniport.motion.track`.
     rotations : array_like, shape (n, 3, 3), or a sequence of them, optional
-        Target orientations of the end effectors in the base frame; `orientation_axes` and `orientation_weight` set
-        which axes count and how much. The pointwise optimum ignores them.
+        Target orientations of the end effectors in the base frame; `orientation_axes` sets which axes count. The
+        pointwise optimum ignores them.
     costs : sequence of Cost, optional
         Further costs, over all joints; see `maniport.motion.problem.Cost`. The pointwise optimum ignores them.
     hand_targets : {"placed", "relative"}
@@ -95,7 +95,7 @@ def plan_motion(
         planner.require_fits(arms, spec)
     settings = settings.resolved(arms, planner)
     arrays = {"profiles": profiles, "paths": paths, "weights": weights, "rotations": rotations}
-    axes = axis_weights(settings.orientation_axes, settings.orientation_weight)
+    axes = axis_weights(settings.orientation_axes)
     schedules = schedules_of(arms, time, spec, damping, EXACT_WEIGHT, axes, arrays)
     if len({schedule.positions is None for schedule in schedules}) > 1:
         raise InvalidInputError("paths must be of all arms or of none")
@@ -175,8 +175,8 @@ def _pointwise_bests(
         for bank, own in zip(banks, columns, strict=True):
             starts[..., own] = bank
         joint = replace(problem[rows], targets=targets, costs=vectors)
-        distances = joint.distances(pointwise_best(joint, starts, q[rows]).joint_positions)
+        distances = joint.distances(pointwise_best(joint, starts, q[rows]))
     else:
         parts = zip(targets, banks, columns, strict=True)
-        distances = [pointwise_best(part, bank, q[rows][:, own]).distance for part, bank, own in parts]
+        distances = [part.distance(pointwise_best(part, bank, q[rows][:, own])) for part, bank, own in parts]
     return [interpolated_distance(rows, distance, len(q)) for distance in distances]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from maniport.arms import Arm, ArmGroup
 from maniport.arms.collisions import Collisions, as_collisions
 from maniport.errors import InvalidInputError
-from maniport.motion.costs.orientation import ORIENTATION_WEIGHT, POINTING, axis_weights
+from maniport.motion.costs.orientation import POINTING, axis_weights
 from maniport.motion.motion_limits import MotionLimits
 from maniport.util.defaults import MARGIN, POSITION_TOLERANCE, RATE
 from maniport.util.validation import Array, as_number
@@ -51,8 +51,6 @@ class PlanSettings:
         Collision model; True: self-collisions.
     orientation_axes : {"pointing", "whole"}
         Which axes of target orientations count: z, or all.
-    orientation_weight : float
-        Weight of the angle from them [1/rad].
     home : array_like, shape (dof,), optional
         Configuration at which the motion begins and ends, at rest [rad or m].
 
@@ -69,7 +67,6 @@ class PlanSettings:
     joint_limit_margin: float = MARGIN
     collisions: Collisions | bool = True
     orientation_axes: str = POINTING
-    orientation_weight: float = ORIENTATION_WEIGHT
     home: ArrayLike | None = None
     budget: ClassVar[SearchBudget] = SearchBudget()  # class attribute, so that studies can change it
 
@@ -77,7 +74,7 @@ class PlanSettings:
         as_number(self.position_tolerance, "position_tolerance", above=0.0)
         as_number(self.speed_scale, "speed_scale", above=0.0)
         as_number(self.rate, "rate", minimum=10.0)
-        axis_weights(self.orientation_axes, self.orientation_weight)
+        axis_weights(self.orientation_axes)
         as_number(self.joint_limit_margin, "joint_limit_margin", minimum=0.0, maximum=0.4)
 
     def resolved(self, arm: Arm | ArmGroup, planner: Any = None) -> "PlanSettings":

@@ -84,7 +84,7 @@ class Planner:
         if len(own) != len(other):
             raise InvalidInputError(f"the planner was made for {len(own)} arms; found {len(other)}")
         for pair in zip(own, other, strict=True):
-            require_compatible("the planner was made for", pair, (self.spec, spec), limits=False)
+            require_compatible("the planner was made for", pair, (self.spec, spec))
 
     def solve(
         self,

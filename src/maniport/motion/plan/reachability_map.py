@@ -51,8 +51,7 @@ class ReachabilityMap:
         model = as_collisions(collisions, arm)
         self.collisions: Collisions | None = model if model is not None and model.checked else None
         probes = arm.sample(32, 0)
-        jacobian, _, changes = arm.differentials(probes, spec)
-        poses = arm.forward(probes)
+        poses, jacobian, _, changes = arm.posed_differentials(probes, spec)
         self.axis = Axis.of(jacobian, poses[:, :3, 3])
         moves, shapes = np.abs(jacobian[:, :3]).max(axis=(0, 1)), np.abs(changes).max(axis=(0, 2, 3))
         negligible = 1e-9

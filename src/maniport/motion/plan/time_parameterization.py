@@ -1,11 +1,14 @@
 """Time parameterization: when a robot passes each waypoint, time-optimally within its limits."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from maniport.arms import as_group
 from maniport.errors import InvalidInputError
 from maniport.motion.motion_limits import DERIVATIVES, MotionLimits
 from maniport.motion.plan.joint_path import JointPath, fill_speeds
@@ -31,7 +34,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     since the search uses no more acceleration than full jerk reaches in 0.1 s. Where samples exceed an acceleration
     between the points of the search grid, the search is repeated with less of it there; a remaining excess slows down
     the whole motion. Where masses are known, the same holds for the limits of torques, and of their rates, which the
-    average limits as well.
+    average limits as well. A joint that gravity alone overloads along the path exceeds its torque limit in the result,
+    by at most 5 % more.
 
     Parameters
     ----------
@@ -52,9 +56,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     Raises
     ------
     InvalidInputError
-        When shapes do not fit, times do not increase, a waypoint is beyond the limits, gravity alone needs more than
-        the torque limit of a joint, the motion takes more than 3 million samples, or a jerk limit is smaller than the
-        rounding of positions at that rate.
+        When shapes do not fit, times do not increase, a waypoint is beyond the limits, with a payload gravity alone
+        needs more than the torque limit of a joint, or the motion takes more than 3 million samples.
 
     References
     ----------
@@ -66,8 +69,7 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     require_rows(len(times), q=(points, (limits.arm.dof,)))
     path = JointPath.through(times, points, limits.lower, limits.upper)
     require_few(path.grid[-1] * frequency)
-    _require_above_rounding(limits, frequency)
-    rows = _torque_rows(limits, path) if np.isfinite(limits.effort).any() and limits.dynamics is not None else None
+    own, (limits, rows) = limits, _constraints(limits, path)
     scale = np.ones(len(path.grid))
     for _ in range(2):
         speed = _fastest(limits, path, rows, scale)
@@ -78,15 +80,8 @@ def retime(limits: MotionLimits, time: ArrayLike, q: ArrayLike, *, rate: float =
     while worst.max() > 1.0:
         speed = speed / (1.0005 * (worst ** (1.0 / POWERS)).max())
         samples, rest, worst = _sampled(limits, path, speed, frequency)
-    return _at_rate(limits, samples, frequency, path.passed(speed)[path.knots] + rest / frequency)
-
-
-def _at_rate(limits: MotionLimits, positions: Array, rate: float, waypoints: Array) -> Trajectory:
-    """Add times and derivatives to positions (m, dof) at rest at either end; `waypoints` are passed at times (n,)."""
-    ends = np.concatenate([positions[:1], positions, positions[-1:]])
-    velocities, accelerations = 0.5 * rate * (ends[2:] - ends[:-2]), rate**2 * np.diff(ends, 2, axis=0)
-    time = np.arange(len(positions)) / rate
-    return Trajectory.of_positions(limits.arm, waypoints, time, positions, velocities, accelerations, limits)
+    waypoints, clock = path.passed(speed)[path.knots] + rest / frequency, np.arange(len(samples)) / frequency
+    return Trajectory.of_positions(own.arm, waypoints, clock, samples, own)
 
 
 def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, share: float = 0.3) -> Trajectory:
@@ -125,63 +120,66 @@ def with_approach(motion: Trajectory, limits: MotionLimits, home: ArrayLike, *, 
 
     own = motion.control_positions
     before, after = straight(start, own[0]), straight(own[-1], start)
-    return _at_rate(limits, np.concatenate([before, own, after]), rate, motion.time + len(before) / rate)
+    positions = np.concatenate([before, own, after])
+    time = np.arange(len(positions)) / rate
+    return Trajectory.of_positions(limits.arm, motion.time + len(before) / rate, time, positions, limits)
 
 
-TorqueRows = list[tuple[Array, Array, Array, Array]]
+Rows = tuple[Array, Array, Array, Array]  # a, b, low and high of constraints low ≤ a u + b x ≤ high, (k, m) each
 
 
-def _torque_rows(limits: MotionLimits, path: JointPath) -> TorqueRows:
-    """Constraints low ≤ a u + b x ≤ high of torques at the grid points and at the middles between them."""
-    assert limits.dynamics is not None
-    rows, finite = [], np.isfinite(limits.effort)
-    middles = 0.5 * (path.grid[1:] + path.grid[:-1])
-    for at, first, second in (
-        (path.grid, path.first, path.second), (middles, path.spline(middles, 1), path.spline(middles, 2)),
-    ):  # fmt: skip
-        a, b, held = (
-            term[:, finite] / limits.effort[finite] for term in limits.dynamics.along(path.spline(at), first, second)
-        )
-        if np.abs(held).max() >= 1.0:
-            i, j = np.unravel_index(np.abs(held).argmax(), held.shape)
-            joint = np.flatnonzero(finite)[j]
-            fault = limits.held_fault(joint, abs(held[i, j]) * limits.effort[joint])
-            raise InvalidInputError(f"q cannot be held against gravity {at[i]:.2f} s after its start: {fault}")
-        change = RISE_TIME * limits.effort_rate[finite] / limits.effort[finite]
-        rows.append((a, b, np.maximum(-1.0 - held, -change), np.minimum(1.0 - held, change)))
-    return rows
+def _constraints(limits: MotionLimits, path: JointPath) -> tuple[MotionLimits, list[Rows]]:
+    """Constraints of accelerations and torques at the grid points, and at the middles between them.
+
+    Where gravity alone exceeds a torque limit, the returned limits allow 5 % more than gravity; with a payload it is an
+    error, since less payload helps.
+    """
+    # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
+    allowed, middles = np.minimum(limits.acceleration, 0.1 * limits.jerk), 0.5 * (path.grid[1:] + path.grid[:-1])
+    points = [(path.grid, path.first, path.second), (middles, path.spline(middles, 1), path.spline(middles, 2))]
+    rows: list[Any] = [(a / allowed, b / allowed, -np.ones(a.shape), np.ones(a.shape)) for _, a, b in points]
+    if limits.dynamics is None or not np.isfinite(limits.effort).any():
+        return limits, rows
+    terms = [limits.dynamics.along(path.spline(at), first, second) for at, first, second in points]
+    held = np.abs(np.concatenate([gravity for *_, gravity in terms]))
+    if np.any(held >= limits.effort):
+        if any(arm.chain.payload for arm in as_group(limits.arm).arms):
+            i, j = np.unravel_index((held / limits.effort).argmax(), held.shape)
+            fault = limits.held_fault(int(j), held[i, j])
+            time = np.append(path.grid, middles)[i]
+            raise InvalidInputError(f"q cannot be held against gravity {time:.2f} s after its start: {fault}")
+        most = held.max(axis=0)
+        limits = replace(limits, effort=np.where(most >= limits.effort, 1.05 * most, limits.effort))
+    finite = np.isfinite(limits.effort)
+    effort = limits.effort[finite]
+    change = RISE_TIME * limits.effort_rate[finite] / effort
+    for i, parts in enumerate(terms):
+        a, b, gravity = (term[:, finite] / effort for term in parts)
+        torques = a, b, np.maximum(-1.0 - gravity, -change), np.minimum(1.0 - gravity, change)
+        rows[i] = tuple(np.hstack(pair) for pair in zip(rows[i], torques, strict=True))
+    return limits, rows
 
 
-def _fastest(limits: MotionLimits, path: JointPath, torques: TorqueRows | None, scale: Array) -> Array:
-    """Parameter speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the acceleration limits.
+def _fastest(limits: MotionLimits, path: JointPath, rows: Sequence[Rows], scale: Array) -> Array:
+    """Parameter speeds at the grid, shape (k,): at most 1, with `scale` (k,) of the accelerations.
 
     Of torques, `scale` is of what gravity leaves.
     """
-    # where full jerk takes longer than 0.1 s to an acceleration limit, less is used, so that the average stays short
-    allowed = np.minimum(limits.acceleration, 0.1 * limits.jerk) * scale[:, None]
     steps = np.diff(path.grid)
     middles = path.grid[:-1] + 0.5 * steps
-    first, second = path.spline(middles, 1), path.spline(middles, 2)
-    used, between = ((np.abs(slope) / limits.velocity).max(axis=1) for slope in (path.first, first))
+    used, between = ((np.abs(slope) / limits.velocity).max(axis=1) for slope in (path.first, path.spline(middles, 1)))
     used = np.maximum(used, np.maximum(np.append(between, 0.0), np.append(0.0, between)))
     most = np.minimum(1.0, 0.999 / np.maximum(used, 0.999))  # a little less, since samples lie between grid points
-    less = np.minimum(allowed[1:], allowed[:-1])
-    a, b = (path.first / allowed, first / less), (path.second / allowed, second / less)
     # each constraint holds at the start, middle and end of a piece
-    ahead = steps[:, None]
-    of_u, of_x = [a[0][:-1], a[1] + ahead * b[1], a[0][1:] + 2.0 * ahead * b[0][1:]], [b[0][:-1], b[1], b[0][1:]]
-    high = [np.ones((len(steps), 3 * limits.arm.dof))]
-    low = [-high[0]]
-    if torques is not None:
-        (torque_u, torque_x, least, largest), (middle_u, middle_x, least_mid, largest_mid) = torques
-        of_u += torque_u[:-1], middle_u + ahead * middle_x, torque_u[1:] + 2.0 * ahead * torque_x[1:]
-        of_x += torque_x[:-1], middle_x, torque_x[1:]
-        share = scale[:, None]
-        between = np.minimum(share[1:], share[:-1])
-        low += share[:-1] * least[:-1], between * least_mid, share[1:] * least[1:]
-        high += share[:-1] * largest[:-1], between * largest_mid, share[1:] * largest[1:]
-    speed = np.empty(len(path.grid))
-    fill_speeds(*(np.hstack(parts) for parts in (of_u, of_x, low, high)), steps, most**2, speed)
+    (a, b, *bounds), (a_middle, b_middle, *middle_bounds) = rows
+    ahead, share, speed = steps[:, None], scale[:, None], np.empty(len(path.grid))
+    of_u = np.hstack([a[:-1], a_middle + ahead * b_middle, a[1:] + 2.0 * ahead * b[1:]])
+    of_x = np.hstack([b[:-1], b_middle, b[1:]])
+    low, high = (
+        np.hstack([share[:-1] * own[:-1], np.minimum(share[1:], share[:-1]) * middle, share[1:] * own[1:]])
+        for own, middle in zip(bounds, middle_bounds, strict=True)
+    )
+    fill_speeds(of_u, of_x, low, high, steps, most**2, speed)
     lost = speed[1:] + speed[:-1] <= 0.0
     if lost.any():
         raise InvalidInputError(
@@ -267,15 +265,3 @@ def _easing(limits: MotionLimits, path: JointPath, speed: Array, samples: Array,
     worst = maximum_filter1d(worst, 4)
     aimed = 0.998
     return np.where(worst > aimed, aimed / np.maximum(worst, aimed), 1.0)
-
-
-def _require_above_rounding(limits: MotionLimits, rate: float) -> None:
-    """Raise InvalidInputError when third differences of rounded positions alone exceed a jerk limit."""
-    rounding = np.finfo(float).eps * np.maximum(np.abs(limits.lower), np.abs(limits.upper))
-    least = 8.0 * rounding * rate**3
-    i = int(np.argmax(least / limits.jerk))
-    if least[i] > limits.jerk[i]:
-        raise InvalidInputError(
-            f"limits: jerk of {limits.arm.joint_names[i]} must be at least {least[i]:.2g} at {rate:g} samples a "
-            f"second, since positions are rounded numbers; found {limits.jerk[i]:g}"
-        )

@@ -5,10 +5,7 @@ Tingleff, Methods for Non-Linear Least Squares Problems, 2004, § 3.2. Several s
 has reached it the others end, and every few steps the worse half of them does.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from maniport.motion.kernels import step_within_limits
@@ -17,6 +14,7 @@ from maniport.motion.problem import MotionProblem
 from maniport.util.progress import Part, counted, nobody, pieces
 from maniport.util.validation import Array
 
+TOLERANCE = 1e-6
 LARGEST_DAMPING = 1e8
 STARTS = 32  # Samples that a search for the pointwise optimum starts from
 LEAST_GAIN = 1e-4  # Share of the expected decrease of the cost that a step must bring to be taken
@@ -26,27 +24,19 @@ PathCost = Targets | MotionProblem  # with a row for each target
 
 
 def search_from_starts(
-    target: PathCost,
-    starts: Array,
-    tol: float,
-    max_iter: int,
-    *,
-    block: int,
-    halving: int = 4,
-    n_jobs: int | None = None,
-    progress: Part = nobody,
+    target: PathCost, starts: Array, *, max_iter: int = 100, block: int = 64, halving: int = 4, progress: Part = nobody
 ) -> Array:
     """Search for each target from starts (n, k, dof); return the best joint positions (n, dof).
 
-    Every `halving` steps the worse half of the searches for a target ends. `block` targets are searched together.
+    Searches for a target end when the root of the cost falls below `TOLERANCE`, and where no joint alone promises to
+    lower it by as much. Every `halving` steps the worse half of them ends. `block` targets are searched together.
     """
     blocks = [slice(i, i + block) for i in range(0, len(starts), block)]
-    tasks = (delayed(_descend)(target[rows], starts[rows], tol, max_iter, halving) for rows in blocks)
-    results = Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+    results = (_descend(target[rows], starts[rows], max_iter, halving) for rows in blocks)
     return np.concatenate(list(counted(results, len(blocks), progress)))
 
 
-def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving: int) -> Array:
+def _descend(target: PathCost, starts: Array, max_iter: int, halving: int) -> Array:
     """Search from all starts at once: rows are those of the first target, then those of the second and so on."""
     (count, n_starts, dof), lower, upper = starts.shape, target.arm.lower, target.arm.upper
     q = np.clip(starts.reshape(-1, dof), lower, upper)
@@ -62,8 +52,9 @@ def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving
         # flatter joints, such as one whose axis goes through the end effector, have only rounding in both
         flat = np.maximum(1e-9 * curvature.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
         promise = np.where(held, 0.0, 0.5 * slope**2 / np.maximum(curvature, flat)).max(axis=1)
-        reached = (length.reshape(count, n_starts).min(axis=1) <= tol)[owner[rows]]
-        return np.asarray(rows[~reached & (promise > tol * own) & np.isfinite(own) & (damping[rows] < LARGEST_DAMPING)])
+        reached = (length.reshape(count, n_starts).min(axis=1) <= TOLERANCE)[owner[rows]]
+        going_on = ~reached & (promise > TOLERANCE * own) & np.isfinite(own)
+        return np.asarray(rows[going_on & (damping[rows] < LARGEST_DAMPING)])
 
     active = still_open(np.arange(len(q)))
     for iteration in range(1, max_iter + 1):
@@ -92,22 +83,16 @@ def _descend(target: PathCost, starts: Array, tol: float, max_iter: int, halving
     return np.asarray(q[np.arange(count) * n_starts + np.argmin(length.reshape(count, n_starts), axis=1)])
 
 
-@dataclass(frozen=True)
-class PointwiseBest:
-    """The best configuration for each target by itself, with the end effector in place: no motion, it may jump."""
+def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = nobody) -> Array:
+    """Return the best configuration for each target by itself, with the end effector in place, shape (n, dof).
 
-    joint_positions: Array  # (n, dof) [rad or m]
-    distance: Array  # (n,), to the target ellipsoids; smooth motions stay above it
-    position_error: Array | None  # (n,) [m]
-
-
-def pointwise_best(targets: PathCost, starts: Array, motion: Array, progress: Part = nobody) -> PointwiseBest:
-    """Search from starts (n, k, dof), then from the results of the neighbors and from a motion (n, dof)."""
+    The search starts from (n, k, dof), then from the results of the neighbors and from a motion (n, dof). The result is
+    no motion, it may jump.
+    """
     first, then = pieces(progress, 4.0, 1.0)
-    q = search_from_starts(targets.weighing(SEARCH_WEIGHT), starts, 1e-6, 100, block=64, progress=first)
+    q = search_from_starts(targets.weighing(SEARCH_WEIGHT), starts, progress=first)
     starts = np.stack([q, np.roll(q, 1, axis=0), np.roll(q, -1, axis=0), motion], axis=1)
-    q = search_from_starts(targets.weighing(EXACT_WEIGHT), starts, 1e-6, 100, block=64, progress=then)
-    return PointwiseBest(q, targets.distance(q), targets.position_error(q))
+    return search_from_starts(targets.weighing(EXACT_WEIGHT), starts, progress=then)
 
 
 def interpolated_distance(rows: NDArray[np.intp], distance: Array, count: int) -> Array:

@@ -1,0 +1,177 @@
+"""How well a robot follows a person at the person's pace: position error, ellipsoid distance and use of limits.
+
+    python -m benchmarks.live_following [CASE ...] [--options scale=0.3 ...] [--cache FOLDER]
+
+Each case transfers a recording, and plays it (or another one of the same motion) to `maniport.Live` in simulated time.
+Webcam cases have 30 frames a second, Gaussian noise of 12 mm (7 mm in each direction) and missing frames and points.
+With a cache, calibrations are read from a folder where they are there; delete it when placement or options change.
+"""
+
+import argparse
+import pickle
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from scipy.interpolate import make_interp_spline
+
+import maniport as mp
+from maniport.errors import ManiportWarning
+from maniport.live.state import REACHING, LiveState
+from maniport.mocap import Recording, shipped_recording
+
+from .inputs import Array
+
+NOISE, FRAME_RATE = 0.012, 30.0  # [m], [Hz]
+FAST: dict[str, Any] = {"method": "parallel-transport", "n_teacher": 1024, "n_student": 2048}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording that is followed, and the one that is the calibration."""
+
+    recording: str
+    start: float = 0.0  # [s]
+    stop: float = 1000.0
+    seed: int | None = None  # of the noise of a webcam; None: as recorded
+    calibration: tuple[float, float] | None = None  # part of the recording [s]; None: the same frames
+
+
+CASES = {
+    "freeform": Case("freeform"),
+    "ladder": Case("ladder"),
+    "both-arms": Case("both-arms"),
+    "webcam 1": Case("freeform", seed=1),
+    "webcam 2": Case("freeform", seed=2),
+    "webcam 3": Case("ladder", 0.0, 12.0, seed=3),
+    "webcam 4": Case("ladder", 12.0, 24.0, seed=4),
+    "webcam 5": Case("ladder", 24.0, 37.0, seed=5),
+    "freeform, first half as calibration": Case("freeform", calibration=(0.0, 4.5)),
+    "ladder, first third as calibration": Case("ladder", calibration=(0.0, 12.0)),
+}
+
+
+def webcam(recording: Recording, seed: int) -> Recording:
+    """Sample at 30 Hz, with noise, bursts of 1 to 5 missing frames (2 % of frames), and 2 % of points missing."""
+    random = np.random.default_rng(seed)
+    time = np.arange(recording.time[0], recording.time[-1], 1.0 / FRAME_RATE)
+    rows = np.abs(recording.time[:, None] - time).argmin(axis=0)
+    positions = np.full((len(time), *recording.positions.shape[1:]), np.nan)
+    for i in range(len(recording.names)):
+        seen = ~np.isnan(recording.positions[:, i, 0])
+        if not seen.any():
+            continue
+        spline = make_interp_spline(recording.time[seen], recording.positions[seen, i], k=1)
+        positions[:, i] = spline(np.clip(time, *recording.time[seen][[0, -1]]))
+        positions[~seen[rows], i] = np.nan
+    positions += random.normal(0.0, NOISE / np.sqrt(3.0), positions.shape)
+    positions[random.random(positions.shape[:2]) < 0.02] = np.nan
+    for first in np.flatnonzero(random.random(len(time)) < 0.007):
+        positions[first : first + random.integers(1, 6)] = np.nan
+    return Recording(recording.names, positions, time, recording.up, f"{recording.source} seed {seed}")
+
+
+def transferred(case: Case, options: dict[str, Any], cache: Path | None) -> tuple[Recording, Recording, Any]:
+    """Return the recording as it is followed, the same without noise, and the result of the calibration."""
+    clean = mp.read_recording(shipped_recording(case.recording)).crop(case.start, case.stop)
+    followed = clean if case.seed is None else webcam(clean, case.seed)
+    calibration = followed if case.calibration is None else followed.crop(*case.calibration)
+    if case.recording == "both-arms":
+        options = {**options, "robot": mp.load_arms("panda", bases=[(0.0, 0.3, 0.0), (0.0, -0.3, 0.0)])}
+    file = None if cache is None else cache / f"{case!r}.pickle"
+    if file is not None and file.exists():
+        return followed, clean, pickle.loads(file.read_bytes())
+    result = mp.transfer_recording(calibration, **{**FAST, **options})
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(pickle.dumps(result))
+    return followed, clean, result
+
+
+def played(live: mp.Live, recording: Recording) -> list[LiveState]:
+    """Follow a recording in simulated time; frames of which no point is seen do not arrive."""
+    points = np.stack([recording.point(name) for name in live.points], axis=1)
+    return [
+        live.step(None if np.isnan(frame).all() else frame, t) for frame, t in zip(points, recording.time, strict=True)
+    ]
+
+
+def use_of_limits(limits: Any, time: Array, q: Array) -> tuple[float, float]:
+    """Largest share of the limits of velocity and acceleration of commands, from rest."""
+    steps = np.diff(time)[:, None]
+    velocity = np.diff(q, axis=0) / steps
+    acceleration = np.diff(velocity, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
+    return float((np.abs(velocity) / limits.velocity).max()), float((np.abs(acceleration) / limits.acceleration).max())
+
+
+def measured(case: Case, options: dict[str, Any], cache: Path | None = None) -> dict[str, Any]:
+    """Follow, and return position errors [mm], ellipsoid distances and shares of limits."""
+    followed, clean, result = transferred(case, options, cache)
+    states = played(mp.Live.of(result, clock=None), followed)
+    first = next((i for i, state in enumerate(states) if state.state != REACHING), len(states) - 1)
+    late = [state for state in states[first:] if state.position_error is not None]
+    errors = 1e3 * np.array([state.position_error for state in late])
+    distance = np.array([[arm.distance for arm in state.arms] for state in late])
+    planned = np.stack([arm.motion.distance for arm in result.arms], axis=1)
+    true = np.concatenate([_true_errors(result.arms[i], i, clean, late) for i in range(len(result.arms))])
+    limits, q = result.motion.limits, np.array([state.joint_positions for state in states])
+    return {
+        "scale": result.arms[0].placement.scale,
+        "duration": float(result.motion.trajectory.control_time[-1]),
+        "person": float(np.ptp(result.arms[0].time)),
+        "error": np.percentile(errors, (50.0, 95.0, 100.0)),
+        "true": np.percentile(true, (50.0, 95.0, 100.0)),
+        "distance": (rms(distance), rms(planned)),
+        "limits": use_of_limits(limits, followed.time, q),
+        "following": float(np.mean([state.state == "following" for state in states])),
+    }
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _true_errors(arm: Any, index: int, clean: Recording, states: list[LiveState]) -> Array:
+    """Distances of an end effector from the placed hand path of the recording without noise [mm]."""
+    fit = mp.fit_arm(clean, side=arm.fit.arm.side)
+    hand = arm.placement.apply(fit.arm.forward(fit.joint_angles)[:, :3, 3] + arm.person_base)
+    time = np.array([state.time for state in states])
+    inside = (time >= fit.time[0]) & (time <= fit.time[-1])
+    wanted = make_interp_spline(fit.time, hand, k=1)(time[inside])
+    reached = np.array([state.arms[index].position for state in states])[inside]
+    return np.asarray(1e3 * np.linalg.norm(reached - wanted, axis=1))
+
+
+def row(name: str, own: dict[str, Any]) -> str:
+    """Return a row of the table."""
+    error, true = (", ".join(f"{value:.0f}" for value in own[key]) for key in ("error", "true"))
+    live, planned = own["distance"]
+    cells = (
+        name, f"{own['scale']:.2f}", error, true, f"{live:.2f}", f"{planned:.2f}", f"{live / planned:.2f}",
+        f"{own['duration'] / own['person']:.2f}", ", ".join(f"{value:.2f}" for value in own["limits"]),
+        f"{100 * own['following']:.0f} %",
+    )  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.live_following", description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"default: all of {', '.join(CASES)}")
+    parser.add_argument("--options", nargs="*", default=[], help="options of transfer_recording, NAME=VALUE")
+    parser.add_argument("--cache", type=Path, help="folder of calibrations")
+    parsed = parser.parse_args()
+    options = {name: yaml.safe_load(value) for name, _, value in (text.partition("=") for text in parsed.options)}
+    warnings.simplefilter("ignore", ManiportWarning)
+    print("| recording | scale | position error [mm] | to the person | distance | plan | ratio | time | v, a | near |")
+    print("|---" * 10 + "|")
+    for name in parsed.cases or CASES:
+        print(row(name, measured(CASES[name], options, parsed.cache)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

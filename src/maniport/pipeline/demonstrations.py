@@ -1,0 +1,319 @@
+"""Several people's recordings, or several times of one, become one profile."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import make_smoothing_spline
+
+from maniport.arms import Arm, EllipsoidSpec
+from maniport.arms.chain import LEFT, RIGHT, SIDES
+from maniport.arms.human import human_arm
+from maniport.errors import InvalidInputError, argument
+from maniport.learning import Alignment, ProfileGMM, align
+from maniport.learning.agreement import Agreement, agreement
+from maniport.mocap import HumanMotion, Recording, fit_arms
+from maniport.mocap.directions import SEGMENTS
+from maniport.pipeline.config import Config
+from maniport.pipeline.results import SavedResult
+from maniport.spd.matrix_functions import from_vector, to_vector
+from maniport.spd.regularization import Regularization
+from maniport.util.defaults import AUTO
+from maniport.util.files import save_arrays, save_ellipsoids, save_path
+from maniport.util.progress import Progress, Step, counted
+from maniport.util.sampling import evenly_spaced
+from maniport.util.validation import Array, as_numbers
+
+DATA_FILES = (
+    *("profile.npz", "path.npz", "model.npz", "demonstrations.npz"),
+    *(f"{content}-{side}.npz" for side in (LEFT, RIGHT) for content in ("profile", "path")),
+)
+"""The files that `LearnedProfile.save` may write."""
+MIN_FRAMES = 10  # Fewest frames of a demonstration
+RATE, MAX_ELLIPSOIDS = 30.0, 1500  # Ellipsoids of a demonstration per second, and at most; arms move below 10 Hz
+MAX_COMPONENTS = 32  # Gaussians, without a number of the caller
+CUTOFF = 8.0  # Cutoff frequency of the learned path [Hz]
+
+Segments = str | Sequence[str | Sequence[tuple[float, float]] | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """One performance of a motion: a recording, or a part of one."""
+
+    name: str
+    recording: Recording  # the whole of it
+    motion: HumanMotion  # the person's arms in this part
+    quality_warnings: tuple[str, ...]  # warnings of the recording and of the arm fits
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedProfile(SavedResult):
+    """One profile of several demonstrations, and how much they agree.
+
+    For both arms of a person (a = 2, left first) the ellipsoids of each arm are a block of a matrix of 2 d rows, and
+    the positions of each hand three columns.
+
+    Attributes
+    ----------
+    demonstrations : tuple of Demonstration
+    arms : tuple of Arm
+        The human arms with the mean lengths of all, in whose base frames the ellipsoids are.
+    bases : ndarray, shape (a, 3)
+        Origins of these base frames in the common frame of the arms [m], see `maniport.mocap.HumanMotion`.
+    spec : EllipsoidSpec
+    regularization : Regularization
+        What was done to the ellipsoids before they were compared; those of the profile carry it.
+    alignment : Alignment
+        The demonstrations on common times.
+    paths : ndarray, shape (k, m, 3 a)
+        Their hands on these times, in the trunk frame [m].
+    model : ProfileGMM
+    time : ndarray, shape (n,)
+        Of the reference demonstration [s], all of its frames.
+    profile : ndarray, shape (n, a d, a d)
+        The ellipsoid at each time.
+    covariance : ndarray, shape (n, p, p)
+        See `ProfileGMM.predict`.
+    path : ndarray, shape (n, 3 a)
+        Mean of the hands, smoothed over time [m].
+    agreement : Agreement
+        Agreement of the demonstrations.
+    random_state : int
+    """
+
+    data_files = DATA_FILES
+
+    demonstrations: tuple[Demonstration, ...]
+    arms: tuple[Arm, ...]
+    bases: Array
+    spec: EllipsoidSpec
+    regularization: Regularization
+    alignment: Alignment
+    paths: Array
+    model: ProfileGMM
+    time: Array
+    profile: Array
+    covariance: Array
+    path: Array
+    agreement: Agreement
+    random_state: int
+    config: Config | None = None  # How the profile was requested
+
+    def __repr__(self) -> str:
+        return (
+            f"LearnedProfile({len(self.demonstrations)} demonstrations, {len(self.time)} ellipsoids, "
+            f"{self.model.n_components_} Gaussians, spread {self.agreement.after:.2f})"
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the demonstrations."""
+        return tuple(demonstration.name for demonstration in self.demonstrations)
+
+    @property
+    def reference(self) -> Demonstration:
+        """The demonstration that gives the times, with the learned arms and its joint angles."""
+        own = self.demonstrations[self.alignment.reference]
+        note = (
+            f"ellipsoids and the hand's path are learned from {len(self.demonstrations)} demonstrations; the "
+            f"configurations are those of {own.name}"
+        )
+        source = f"{len(self.demonstrations)} demonstrations"
+        recording = replace(own.recording, source=source, notes=(*own.recording.notes, note))
+        fits = tuple(replace(fit, arm=arm) for fit, arm in zip(own.motion.arms, self.arms, strict=True))
+        return replace(own, recording=recording, motion=HumanMotion(fits, self.bases))
+
+    def each_arm(self) -> "tuple[LearnedProfile, ...]":
+        """Return the profile, covariance and path of each arm; model and agreement stay those of all arms."""
+        d = self.profile.shape[-1] // len(self.arms)
+        parts = []
+        for i, arm in enumerate(self.arms):
+            rows, hand = slice(i * d, (i + 1) * d), slice(3 * i, 3 * i + 3)
+            columns = np.eye(len(self.arms) * d)[:, rows]
+            vectors = to_vector(columns @ from_vector(np.eye(d * (d + 1) // 2)) @ columns.T)  # of the block's own
+            alignment = replace(self.alignment, ellipsoids=self.alignment.ellipsoids[..., rows, rows])
+            parts.append(replace(
+                self, arms=(arm,), bases=self.bases[i : i + 1], alignment=alignment, paths=self.paths[..., hand],
+                profile=self.profile[:, rows, rows], covariance=vectors @ self.covariance @ vectors.T,
+                path=self.path[:, hand],
+            ))  # fmt: skip
+        return tuple(parts)
+
+    def write_data(self, folder: Path) -> None:
+        """Write `DATA_FILES` into an existing folder.
+
+        ``profile.npz`` and ``path.npz`` are input of ``maniport track``, for both arms ``profile-left.npz`` and so on;
+        ``model.npz`` has the attributes of `ProfileGMM`; ``demonstrations.npz`` has ``names``, ``time`` (m,),
+        ``ellipsoids`` (k, m, a d, a d) and ``paths`` (k, m, 3 a).
+        """
+        for part in self.each_arm():
+            side = f"-{part.arms[0].side}" if len(self.arms) > 1 else ""
+            save_ellipsoids(folder / f"profile{side}.npz", part.profile, self.time)
+            save_path(folder / f"path{side}.npz", part.path, self.time)
+        names = "weights_", "input_means_", "means_", "covariances_"
+        save_arrays(folder / DATA_FILES[2], {name.strip("_"): getattr(self.model, name) for name in names})
+        aligned = {"time": self.alignment.time, "ellipsoids": self.alignment.ellipsoids, "paths": self.paths}
+        save_arrays(folder / DATA_FILES[3], {"names": np.array(self.names), **aligned})
+
+
+def learn(
+    recordings: Sequence[Recording | str | Path],
+    segments: Segments | None = None,
+    config: Config | None = None,
+    *,
+    progress: Progress | None = None,
+    **options: Any,
+) -> LearnedProfile:
+    """Learn one profile of ellipsoids, and one path of the hand, from several demonstrations of a motion.
+
+    One arm or both are fitted to each recording. The ellipsoids of both are blocks of one matrix, of which d² is the
+    sum of the d² of the arms, so that the arms are aligned together. All ellipsoids are those of arms with the mean of
+    all lengths, so that ways of using an arm are compared. Demonstrations are brought to common times by
+    `maniport.learning.align`; a `maniport.learning.ProfileGMM` over time gives the ellipsoid at each time and how much
+    it may vary. Their agreement is measured, also by leave-one-out. Left and right may be
+    mixed: the rarer are mirrored.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording, str or Path
+        At least two demonstrations: recordings, or segments of them.
+    segments : "auto" or sequence, one entry for each recording, optional
+        Each a sequence of (start, stop) [s], each a demonstration; "auto" for all times that the hand goes out and back
+        (`maniport.mocap.ArmFit.repetitions`); None for the whole recording.
+    config : Config, optional
+        Options of the persons, the ellipsoids and the learning.
+    progress : callable, optional
+        Called with the name of a step and the fraction done.
+    **options
+        Options by name, which override those of `config`; `maniport.pipeline.config` describes them.
+
+    Raises
+    ------
+    ManiportError
+        When an input cannot be used, there are fewer than two demonstrations, one is too short or they overlap.
+    """
+    config = (config or Config()).changed(allowed=("human", "transfer", "learning"), **options)
+    spec, person = config.transfer.spec, config.human.person
+    demonstrations = _demonstrations(recordings, _intervals(recordings, segments), config, progress)
+    motions = [demonstration.motion for demonstration in demonstrations]
+    arms, bases = _mean_arms(person, motions), np.mean([motion.bases for motion in motions], axis=0)
+    times, ellipsoids, hands = [], [], []
+    for motion in motions:
+        number = np.ceil(np.ptp(motion.time) * RATE) + 1
+        rows = evenly_spaced(len(motion), int(np.clip(number, MIN_FRAMES, MAX_ELLIPSOIDS)))
+        pairs = [(arm, fit.joint_angles[rows]) for arm, fit in zip(arms, motion.arms, strict=True)]
+        blocks = np.zeros((len(rows), len(arms), spec.size, len(arms), spec.size))
+        for i, (arm, q) in enumerate(pairs):
+            blocks[:, i, :, i] = arm.ellipsoids(q, spec)
+        times.append(motion.time[rows])
+        ellipsoids.append(blocks.reshape(len(rows), *[len(arms) * spec.size] * 2))
+        paths = [arm.forward(q)[:, :3, 3] + base for (arm, q), base in zip(pairs, bases, strict=True)]
+        hands.append(np.concatenate(paths, axis=1))
+    regularization = Regularization(config.transfer.damping or None).fitted(np.concatenate(ellipsoids))
+    profiles = [regularization.apply(own, "the ellipsoids of a demonstration") for own in ellipsoids]
+    alignment = align(profiles, times, progress=progress)
+    mixture = ProfileGMM(config.learning.components, MAX_COMPONENTS, random_state=config.seed)
+    model = mixture.fit(*alignment.stacked(), progress=progress)
+    time = motions[alignment.reference].time
+    profile, covariance = model.predict(time, return_covariance=True)
+    warped = alignment.warp(hands)
+    # An alignment goes in steps, a hand does not: a spline with half the amplitude at `CUTOFF`.
+    strength = 1.0 / (float(np.median(np.diff(alignment.time))) * (2.0 * np.pi * CUTOFF) ** 4)
+    path = [make_smoothing_spline(alignment.time, axis, lam=strength)(time) for axis in warped.mean(axis=0).T]
+    return LearnedProfile(
+        demonstrations, tuple(arms), bases, spec, regularization, alignment, warped, model, time, np.asarray(profile),
+        covariance, np.stack(path, axis=-1), agreement(profiles, alignment, model, progress), config.seed,
+    )  # fmt: skip
+
+
+def _intervals(recordings: Sequence[Recording | str | Path], segments: Segments | None) -> list[Any]:
+    """Check the segments; return those of each recording, [None] for the whole, or "auto"."""
+    if isinstance(recordings, str | Path | Recording) or not len(recordings):
+        raise InvalidInputError("recordings must be a sequence of at least one recording")
+    parts: list[Any] = [segments] * len(recordings) if segments is None or segments == AUTO else list(segments)
+    if (isinstance(segments, str) and segments != AUTO) or len(parts) != len(recordings):
+        raise InvalidInputError(
+            f"{argument('segments')} must be one list for each of the {len(recordings)} recordings; found {segments!r}"
+        )
+    for index, part in enumerate(parts):
+        if part is None or part == AUTO:
+            parts[index] = part or [None]
+            continue
+        if isinstance(part, str):
+            raise InvalidInputError(f"{argument('segments')} must be {AUTO!r} or (start, stop) [s]; found {part!r}")
+        times = [tuple(map(float, as_numbers(pair, "a segment (start, stop) [s]", 2))) for pair in part]
+        for start, stop in times:
+            if not start < stop:
+                raise InvalidInputError(f"a segment must begin before it ends; found {start:g} to {stop:g} s")
+        for (_, before), (after, _) in pairwise(sorted(times)):
+            if after < before:
+                raise InvalidInputError(
+                    f"segments must not overlap, or they agree by themselves; found one up to {before:g} s "
+                    f"and one from {after:g} s"
+                )
+        parts[index] = times
+    if AUTO not in parts:
+        _require_two(sum(map(len, parts)))
+    return parts
+
+
+def _require_two(count: int) -> None:
+    if count < 2:
+        raise InvalidInputError(
+            f"at least two demonstrations are needed; found {count}: give several recordings, or "
+            f"{argument('segments')} of one"
+        )
+
+
+def _demonstrations(
+    recordings: Sequence[Recording | str | Path], parts: list[Any], config: Config, progress: Progress | None
+) -> tuple[Demonstration, ...]:
+    """Fit the person's arms to each recording, and cut the fits."""
+    demonstrations, options = list[Demonstration](), config.human.fit_options
+    step = Step(progress, "Fit human arms")
+    for source, segments in zip(counted(recordings, len(recordings), step), parts, strict=True):
+        recording = config.human.read(source)
+        name = Path(recording.source).name or "a recording"
+        first, last = recording.time[0], recording.time[-1]
+        for start, stop in [] if segments == AUTO else filter(None, segments):
+            if start < first - 1.0 / recording.rate or stop > last + 1.0 / recording.rate:
+                raise InvalidInputError(
+                    f"segments of {name} must lie between {first:.2f} and {last:.2f} s; found {start:g} to {stop:g} s"
+                )
+        motion = fit_arms(recording, **options)
+        texts = tuple(f"{name}: {text}" for text in (*recording.quality_warnings, *motion.quality_warnings))
+        for segment in motion.repetitions() if segments == AUTO else segments:
+            start, stop = segment or (first, last)
+            frames = int(np.sum((motion.time >= start) & (motion.time <= stop)))
+            if frames < MIN_FRAMES:
+                raise InvalidInputError(
+                    f"{name} from {start:.2f} to {stop:.2f} s has {frames} frames in which the arm is fully observed; "
+                    f"a demonstration needs at least {MIN_FRAMES}"
+                )
+            title = name if segment is None else f"{name} {start:.4g}–{stop:.4g} s"
+            demonstrations.append(Demonstration(title, recording, motion.crop(start, stop), texts))
+    _require_two(len(demonstrations))
+    step.end(f"{len(demonstrations)} demonstrations in {len(recordings)} recording{'s' * (len(recordings) > 1)}")
+    again = Counter(demonstration.name for demonstration in demonstrations)
+    return tuple(
+        replace(own, name=f"{own.name} ({number})") if again[own.name] > 1 else own
+        for number, own in enumerate(demonstrations, 1)
+    )
+
+
+def _mean_arms(person: str, motions: Sequence[HumanMotion]) -> list[Arm]:
+    """Return each arm of the person, of the side of most demonstrations, with the mean of the recorded lengths."""
+    arms = []
+    for fits in zip(*(motion.arms for motion in motions), strict=True):
+        sides = Counter(fit.arm.side for fit in fits)
+        recorded = {
+            name: [fit.segment_lengths[name] for fit in fits if name in fit.segment_lengths] for name in SEGMENTS
+        }
+        means = {name: float(np.mean(lengths)) for name, lengths in recorded.items() if lengths}
+        arms.append(human_arm(person, max(SIDES, key=sides.__getitem__), lengths=means))
+    return arms
