@@ -7,6 +7,10 @@ With the costs f(q) = Σ |r(q)|² linearized at the present configuration, the d
 within the limits. d is the distance of an arm's ellipsoid to its target and λ the Levenberg-Marquardt damping. An arm
 whose path is out of reach moves calmly by the damping μ = w_p² R e, with the weight w_p of position errors, the reach R
 of the arm, and the distance e of the end effector from its previous target.
+
+With a horizon, velocities are planned in further intervals, too: the cost is the mean of those at the ends of all
+intervals, with the same linearization, and limits of velocity and acceleration hold throughout. So an arm whose
+accelerations are limited brakes in time. Only the velocities of the first interval are used.
 """
 
 import math
@@ -61,12 +65,12 @@ class ControlProblem:
     ----------
     targets : tuple of Targets
         Targets of each arm, one row.
-    previous_positions : tuple of ndarray, shape (3,), or None
-        Target positions of each arm in the last step [m]; None for no damping by the position error.
     posture : PostureCost
         Reference configuration.
     time : float
         Time of further costs [s].
+    previous_positions : tuple of ndarray, shape (3,), or None
+        Target positions of each arm in the last step [m]; None for no damping by the position error.
     horizon : tuple of float
         Durations of h intervals after the step for which velocities are planned, too [s].
     predicted_positions : tuple of ndarray, shape (h, 3), or None
@@ -74,9 +78,9 @@ class ControlProblem:
     """
 
     targets: tuple[Targets, ...]
-    previous_positions: tuple[Array | None, ...]
     posture: PostureCost
     time: float = 0.0
+    previous_positions: tuple[Array | None, ...] | None = None
     horizon: tuple[float, ...] = ()
     predicted_positions: tuple[Array | None, ...] = ()
 
@@ -173,15 +177,16 @@ class Controller:
             hessian[columns[:, None], columns] += parts.hessian[0]
             gradient[columns] += parts.gradient[0]
             amount = self.lm_damping * parts.ellipsoid_square[0]
-            previous = problem.previous_positions[i]
+            previous = None if problem.previous_positions is None else problem.previous_positions[i]
             if previous is not None:
                 offset = parts.poses[0, :3, 3] - previous
                 distance = math.sqrt(offset @ offset)
                 lag = distance * distance / (distance + 1e-3)  # about 1 mm is no sign of a path out of reach
                 amount += targets.objective.position_weight**2 * self.reaches[i] * lag
             damping[columns] += amount
-            if problem.horizon and targets.positions is not None:
-                moved = targets.positions - problem.predicted_positions[i]
+            predicted = problem.predicted_positions[i] if problem.horizon else None
+            if predicted is not None and targets.positions is not None:
+                moved = targets.positions - predicted
                 later[1:, columns] += targets.objective.position_weight**2 * moved @ parts.jacobian[0, :3]
         for cost in self._costs:
             residual, jacobian = cost.residual(q[None], time)[0], cost.jacobian(q[None], time)[0]
