@@ -24,6 +24,7 @@ def optional_package(name: str, extra: str, what: str) -> Any:
 
 matplotlib = partial(optional_package, "matplotlib", "figures", "drawing figures")
 viser = partial(optional_package, "viser", "view", "the live view")
+mujoco = partial(optional_package, "mujoco", "simulate", "the simulation of a robot with masses")
 optimal_transport = partial(optional_package, "ot", "transport", "the correspondence 'transport'")
 xacrodoc = partial(optional_package, "xacrodoc.xacrodoc", "xacro", "a .xacro file")
 mcap_writer = partial(optional_package, "mcap.writer", "mcap", "the format 'mcap'")
